@@ -1,0 +1,3 @@
+"""indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every number."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,1 @@
+"""How a scene is solved: the only folder that imports dolfinx and petsc4py."""

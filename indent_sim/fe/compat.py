@@ -1,0 +1,97 @@
+"""What differs between dolfinx 0.5 and later; the only file that knows a version."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+CELLS = {2: "triangle", 3: "tetrahedron"}
+
+if VERSION >= (0, 8):
+    import basix.ufl
+
+
+def lagrange(dim: int, order: int, components: int | None = None) -> Any:
+    """Continuous Lagrange element on simplices, scalar or with `components`."""
+    if VERSION >= (0, 8):
+        shape = () if components is None else (components,)
+        return basix.ufl.element("Lagrange", CELLS[dim], order, shape=shape)
+    if components is None:
+        return ufl.FiniteElement("Lagrange", CELLS[dim], order)
+    return ufl.VectorElement("Lagrange", CELLS[dim], order, dim=components)
+
+
+def piecewise_constant_tensor(dim: int) -> Any:
+    """One 3x3 tensor per cell."""
+    if VERSION >= (0, 8):
+        return basix.ufl.element("DG", CELLS[dim], 0, shape=(3, 3))
+    return ufl.TensorElement("DG", CELLS[dim], 0, shape=(3, 3))
+
+
+def mixed(*elements: Any) -> Any:
+    """Several elements side by side."""
+    return basix.ufl.mixed_element(list(elements)) if VERSION >= (0, 8) else ufl.MixedElement(*elements)
+
+
+def function_space(mesh: Any, element: Any) -> Any:
+    """Function space of an element on a mesh."""
+    return fem.functionspace(mesh, element) if VERSION >= (0, 7) else fem.FunctionSpace(mesh, element)
+
+
+def create_mesh(comm: Any, cells: np.ndarray, points: np.ndarray, dim: int) -> Any:
+    """Distribute a simplex mesh given on any of the ranks (empty elsewhere), without ghost cells."""
+    domain = ufl.Mesh(lagrange(dim, 1, dim))
+    ghosts = dolfinx.mesh.GhostMode.none
+    if VERSION < (0, 6):
+        return dolfinx.mesh.create_mesh(comm, cells, points, domain, ghost_mode=ghosts)
+    partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
+    arguments = (domain, points) if VERSION >= (0, 10) else (points, domain)
+    return dolfinx.mesh.create_mesh(comm, cells, *arguments, partitioner=partitioner)
+
+
+def cell_dofs(dofmap: Any) -> np.ndarray:
+    """All cell dofs of a dofmap (or geometry) as an array (cells, dofs per cell)."""
+    table = dofmap.list if hasattr(dofmap, "list") else dofmap
+    if hasattr(table, "array"):  # AdjacencyList
+        return np.asarray(table.array).reshape(table.num_nodes, -1)
+    return np.asarray(table)
+
+
+def geometry_dofs(mesh: Any) -> np.ndarray:
+    """Geometry nodes of every local cell (cells, dim + 1)."""
+    return cell_dofs(mesh.geometry.dofmap)
+
+
+def geometry_index_map(mesh: Any) -> Any:
+    """Index map of the geometry nodes."""
+    return mesh.geometry.index_map()
+
+
+def vector(function: Any) -> Any:
+    """The PETSc vector behind a Function."""
+    return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
+
+
+def interpolation_points(element: Any) -> np.ndarray:
+    """Reference points at which an Expression must be known to be interpolated."""
+    points = element.interpolation_points
+    return points() if callable(points) else points
+
+
+def create_vector(form: Any, space: Any) -> Any:
+    """A ghosted PETSc vector that the form assembles into."""
+    return fem_petsc.create_vector(space) if VERSION >= (0, 10) else fem_petsc.create_vector(form)
+
+
+def quadrature(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, dim) and weights (n,) of a rule on the reference `interval` or `triangle`."""
+    import basix
+
+    points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
+    return np.asarray(points).reshape(len(weights), -1), np.asarray(weights)

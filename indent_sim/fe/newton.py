@@ -1,0 +1,87 @@
+"""One equilibrium by PETSc's SNES: built once, reused for every step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from indent_sim.errors import ConfigError
+from indent_sim.fe.problem import Problem
+
+PREFIX = "indent_sim_"
+ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
+
+
+class Newton:
+    """Semismooth Newton on a Problem; the residual is measured against the supports' reactions.
+
+    Converged when |residual of free dofs| <= rtol * |reactions of the constrained dofs|.
+    """
+
+    def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
+        self.problem = problem
+        self.rtol = rtol
+        self.max_iterations = max_iterations
+        self.iterations = 0
+        self._largest_reaction = 0.0
+        self._reaction = 0.0
+        self._user_options = petsc
+        self.snes = self._create()
+
+    def _create(self) -> PETSc.SNES:
+        options = PETSc.Options(PREFIX)
+        defaults: dict[str, Any] = {
+            "snes_linesearch_type": "basic",
+            "ksp_type": "preonly",
+            "pc_type": "lu",
+            "pc_factor_mat_solver_type": "mumps",
+        }
+        for name, value in (defaults | self._user_options).items():
+            options.setValue(name, value)
+        snes = PETSc.SNES().create(self.problem.comm)
+        snes.setOptionsPrefix(PREFIX)
+        snes.setFunction(self._function, self.problem.b.duplicate())
+        snes.setJacobian(self._jacobian, self.problem.A)
+        snes.setTolerances(max_it=self.max_iterations)
+        snes.setConvergenceTest(self._converged)
+        snes.setFromOptions()
+        return snes
+
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        problem = self.problem
+        problem.set_solution(x)
+        problem.assemble_residual(problem.b)
+        values = problem.b.array
+        held = values[problem.constrained]
+        self._reaction = float(np.sqrt(problem.comm.allreduce(float(held @ held))))
+        values[problem.constrained] = 0.0  # the constrained dofs are zero and stay zero
+        problem.b.copy(f)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.problem.assemble_tangent(P)
+
+    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
+        residual = norms[2]
+        reasons = PETSc.SNES.ConvergedReason
+        if not np.isfinite(residual):
+            return reasons.DIVERGED_FNORM_NAN
+        if residual <= self.rtol * self._reaction + ROUNDOFF * self._largest_reaction:
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return reasons.ITERATING
+
+    def solve(self) -> bool:
+        """Find the equilibrium at the problem's delta from its current solution; True when converged.
+
+        On failure the solution is left as it was before.
+        """
+        start = self.problem.x.copy()
+        guess = self.problem.x.copy()
+        self.snes.solve(None, guess)
+        self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
+        converged = self.snes.getConvergedReason() > 0
+        self.problem.set_solution(guess if converged else start)
+        if converged:
+            self._largest_reaction = max(self._largest_reaction, self._reaction)
+        return converged

@@ -1,0 +1,116 @@
+"""The contact surface in numpy: traces of fields on its facets, for measuring results.
+
+The solver integrates over this surface with UFL; what is measured afterwards (contact radius, peak pressure,
+penetration, the surface table) is evaluated here from the dofs on the facets, at any points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from indent_sim.fe import compat
+
+QUADRATURE_DEGREE = {2: 20, 3: 10}  # by dimension: 11 points an edge, 25 a triangle, for the kink at the contact edge
+SUBDIVISIONS = {2: 32, 3: 8}  # of a facet edge, to find the contact edge inside it
+
+
+def shapes(points: np.ndarray, order: int) -> np.ndarray:
+    """Lagrange shape functions (points, nodes) on a facet; vertices first, then edge midpoints opposite them.
+
+    points (n, 1) on the unit interval or (n, 2) on the unit triangle.
+    """
+    bary = np.column_stack([1 - points.sum(axis=1), points])
+    if order == 1:
+        return bary
+    vertices = bary * (2 * bary - 1)
+    pairs = [(0, 1)] if bary.shape[1] == 2 else [(1, 2), (0, 2), (0, 1)]
+    return np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in pairs)])
+
+
+def shape_gradients(points: np.ndarray, order: int) -> np.ndarray:
+    """Derivatives (points, nodes, facet dim) of `shapes` with respect to the facet's coordinates."""
+    step = 1e-3  # central differences are exact for the quadratics and linears used here
+    gradients = []
+    for axis in range(points.shape[1]):
+        shift = np.zeros(points.shape[1])
+        shift[axis] = step
+        gradients.append((shapes(points + shift, order) - shapes(points - shift, order)) / (2 * step))
+    return np.stack(gradients, axis=-1)
+
+
+@cache
+def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """Equally spaced points on the reference facet and the small simplices between them."""
+    n = SUBDIVISIONS[dim]
+    if dim == 2:
+        return np.linspace(0, 1, n + 1)[:, None], np.column_stack([np.arange(n), np.arange(1, n + 1)])
+    index = {}
+    for i in range(n + 1):
+        for j in range(n + 1 - i):
+            index[i, j] = len(index)
+    upward = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
+    downward = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
+    return np.array(list(index), dtype=float) / n, np.array(upward + downward)
+
+
+@cache
+def quadrature_points(dim: int) -> np.ndarray:
+    """The contact quadrature points on the reference facet."""
+    return compat.quadrature({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])[0]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The facets of the contact surface on this rank and the dofs on them.
+
+    nodes (facets, n) block dofs, X (facets, n, dim) their coordinates [length], dofs (facets, n, dim) indices
+    into the solution's local array.
+    """
+
+    nodes: np.ndarray
+    X: np.ndarray
+    dofs: np.ndarray
+    order: int
+
+    @property
+    def dim(self) -> int:
+        """Space dimension."""
+        return self.X.shape[2]
+
+    def positions(self, points: np.ndarray) -> np.ndarray:
+        """Reference coordinates (facets, points, dim) [length]."""
+        return np.einsum("pn,fnd->fpd", shapes(points, self.order), self.X)
+
+    def values(self, array: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Displacement (facets, points, dim) of the solution whose local array is given [length]."""
+        return np.einsum("pn,fnd->fpd", shapes(points, self.order), array[self.dofs])
+
+    def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's coordinates."""
+        return np.einsum("pnk,fnd->fpdk", shape_gradients(points, self.order), nodal)
+
+    def node_points(self) -> np.ndarray:
+        """Reference-facet coordinates of the nodes themselves."""
+        corners = np.vstack([np.zeros(self.dim - 1), np.eye(self.dim - 1)])
+        if self.order == 1:
+            return corners
+        pairs = [(0, 1)] if self.dim == 2 else [(1, 2), (0, 2), (0, 1)]
+        return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in pairs)])
+
+
+def facet_nodes(mesh: Any, space: Any, facets: np.ndarray) -> np.ndarray:
+    """Block dofs (facets, n) of a Lagrange space on the closure of each facet, vertices first, then edges."""
+    topology = mesh.topology
+    dim = topology.dim
+    to_cell, to_facet = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
+    cells = np.array([to_cell.links(facet)[0] for facet in facets], dtype=np.int32)
+    local = [int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in zip(cells, facets, strict=True)]
+    layout = space.dofmap.dof_layout
+    closure = [np.asarray(layout.entity_closure_dofs(dim - 1, k)) for k in range(dim + 1)]
+    dofs = compat.cell_dofs(space.dofmap)
+    rows = [dofs[cell, closure[k]] for cell, k in zip(cells, local, strict=True)]
+    return np.array(rows, dtype=np.int64).reshape(len(rows), len(closure[0]))

@@ -1,0 +1,57 @@
+"""The few functions a tip's formula needs, working alike on UFL expressions and on numpy arrays.
+
+A tip is written once; the solver differentiates it symbolically and the results evaluate it in numpy.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def is_symbolic(*values: Any) -> bool:
+    """Whether any of the values is a UFL expression."""
+    return any(hasattr(value, "ufl_shape") for value in values)
+
+
+def sqrt(x: Any) -> Any:
+    """Square root."""
+    if is_symbolic(x):
+        import ufl
+
+        return ufl.sqrt(x)
+    return np.sqrt(x)
+
+
+def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
+    """`then` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
+    if is_symbolic(a, b, then, otherwise):
+        import ufl
+
+        return ufl.conditional(ufl.lt(a, b), then, otherwise)
+    return np.where(np.less(a, b), then, otherwise)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of the two."""
+    return where_less(a, b, a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of the two."""
+    return where_less(a, b, b, a)
+
+
+def macaulay(x: Any) -> Any:
+    """The Macaulay bracket <x> = (x + |x|)/2 (notes eq. 3.2)."""
+    return where_less(0.0, x, x, 0.0 * x)
+
+
+def tan(degrees: Any) -> Any:
+    """Tangent of an angle in degrees."""
+    if is_symbolic(degrees):
+        import ufl
+
+        return ufl.tan(degrees * np.pi / 180)
+    return np.tan(np.radians(degrees))

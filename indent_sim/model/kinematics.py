@@ -1,0 +1,81 @@
+"""From the displacement of a reduced model to the three-dimensional displacement gradient and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class Axisymmetric:
+    """u = (u_r, u_z)(r, z); the hoop strain is u_r / r and a ring of radius r weighs 2 pi r."""
+
+    name: Literal["axisymmetric"] = "axisymmetric"
+    dim: int = 2
+    axes: tuple[str, ...] = ("r", "z")
+
+    def gradient(self, u: Any, x: Any) -> Any:
+        """Displacement gradient H (3x3) in the basis (r, theta, z)."""
+        import ufl
+
+        h = ufl.grad(u)
+        return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, u[0] / x[0], 0], [h[1, 0], 0, h[1, 1]]])
+
+    def horizontal(self, point: Any, center: Any) -> tuple[Any, Any]:
+        """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry [length]."""
+        return point[0], 0.0
+
+    def weight(self, x: Any) -> Any:
+        """Circumference 2 pi r [length]: what an integral over (r, z) must be multiplied with."""
+        return 2 * pi * x[0]
+
+
+@dataclass(frozen=True)
+class PlaneStrain:
+    """u = (u_x, u_z)(x, z); everything is per unit length along y."""
+
+    name: Literal["plane_strain"] = "plane_strain"
+    dim: int = 2
+    axes: tuple[str, ...] = ("x", "z")
+
+    def gradient(self, u: Any, x: Any) -> Any:
+        """Displacement gradient H (3x3) in the basis (x, y, z)."""
+        import ufl
+
+        h = ufl.grad(u)
+        return ufl.as_tensor([[h[0, 0], 0, h[0, 1]], [0, 0, 0], [h[1, 0], 0, h[1, 1]]])
+
+    def horizontal(self, point: Any, center: Any) -> tuple[Any, Any]:
+        """Horizontal position (x - c, 0) relative to the tip's axis [length]."""
+        return point[0] - center[0], 0.0
+
+    def weight(self, x: Any) -> Any:
+        """One: per unit length."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class ThreeDimensional:
+    """u = (u_x, u_y, u_z)(x, y, z)."""
+
+    name: Literal["three_dimensional"] = "three_dimensional"
+    dim: int = 3
+    axes: tuple[str, ...] = ("x", "y", "z")
+
+    def gradient(self, u: Any, x: Any) -> Any:
+        """Displacement gradient H (3x3)."""
+        import ufl
+
+        return ufl.grad(u)
+
+    def horizontal(self, point: Any, center: Any) -> tuple[Any, Any]:
+        """Horizontal position (x - c_x, y - c_y) relative to the tip's axis [length]."""
+        return point[0] - center[0], point[1] - center[1]
+
+    def weight(self, x: Any) -> Any:
+        """One."""
+        return 1.0
+
+
+Kinematics = Axisymmetric | PlaneStrain | ThreeDimensional
