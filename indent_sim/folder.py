@@ -1,0 +1,306 @@
+"""Who may write a result folder, and how a new one takes the place of an old one.
+
+A run writes into a hidden staging folder beside its target and becomes the target by renaming, so that
+readers see the old folder or the new one, never half of one. `.lock` inside the folder is held while the run
+lives (the kernel lets go of it when the run is killed) and moves with the rename.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import shutil
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from indent_sim.errors import UsageError
+
+PROGRAM = "indent-sim"
+LOCK = ".lock"
+HIDDEN = {LOCK, ".staging", ".old"}
+REPORT, TABLE = "run.json", "force_indentation.csv"
+FILES = {REPORT, TABLE, "surface.csv", "config.yaml", "fields.xdmf", "fields.h5", "force_indentation.png"}
+BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold back SIGINT and SIGTERM until the block is done, so that no file is left half written."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[int] = []
+    signals = [s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) is not None]
+    before = {number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for again in arrived[:1]:
+            signal.raise_signal(again)
+
+
+def write_atomically(path: Path, content: str | bytes, sync: bool = True) -> None:
+    """Replace a file by new content at once: a reader or a kill sees the old file or the new one."""
+    data = content.encode() if isinstance(content, str) else content
+    temporary = path.with_name(f".{path.name}.new")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+            file.flush()
+            if sync:
+                os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def append_whole(path: Path, data: bytes, sync: bool = True) -> None:
+    """Append in one write, or not at all: what a full disk cut off is taken back."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    try:
+        size = os.fstat(descriptor).st_size
+        try:
+            if os.write(descriptor, data) != len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+        except OSError:
+            os.ftruncate(descriptor, size)
+            raise
+        if sync:
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """The run.json of a folder; empty when there is none or it is not this program's."""
+    try:
+        report = json.loads((folder / REPORT).read_text())
+    except (OSError, ValueError):
+        return {}
+    return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
+
+
+def has_rows(folder: Path) -> bool:
+    """Whether the folder's force table holds at least one complete row."""
+    try:
+        return (folder / TABLE).read_bytes().count(b"\n") > 1
+    except OSError:
+        return False
+
+
+class Claim:
+    """The right to write one result folder: a locked staging folder that becomes the target.
+
+    Raises UsageError, and leaves nothing behind, when the target is foreign, unwritable or in use.
+    """
+
+    def __init__(self, target: Path):
+        self.target = _real(target)
+        self._parents: list[Path] = []
+        self._lock = -1
+        self.published = False
+        parent = self.target.parent
+        beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
+        self.path = parent / f".{self.target.name}.staging" if beside else self.target / ".staging"
+        self._old = parent / f".{self.target.name}.old" if beside else self.target / ".old"
+        try:
+            self._refuse()
+            self._make_parents(parent)
+            self._stage()
+            self._recover()
+            self._refuse()
+        except (OSError, UsageError) as error:
+            self.drop()
+            if isinstance(error, UsageError):
+                raise
+            raise UsageError(f"cannot write {target}: {error.strerror or error}") from error
+        self.replaces_results = has_rows(self.target)
+
+    def publish(self) -> None:
+        """Give the staging folder its target's name; an old folder goes, but files that are not ours stay."""
+        self._refuse()
+        shutil.rmtree(self._old, ignore_errors=True)
+        if self._old.parent != self.target and not _is_working_directory(self.target):
+            try:
+                self._rename_folder()
+            except OSError as error:
+                if error.errno not in (errno.EBUSY, errno.EXDEV):
+                    raise
+                self._rename_entries()  # a mounted folder cannot be renamed
+        else:
+            self._rename_entries()
+        self.path, self.published = self.target, True
+        self._parents.clear()
+        self._delete_old()
+
+    def drop(self) -> None:
+        """Give the claim up and leave everything as it was found."""
+        if not self.published and self._lock >= 0:
+            shutil.rmtree(self.path, ignore_errors=True)
+        self.release()
+        for folder in reversed(self._parents):
+            with suppress(OSError):
+                folder.rmdir()
+        self._parents.clear()
+
+    def release(self) -> None:
+        """Let go of the lock; what is written stays."""
+        if self._lock >= 0:
+            if _is_same(self._lock, self.path / LOCK):
+                with suppress(OSError):
+                    (self.path / LOCK).unlink()
+            os.close(self._lock)
+            self._lock = -1
+
+    def give_ballast(self) -> None:
+        """Free the lock file's bytes on a full disk."""
+        if self._lock >= 0:
+            with suppress(OSError):
+                os.ftruncate(self._lock, 0)
+
+    def _make_parents(self, folder: Path) -> None:
+        missing = []
+        while not folder.exists():
+            missing.append(folder)
+            folder = folder.parent
+        if not os.access(folder, os.W_OK | os.X_OK) and not self.target.is_dir():
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+        for folder in reversed(missing):
+            folder.mkdir()
+            self._parents.append(folder)
+
+    def _stage(self) -> None:
+        for _ in range(20):  # another run may publish or clean up between two of these lines
+            with suppress(FileExistsError):
+                self.path.mkdir()
+            try:
+                descriptor = _lock(self.path / LOCK)
+            except FileNotFoundError:
+                continue
+            if descriptor is None:
+                raise UsageError(f"{self.target} is in use by another run")
+            if _is_same(descriptor, self.path / LOCK):
+                break
+            os.close(descriptor)
+        else:
+            raise UsageError(f"{self.target} is in use by another run")
+        self._lock = descriptor
+        for entry in self.path.iterdir():  # of a killed run
+            if entry.name != LOCK:
+                _delete(entry)
+        os.pwrite(descriptor, bytes(BALLAST), 0)
+
+    def _refuse(self) -> None:
+        if not self._old.is_dir():  # else a run was killed while it took the place of an old one
+            _refuse_foreign(self.target)
+        _refuse_locked(self.target)
+
+    def _recover(self) -> None:
+        """Finish or undo what a run killed amid `publish` left; run.json leaves first and comes last."""
+        if not self._old.is_dir():
+            return
+        if (self.target / REPORT).exists():
+            self._delete_old()
+        elif not self.target.exists():
+            os.rename(self._old, self.target)
+        else:
+            if not (self._old / REPORT).exists():  # the target was empty before
+                for name in FILES:
+                    (self.target / name).unlink(missing_ok=True)
+            for entry in self._old.iterdir():
+                os.replace(entry, self.target / entry.name)
+            self._old.rmdir()
+
+    def _rename_folder(self) -> None:
+        if self.target.is_dir() and any(self.target.iterdir()):
+            os.rename(self.target, self._old)
+        os.rename(self.path, self.target)
+
+    def _rename_entries(self) -> None:
+        self._old.mkdir()
+        for entry in sorted(self.target.iterdir(), key=lambda entry: entry.name != REPORT):
+            if entry.name not in HIDDEN:
+                shutil.move(entry, self._old / entry.name)
+        for entry in sorted(self.path.iterdir(), key=lambda entry: entry.name == REPORT):
+            shutil.move(entry, self.target / entry.name)
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def _delete_old(self) -> None:
+        if not self._old.is_dir():
+            return
+        for entry in self._old.iterdir():
+            if entry.name not in FILES | HIDDEN and not (self.target / entry.name).exists():
+                shutil.move(entry, self.target / entry.name)
+        shutil.rmtree(self._old, ignore_errors=True)
+
+
+def _real(target: Path) -> Path:
+    if target.is_symlink() and not target.exists():
+        raise UsageError(f"{target} is a link to nothing")
+    return Path(os.path.realpath(target))
+
+
+def _refuse_foreign(target: Path) -> None:
+    try:
+        if not target.exists():
+            return
+        if not target.is_dir():
+            raise UsageError(f"{target} is not a folder")
+        contents = {entry.name for entry in target.iterdir()} - HIDDEN
+    except OSError as error:
+        raise UsageError(f"cannot use {target}: {error.strerror or error}") from error
+    if contents and not read_report(target):
+        raise UsageError(f"{target} is not empty and was not made by {PROGRAM}; choose another --output")
+
+
+def _refuse_locked(folder: Path) -> None:
+    try:
+        descriptor = _lock(folder / LOCK, 0)
+    except OSError:
+        return  # no lock, or not ours to open
+    if descriptor is None:
+        raise UsageError(f"{folder} is in use by another run")
+    os.close(descriptor)
+
+
+def _lock(path: Path, flags: int = os.O_CREAT) -> int | None:
+    """An open, locked file; None when another process holds it."""
+    descriptor = os.open(path, os.O_RDWR | flags, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        return None
+    except OSError:
+        pass  # a file system without locks: go on without
+    return descriptor
+
+
+def _is_same(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _is_working_directory(folder: Path) -> bool:
+    """Renaming a folder under somebody's feet would leave them in a deleted one."""
+    here = Path.cwd()
+    return folder == here or folder in here.parents
+
+
+def _delete(entry: Path) -> None:
+    if entry.is_dir() and not entry.is_symlink():
+        shutil.rmtree(entry, ignore_errors=True)
+    else:
+        entry.unlink()

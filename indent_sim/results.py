@@ -1,0 +1,353 @@
+"""States -> files, and reading them back (the files and columns of the result folder).
+
+The force table is appended, one row in one write: rewriting it at every step would cost the square of the
+number of steps. A kill can then at worst tear the last line, and readers drop a last line without a newline.
+Everything else is replaced whole, but for `surface: all`, which is appended too. The row is the commit: what
+other files say of later steps does not count.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+import numpy as np
+
+from indent_sim import __version__
+from indent_sim.errors import NotConverged, UsageError, VerificationError
+from indent_sim.folder import (
+    PROGRAM,
+    REPORT,
+    TABLE,
+    Claim,
+    append_whole,
+    read_report,
+    uninterrupted,
+    write_atomically,
+)
+from indent_sim.state import COLUMNS, State, Surface
+from indent_sim.xdmf import FieldWriter
+
+Keep = Literal["none", "last", "all"]
+SURFACE = "surface.csv"
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
+INTEGERS = ("step", "newton_iterations")
+COMPARED = ("delta", "force", "a")
+SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses nothing
+
+
+class ResultFolder:
+    """The files of one run, written as its states come; a context manager, used on rank 0 alone.
+
+    The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
+    the run: status done, failed or interrupted after the exception that passes through. A run that fails
+    before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
+    """
+
+    def __init__(
+        self,
+        target: Path,
+        config_yaml: str,
+        *,
+        surface: Keep = "last",
+        force_error: bool = False,
+        report: Mapping[str, Any] | None = None,
+    ):
+        self.report: dict[str, Any] = dict(report or {})
+        self.rows = 0
+        self._target = Path(target)
+        self._config_yaml = config_yaml
+        self._surface = surface
+        self._columns = COLUMNS + (("force_error",) if force_error else ())
+        self._fields: FieldWriter | None = None
+        self._synced = -math.inf
+        self._status: dict[str, Any] = {"status": "running", "exit_code": None, "reason": ""}
+        self._started = _now()
+
+    @property
+    def path(self) -> Path:
+        """Where the files are now; changes once, with the first row."""
+        return self._claim.path
+
+    def __enter__(self) -> ResultFolder:
+        with uninterrupted():
+            self._claim = Claim(self._target)
+            try:
+                with self._writing():
+                    write_atomically(self.path / "config.yaml", self._config_yaml)
+                    write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
+                    self._save_report()
+            except BaseException:
+                self._claim.drop()
+                raise
+        return self
+
+    def append(self, state: State) -> None:
+        """Add the row of a converged state, with its surface; the first row publishes the folder.
+
+        Raises NotConverged when the disk is full; the rows before are kept.
+        """
+        if not state.converged:
+            raise ValueError(f"step {state.step} has not converged and is no result: {state.reason}")
+        with uninterrupted(), self._writing():
+            sync = time.monotonic() - self._synced > SYNC_EVERY
+            if state.surface is not None:
+                self._write_surface(state.step, state.surface, sync)
+            append_whole(self.path / TABLE, _row(state, self._columns), sync)
+            self.rows += 1
+            self._save_report(sync)
+            if not self._claim.published:
+                self._publish()
+            if sync:
+                self._synced = time.monotonic()
+
+    def open_fields(self, points: np.ndarray, cells: np.ndarray, *, keep: Keep, steps: int) -> None:
+        """Prepare fields.xdmf and fields.h5 for `steps` states of this mesh (see `xdmf.FieldWriter`)."""
+        if keep == "none":
+            return
+        with uninterrupted(), self._writing():
+            self._fields = FieldWriter(self.path, points, cells, slots=steps if keep == "all" else None)
+
+    def write_fields(
+        self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray
+    ) -> None:
+        """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
+        if self._fields is None:
+            return
+        with uninterrupted(), self._writing():
+            self._fields.write(state.step, state.delta, displacement, stress, pressure)
+
+    def save_report(self) -> None:
+        """Write run.json as `report` stands."""
+        with uninterrupted(), self._writing():
+            self._save_report()
+
+    def finish(self, status: str, exit_code: int, reason: str = "") -> None:
+        """Say how the run ended; the first word counts."""
+        if self._status["status"] == "running":
+            self._status = {"status": status, "exit_code": exit_code, "reason": reason}
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.finish(*_ending(error))
+        with uninterrupted():
+            try:
+                if self._leaves_nothing():
+                    self._claim.drop()
+                    return
+                self._claim.give_ballast()
+                with self._writing() if error is None else suppress(OSError):
+                    self._save_report()
+                    if not self._claim.published:
+                        self._publish()
+            finally:
+                if self._fields is not None:
+                    self._fields.close()
+                self._claim.release()
+
+    def _leaves_nothing(self) -> bool:
+        worth = self.rows or not self._claim.replaces_results
+        return not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth)
+
+    def _publish(self) -> None:
+        self._claim.publish()
+        if self._fields is not None:
+            self._fields.directory = self.path
+
+    def _save_report(self, sync: bool = True) -> None:
+        ended = {} if self._status["status"] == "running" else {"finished": _now()}
+        identity = {"program": PROGRAM, "version": __version__, **self._status, "rows": self.rows}
+        report = {**identity, "started": self._started, **ended, **self.report}
+        write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
+
+    def _write_surface(self, step: int, surface: Surface, sync: bool) -> None:
+        if self._surface == "none":
+            return
+        path, header = self.path / SURFACE, (",".join(SURFACE_COLUMNS) + "\n").encode()
+        block = _surface_block(step, surface)
+        if self._surface == "last" or not path.exists():
+            write_atomically(path, header + block, sync)
+        else:
+            append_whole(path, block, sync)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """A write that fails ends the run with what it has."""
+        try:
+            yield
+        except OSError as error:
+            kept = f"{self.rows} rows are kept in {self._claim.target}" if self.rows else "no row is kept"
+            raise NotConverged(f"cannot write results: {error.strerror or error}; {kept}") from error
+
+
+@dataclass(frozen=True)
+class Results:
+    """A finished (or partial) run read back: the force table by column, its run.json and its surface table.
+
+    table: columns of force_indentation.csv; surface: columns of surface.csv, empty when there is none.
+    """
+
+    path: Path
+    table: dict[str, np.ndarray]
+    report: dict[str, Any] = field(default_factory=dict)
+    surface: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __getitem__(self, column: str) -> np.ndarray:
+        return self.table[column]
+
+    def __len__(self) -> int:
+        return len(self.table["step"])
+
+
+def read(path: Path | str) -> Results:
+    """Read a result folder or a force table; UsageError when there is none or it cannot be understood."""
+    path = Path(path)
+    table = path / TABLE if path.is_dir() else path
+    columns = _read_table(table)
+    for name in ("step", *COMPARED):
+        if name not in columns:
+            raise UsageError(f"{table} has no column '{name}'")
+    if len(set(columns["step"])) != len(columns["step"]):
+        raise UsageError(f"{table} holds a step twice")
+    surface = _read_table(path / SURFACE) if (path / SURFACE).is_file() else {}
+    if surface:
+        known = np.isin(surface["step"], columns["step"])
+        surface = {name: values[known] for name, values in surface.items()}
+    return Results(path, columns, read_report(path), surface)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two force tables side by side, matched by step: one (a, b) pair per step and column.
+
+    worst: largest relative difference of each column; differences: what differs, in words; empty when equal.
+    """
+
+    steps: tuple[int, ...]
+    pairs: dict[str, np.ndarray]
+    worst: dict[str, float]
+    differences: tuple[str, ...]
+
+    def check(self) -> None:
+        """Raise VerificationError when the two differ."""
+        if self.differences:
+            raise VerificationError("\n".join(self.differences))
+
+
+def compare(first: Path | str, second: Path | str, rtol: float = 1e-6) -> Comparison:
+    """Compare delta, force and a of two results row by row.
+
+    Two numbers agree when |x - y| <= rtol max(|x|, |y|, 1e-6 largest of the column): a force of 1e-18 out of
+    contact is a zero. NaN agrees with NaN alone.
+    """
+    A, B = read(first), read(second)
+    differences = [
+        f"step {step:g} is in {here.path} alone"
+        for here, there in ((A, B), (B, A))
+        for step in np.setdiff1d(here["step"], there["step"])
+    ]
+    steps, of_A, of_B = np.intersect1d(A["step"], B["step"], return_indices=True)
+    if not len(steps):
+        differences.append("the two have no step in common")
+    pairs = {name: np.column_stack([A[name][of_A], B[name][of_B]]) for name in COMPARED}
+    worst = {}
+    for name, pair in pairs.items():
+        relative = _relative_difference(pair)
+        worst[name] = float(relative.max(initial=0.0))
+        differences += [
+            f"step {steps[i]:g}: {name} {pair[i, 0]:.10g} and {pair[i, 1]:.10g} differ by {relative[i]:.2g}"
+            for i in np.flatnonzero(~(relative <= rtol))
+        ]
+    return Comparison(tuple(int(step) for step in steps), pairs, worst, tuple(differences))
+
+
+def to_json(value: Any, indent: int | None = 2) -> str:
+    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become plain."""
+    return json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case None | bool() | str() | int():
+            return value
+        case np.generic() | np.ndarray():
+            return _plain(value.tolist())
+        case float():
+            return value if math.isfinite(value) else None
+        case Mapping():
+            return {str(key): _plain(part) for key, part in value.items()}
+        case list() | tuple() | set() | frozenset():
+            return [_plain(part) for part in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {part.name: _plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
+    return str(value)
+
+
+def _ending(error: BaseException | None) -> tuple[str, int, str]:
+    """Status, exit code and reason after the exception that ends a run."""
+    if error is None:
+        return "done", 0, ""
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted", getattr(error, "exit_code", 130), str(error) or "interrupted"
+    code = getattr(error, "exit_code", 1)
+    return "failed", code, str(error) if code != 1 else f"{type(error).__name__}: {error}"
+
+
+def _row(state: State, columns: tuple[str, ...]) -> bytes:
+    values = (getattr(state, name) for name in columns)
+    cells = (str(int(v)) if name in INTEGERS else _number(v) for name, v in zip(columns, values, strict=True))
+    return (",".join(cells) + "\n").encode()
+
+
+def _number(value: float | None) -> str:
+    return "nan" if value is None else f"{value:.17g}"
+
+
+def _surface_block(step: int, surface: Surface) -> bytes:
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
+    text = io.StringIO()
+    np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
+    return text.getvalue().encode()
+
+
+def _read_table(path: Path) -> dict[str, np.ndarray]:
+    """The columns of a CSV file with a header; a last line without its newline was torn and is dropped."""
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+    lines = [line for line in text[: text.rfind("\n") + 1].splitlines() if line.strip()]
+    if not lines:
+        raise UsageError(f"{path} is empty")
+    header = [name.strip() for name in lines[0].split(",")]
+    try:
+        rows = [[float(cell) for cell in line.split(",")] for line in lines[1:]]
+        values = np.array(rows).reshape(len(rows), len(header))
+    except ValueError as error:
+        raise UsageError(f"{path} is not a table of numbers with a header: {error}") from error
+    return {name: values[:, i] for i, name in enumerate(header)}
+
+
+def _relative_difference(pair: np.ndarray) -> np.ndarray:
+    """|x - y| over the larger of the two or 1e-6 of the largest in the column; infinite when one is NaN."""
+    finite = np.abs(pair[np.isfinite(pair)])
+    floor = 1e-6 * finite.max(initial=0.0)
+    size = np.maximum(np.abs(pair).max(axis=1), floor)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.abs(pair[:, 0] - pair[:, 1]) / size
+    same = (pair[:, 0] == pair[:, 1]) | np.isnan(pair).all(axis=1)
+    return np.where(same, 0.0, np.where(np.isfinite(relative), relative, np.inf))
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

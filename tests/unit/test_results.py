@@ -1,0 +1,514 @@
+"""The result folder: what stands in it, whom it makes way for, and what a kill at any moment leaves."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from indent_sim import folder, results
+from indent_sim.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
+from indent_sim.folder import uninterrupted, write_atomically
+from indent_sim.results import ResultFolder, compare, read, to_json
+from indent_sim.state import COLUMNS, State, Surface
+from indent_sim.xdmf import FieldWriter
+
+THIRD = 1 / 3
+
+
+def a_state(step: int, **values) -> State:
+    surface = Surface(
+        x=np.array([0.0, 0.1]),
+        y=np.zeros(2),
+        u=np.array([[0, 0, -0.1], [0, 0, -0.05]]),
+        gap=np.array([0.0, 0.2]),
+        pressure=np.array([THIRD, 0.0]),
+    )
+    state = State(step, 0.1 * step, THIRD * step, 0.2, 1.5, 1e-5, 0.01, 4, 0.1 * step, surface=surface)
+    return replace(state, **values)
+
+
+def write_run(target: Path, steps: int = 2, **options) -> None:
+    with ResultFolder(target, "title: x\n", **options) as run:
+        for step in range(1, steps + 1):
+            run.append(a_state(step))
+
+
+def names(path: Path) -> set[str]:
+    return {entry.name for entry in path.iterdir()}
+
+
+FILES = {"force_indentation.csv", "surface.csv", "config.yaml", "run.json"}
+
+
+class TestFiles:
+    def test_a_run_leaves_its_files_and_nothing_else(self, tmp_path):
+        write_run(tmp_path / "deep" / "run")
+        assert names(tmp_path / "deep") == {"run"}
+        assert names(tmp_path / "deep" / "run") == FILES
+
+    def test_numbers_come_back_to_the_last_digit(self, tmp_path):
+        write_run(tmp_path / "run")
+        table = read(tmp_path / "run")
+        assert list(table.table) == list(COLUMNS)
+        assert table["force"].tolist() == [THIRD, THIRD * 2]
+        assert table.report["status"] == "done" and table.report["exit_code"] == 0
+        assert table.report["rows"] == 2
+
+    def test_steps_and_iterations_are_written_as_integers(self, tmp_path):
+        write_run(tmp_path / "run")
+        row = (tmp_path / "run" / "force_indentation.csv").read_text().splitlines()[1].split(",")
+        assert row[0] == "1" and row[7] == "4"
+
+    def test_the_force_error_has_a_column_only_where_it_is_estimated(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "", force_error=True) as run:
+            run.append(a_state(1, force_error=1e-3))
+            run.append(a_state(2))
+        errors = read(tmp_path / "run")["force_error"]
+        assert errors[0] == 1e-3 and np.isnan(errors[1])
+
+    @pytest.mark.parametrize(("keep", "steps"), [("last", [2, 2]), ("all", [1, 1, 2, 2])])
+    def test_the_surface_of_the_last_or_of_all_states(self, tmp_path, keep, steps):
+        write_run(tmp_path / "run", surface=keep)
+        surface = read(tmp_path / "run").surface
+        assert list(surface) == list(results.SURFACE_COLUMNS)
+        assert surface["step"].tolist() == steps
+        assert surface["pressure"][0] == THIRD
+
+    def test_no_surface_when_none_is_wanted(self, tmp_path):
+        write_run(tmp_path / "run", surface="none")
+        assert names(tmp_path / "run") == FILES - {"surface.csv"}
+
+    def test_a_state_that_did_not_converge_is_no_row(self, tmp_path):
+        with pytest.raises(ValueError, match="not converged"), ResultFolder(tmp_path / "run", "") as run:
+            run.append(a_state(1, converged=False))
+
+    def test_run_json_is_strict(self):
+        lists = {"b": [np.inf, np.int64(3)], "c": np.array([1.0]), "e": (True,)}
+        value = {"a": np.float64("nan"), "d": Path("x"), **lists}
+        plain = json.loads(to_json(value), parse_constant=lambda word: pytest.fail(word))
+        assert plain == {"a": None, "b": [None, 3], "c": [1.0], "d": "x", "e": [True]}
+
+    def test_run_json_follows_every_row(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "", report={"dofs": 5}) as run:
+            run.append(a_state(1))
+            report = json.loads((tmp_path / "run" / "run.json").read_text())
+            assert report["status"] == "running" and report["rows"] == 1 and report["dofs"] == 5
+
+
+class TestPlace:
+    def test_the_folder_appears_with_the_first_row(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "") as run:
+            assert not (tmp_path / "run").exists()
+            run.append(a_state(1))
+            assert (tmp_path / "run" / "force_indentation.csv").read_text().count("\n") == 2
+            assert run.path == tmp_path / "run"
+
+    def test_the_old_run_stays_until_the_first_new_row(self, tmp_path):
+        write_run(tmp_path / "run", 3)
+        with ResultFolder(tmp_path / "run", "") as run:
+            assert len(read(tmp_path / "run")) == 3
+            run.append(a_state(1))
+            assert len(read(tmp_path / "run")) == 1
+        assert names(tmp_path) == {"run"}
+
+    def test_what_the_user_put_into_an_old_run_stays(self, tmp_path):
+        write_run(tmp_path / "run")
+        (tmp_path / "run" / "thoughts.txt").write_text("mine")
+        write_run(tmp_path / "run")
+        assert names(tmp_path / "run") == FILES | {"thoughts.txt"}
+
+    def test_a_foreign_folder_is_refused_and_untouched(self, tmp_path):
+        (tmp_path / "run").mkdir()
+        (tmp_path / "run" / "run.json").write_text('{"program": "another"}')
+        with pytest.raises(UsageError, match="not made by"):
+            write_run(tmp_path / "run")
+        assert names(tmp_path) == {"run"} and names(tmp_path / "run") == {"run.json"}
+
+    def test_a_file_or_a_dead_link_is_refused(self, tmp_path):
+        (tmp_path / "file").write_text("")
+        (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+        for place in ("file", "link", "file/run"):
+            with pytest.raises(UsageError):
+                write_run(tmp_path / place)
+        assert names(tmp_path) == {"file", "link"}
+
+    def test_an_empty_folder_is_filled_also_through_a_link(self, tmp_path):
+        (tmp_path / "real").mkdir()
+        (tmp_path / "link").symlink_to(tmp_path / "real")
+        write_run(tmp_path / "link")
+        assert (tmp_path / "link").is_symlink() and names(tmp_path / "real") == FILES
+
+    def test_the_working_directory_is_filled_not_exchanged(self, tmp_path, monkeypatch):
+        (tmp_path / "here").mkdir()
+        monkeypatch.chdir(tmp_path / "here")
+        for steps in (3, 2):
+            write_run(Path("."), steps)
+            assert len(read(Path("."))) == steps
+        assert set(os.listdir(".")) == FILES and names(tmp_path) == {"here"}
+
+    @pytest.mark.parametrize("code", [errno.EBUSY, errno.EXDEV])
+    def test_a_mounted_folder_is_filled_not_exchanged(self, tmp_path, monkeypatch, code):
+        (tmp_path / "run").mkdir()
+        rename = os.rename
+
+        def refuse(source, to, **options):
+            if tmp_path / "run" in (Path(source), Path(to)):
+                raise OSError(code, os.strerror(code))
+            rename(source, to, **options)
+
+        monkeypatch.setattr(os, "rename", refuse)
+        for steps in (3, 2):
+            write_run(tmp_path / "run", steps)
+            assert len(read(tmp_path / "run")) == steps
+        assert names(tmp_path) == {"run"} and names(tmp_path / "run") == FILES
+
+    def test_an_unwritable_parent_is_refused_before_anything_is_made(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(os, "access", lambda path, mode: False)
+        with pytest.raises(UsageError, match="Permission denied"):
+            write_run(tmp_path / "deep" / "run")
+        assert not names(tmp_path)
+
+    def test_an_unwritable_parent_of_a_writable_folder_is_fine(self, tmp_path, monkeypatch):
+        (tmp_path / "run").mkdir()
+        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+        for steps in (3, 2):
+            write_run(tmp_path / "run", steps)
+            assert len(read(tmp_path / "run")) == steps
+        assert names(tmp_path / "run") == FILES
+
+
+class TestTwoRuns:
+    def test_a_second_run_is_refused_before_and_after_the_first_row(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "") as run:
+            for step in (1, 2):
+                with pytest.raises(UsageError, match="in use"):
+                    write_run(tmp_path / "run")
+                run.append(a_state(step))
+        assert len(read(tmp_path / "run")) == 2
+        write_run(tmp_path / "run", 1)
+
+    def test_a_folder_taken_meanwhile_is_not_replaced(self, tmp_path):
+        with pytest.raises(UsageError), ResultFolder(tmp_path / "run", "") as run:
+            (tmp_path / "run").mkdir()
+            (tmp_path / "run" / "theirs").write_text("")
+            run.append(a_state(1))
+        assert names(tmp_path) == {"run"} and names(tmp_path / "run") == {"theirs"}
+
+
+class TestEndings:
+    @pytest.mark.parametrize("error", [UsageError("x"), ConfigError("a.b", "x")])
+    def test_exit_2_and_3_leave_nothing(self, tmp_path, error):
+        with pytest.raises(type(error)), ResultFolder(tmp_path / "deep" / "run", ""):
+            raise error
+        assert not names(tmp_path)
+
+    @pytest.mark.parametrize(
+        ("error", "status", "code"),
+        [
+            (MeshError("no mesh"), "failed", 4),
+            (NotConverged("no step"), "failed", 5),
+            (VerificationError("no balance"), "failed", 6),
+            (ZeroDivisionError("bug"), "failed", 1),
+            (KeyboardInterrupt(), "interrupted", 130),
+        ],
+    )
+    @pytest.mark.parametrize("rows", [0, 2])
+    def test_a_bad_end_is_told_and_the_rows_kept(self, tmp_path, error, status, code, rows):
+        with pytest.raises(type(error)), ResultFolder(tmp_path / "run", "") as run:
+            for step in range(1, rows + 1):
+                run.append(a_state(step))
+            raise error
+        done = read(tmp_path / "run")
+        assert len(done) == rows and done.report["status"] == status and done.report["exit_code"] == code
+        assert done.report["reason"] and names(tmp_path) == {"run"}
+
+    def test_a_run_without_rows_replaces_no_results(self, tmp_path):
+        write_run(tmp_path / "run")
+        with pytest.raises(MeshError), ResultFolder(tmp_path / "run", ""):
+            raise MeshError("x")
+        assert len(read(tmp_path / "run")) == 2 and names(tmp_path) == {"run"}
+
+    def test_a_run_without_rows_replaces_another_without(self, tmp_path):
+        for reason in ("first", "second"):
+            with pytest.raises(MeshError), ResultFolder(tmp_path / "run", ""):
+                raise MeshError(reason)
+        assert read(tmp_path / "run").report["reason"] == "second"
+
+
+class TestFullDisk:
+    def test_a_row_that_does_not_fit_is_taken_back(self, tmp_path, monkeypatch):
+        write = os.write
+        with pytest.raises(NotConverged, match="1 rows are kept"), ResultFolder(tmp_path / "run", "") as run:
+            run.append(a_state(1))
+            monkeypatch.setattr(os, "write", lambda file, data: write(file, data[:10]))
+            run.append(a_state(2))
+        text = (tmp_path / "run" / "force_indentation.csv").read_text()
+        assert text.count("\n") == 2 and text.endswith("\n")
+        assert read(tmp_path / "run").report["exit_code"] == 5
+
+    def test_a_file_that_does_not_fit_leaves_the_old_one(self, tmp_path, monkeypatch):
+        write_atomically(tmp_path / "file", "old")
+
+        def full(descriptor):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space"):
+            write_atomically(tmp_path / "file", "new")
+        assert names(tmp_path) == {"file"} and (tmp_path / "file").read_text() == "old"
+
+
+KILLED_RUN = """
+import sys, time
+from pathlib import Path
+from tests.unit.test_results import *
+with ResultFolder(Path(sys.argv[1]), "", surface="all") as run:
+    run.open_fields(POINTS, CELLS, keep="all", steps=5000)
+    for step in range(1, int(sys.argv[2]) + 1):
+        run.write_fields(a_state(step), *some_fields(step))
+        run.append(a_state(step))
+    print("ready", flush=True)
+    while True:
+        time.sleep(0.001)
+        step += 1
+        run.write_fields(a_state(step), *some_fields(step))
+        run.append(a_state(step))
+"""
+IDLE_RUN = """
+import sys, time
+from pathlib import Path
+from tests.unit.test_results import *
+with ResultFolder(Path(sys.argv[1]), "") as run:
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+def killed(script: str, *args, after: float = 0.0, with_signal: int = signal.SIGKILL) -> int:
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", script, *map(str, args)]
+    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout and process.stdout.readline() == b"ready\n"
+        time.sleep(after)
+        process.send_signal(with_signal)
+        return process.wait(20)
+
+
+class TestKills:
+    @pytest.mark.parametrize("after", [0.0, 0.037, 0.113])
+    @pytest.mark.parametrize("with_signal", [signal.SIGKILL, signal.SIGINT])
+    def test_every_file_is_whole(self, tmp_path, after, with_signal):
+        import meshio
+
+        killed(KILLED_RUN, tmp_path / "run", 1, after=after, with_signal=with_signal)
+        done = read(tmp_path / "run")
+        assert len(done) >= 1
+        assert done["step"].tolist() == list(range(1, len(done) + 1))
+        assert done.surface["step"].tolist() == np.repeat(done["step"], 2).tolist()
+        assert done.report["status"] == {signal.SIGKILL: "running", signal.SIGINT: "interrupted"}[with_signal]
+        with meshio.xdmf.TimeSeriesReader(tmp_path / "run" / "fields.xdmf") as reader:
+            reader.read_points_cells()
+            assert reader.num_steps >= len(done)
+            for k in range(len(done)):
+                step, nodal, _ = reader.read_data(k)
+                assert np.array_equal(nodal["pressure"], some_fields(int(step))[2])
+
+    def test_the_staging_of_a_killed_run_is_cleaned(self, tmp_path):
+        write_run(tmp_path / "run", 3)
+        killed(IDLE_RUN, tmp_path / "run")
+        assert len(read(tmp_path / "run")) == 3
+        write_run(tmp_path / "run", 2)
+        assert names(tmp_path) == {"run"} and len(read(tmp_path / "run")) == 2
+
+    def test_a_killed_run_does_not_hold_its_folder(self, tmp_path):
+        killed(KILLED_RUN, tmp_path / "run", 1)
+        write_run(tmp_path / "run", 2)
+        assert names(tmp_path / "run") == FILES
+
+    @pytest.mark.parametrize("stop", range(6))
+    @pytest.mark.parametrize("inside", [False, True])
+    @pytest.mark.parametrize("earlier", [0, 3])
+    def test_a_kill_amid_the_exchange_loses_neither(self, tmp_path, monkeypatch, stop, inside, earlier):
+        """Stop before each rename of the exchange in turn; the next run finds the old results or the new."""
+        (tmp_path / "run").mkdir()
+        if earlier:
+            write_run(tmp_path / "run", earlier)
+        if inside:
+            monkeypatch.chdir(tmp_path / "run")
+
+        class Kill(BaseException):
+            pass
+
+        left = [stop]
+
+        def counted(rename):
+            def one(*args, **options):
+                left[0] -= 1
+                if left[0] < 0:
+                    raise Kill
+                return rename(*args, **options)
+
+            return one
+
+        claim = folder.Claim(tmp_path / "run")
+        write_atomically(claim.path / "run.json", json.dumps({"program": "indent-sim"}))
+        write_atomically(claim.path / "force_indentation.csv", "step,delta,force,a\n1,1,1,1\n")
+        with monkeypatch.context() as patch:
+            patch.setattr(folder.os, "rename", counted(os.rename))
+            patch.setattr(folder.shutil, "move", counted(folder.shutil.move))
+            with suppress(Kill):
+                claim.publish()
+        os.close(claim._lock)
+        again = folder.Claim(tmp_path / "run")
+        rows = len(read(tmp_path / "run")) if earlier or folder.has_rows(tmp_path / "run") else 0
+        assert rows in (earlier, 1)
+        again.drop()
+        assert names(tmp_path) == {"run"}
+
+    def test_a_signal_waits_for_the_end_of_a_write(self):
+        done = False
+        with pytest.raises(KeyboardInterrupt), uninterrupted():
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+            done = True
+        assert done
+
+
+POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]])
+CELLS = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def some_fields(step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return step * np.arange(8.0).reshape(4, 2), step * np.arange(18.0).reshape(2, 3, 3), step * np.arange(4.0)
+
+
+class TestFields:
+    @pytest.mark.parametrize(("slots", "kept"), [(3, [1, 2, 3]), (None, [3])])
+    def test_what_is_written_is_what_meshio_reads(self, tmp_path, slots, kept):
+        import meshio
+
+        writer = FieldWriter(tmp_path, POINTS, CELLS, slots)
+        for step in (1, 2, 3):
+            writer.write(step, 0.1 * step, *some_fields(step))
+        writer.close()
+        with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
+            points, cells = reader.read_points_cells()
+            assert np.array_equal(points[:, [0, 2]], POINTS) and not points[:, 1].any()
+            assert cells[0].type == "triangle" and np.array_equal(cells[0].data, CELLS)
+            for k, step in enumerate(kept):
+                time_, nodal, cellwise = reader.read_data(k)
+                u, stress, pressure = some_fields(step)
+                assert time_ == step
+                assert np.array_equal(nodal["displacement"][:, [0, 2]], u)
+                assert np.array_equal(nodal["pressure"], pressure)
+                assert np.array_equal(cellwise["stress"][0], stress.reshape(2, 9))
+            assert reader.num_steps == len(kept)
+
+    def test_tetrahedra(self, tmp_path):
+        import meshio
+
+        points = np.vstack([np.zeros(3), np.eye(3)])
+        writer = FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]), 1)
+        writer.write(1, 0.1, points, np.ones((1, 3, 3)), np.ones(4))
+        writer.close()
+        with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
+            points_read, cells = reader.read_points_cells()
+            assert cells[0].type == "tetra" and np.array_equal(points_read, points)
+            assert np.array_equal(reader.read_data(0)[1]["displacement"], points)
+
+    def test_a_state_too_many_is_an_error(self, tmp_path):
+        writer = FieldWriter(tmp_path, POINTS, CELLS, 1)
+        writer.write(1, 0.1, *some_fields(1))
+        with pytest.raises(ValueError, match="taken"):
+            writer.write(2, 0.2, *some_fields(2))
+
+    def test_slots_not_filled_take_no_disk_space(self, tmp_path):
+        points = np.random.default_rng(0).random((10_000, 3))
+        FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]), 100).close()
+        used = (tmp_path / "fields.h5").stat()
+        assert used.st_blocks * 512 < 0.1 * used.st_size
+
+    def test_fields_move_with_the_folder(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "") as run:
+            run.open_fields(POINTS, CELLS, keep="last", steps=2)
+            for step in (1, 2):
+                run.write_fields(a_state(step), *some_fields(step))
+                run.append(a_state(step))
+        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "fields.h5"}
+        assert 'Name="step 2"' in (tmp_path / "run" / "fields.xdmf").read_text()
+
+
+class TestReading:
+    def write(self, path: Path, text: str) -> Path:
+        path.write_text(text)
+        return path
+
+    def test_a_torn_last_line_is_dropped(self, tmp_path):
+        table = self.write(tmp_path / "a.csv", "step,delta,force,a\n1,0.1,2,0.5\n2,0.2,")
+        assert len(read(table)) == 1
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            "",
+            "step,delta,force\n1,1,1\n",
+            "step,delta,force,a\n1,2\n",
+            "step,delta,force,a\n1,x,1,1\n",
+            "step,delta,force,a\n1,1,1,1\n1,2,2,2\n",
+        ],
+    )
+    def test_what_is_no_result_is_refused(self, tmp_path, text):
+        with pytest.raises(UsageError):
+            read(self.write(tmp_path / "a.csv", text))
+
+    def test_nothing_there(self, tmp_path):
+        for place in (tmp_path, tmp_path / "a.csv"):
+            with pytest.raises(UsageError, match="cannot read"):
+                read(place)
+
+
+class TestCompare:
+    HEADER = "step,delta,force,a\n"
+
+    def pair(self, tmp_path, first: str, second: str, rtol: float = 1e-6):
+        for name, text in (("A", first), ("B", second)):
+            (tmp_path / name).write_text(self.HEADER + text)
+        return compare(tmp_path / "A", tmp_path / "B", rtol)
+
+    def test_equal_within_the_tolerance(self, tmp_path):
+        same = self.pair(tmp_path, "1,0.1,2,0.5\n2,0.2,3,0.6\n", "2,0.2,3.000001,0.6\n1,0.1,2,0.5\n")
+        same.check()
+        assert same.steps == (1, 2) and same.worst["force"] == pytest.approx(3.3e-7, rel=0.1)
+
+    @pytest.mark.parametrize(
+        ("first", "second", "said"),
+        [
+            ("1,0.1,2,0.5\n", "1,0.1,2.01,0.5\n", "force"),
+            ("1,0.1,2,0.5\n", "1,0.11,2,0.5\n", "delta"),
+            ("1,0.1,2,nan\n", "1,0.1,2,0.5\n", "a nan"),
+            ("1,0.1,2,0.5\n2,0.2,3,0.6\n", "1,0.1,2,0.5\n", "step 2 is in"),
+            ("", "", "no step in common"),
+        ],
+    )
+    def test_what_differs_is_said(self, tmp_path, first, second, said):
+        with pytest.raises(VerificationError, match=said):
+            self.pair(tmp_path, first, second).check()
+
+    def test_nan_equals_nan_and_a_trace_of_force_is_zero(self, tmp_path):
+        self.pair(tmp_path, "1,-0.1,0,nan\n2,0.2,3,nan\n", "1,-0.1,1e-17,nan\n2,0.2,3,nan\n").check()
+
+    def test_without_tolerance_every_digit_counts(self, tmp_path):
+        self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.3,0\n", rtol=0).check()
+        with pytest.raises(VerificationError):
+            self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.30000000000000004,0\n", rtol=0).check()
