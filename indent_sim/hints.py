@@ -1,0 +1,116 @@
+"""Types with their marks, read back: which alternatives, which fields, and what they allow in words."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+
+@dataclass(frozen=True)
+class TaggedBy:
+    """Marks a section whose dataclass one key chooses; unlike pydantic's mark it knows a union of one."""
+
+    tag: str
+
+    def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        choices = {value: handler.generate_schema(kind) for value, kind in kinds_of(union, self.tag).items()}
+        return core_schema.tagged_union_schema(choices, discriminator=self.tag)
+
+
+def field_names(kind: Any) -> tuple[str, ...]:
+    """The fields of a dataclass or pydantic model in order."""
+    if dataclasses.is_dataclass(kind):
+        return tuple(f.name for f in dataclasses.fields(kind))
+    return tuple(kind.model_fields)
+
+
+@cache
+def hints(kind: type) -> dict[str, Any]:
+    """The annotated types of the fields of a dataclass or pydantic model."""
+    found = get_type_hints(kind, include_extras=True)
+    return {name: found[name] for name in field_names(kind)}
+
+
+def kinds_of(union: Any, tag: str) -> dict[str, type]:
+    """The dataclasses of a union by the value of their tag."""
+    return {get_args(hints(kind)[tag])[0]: kind for kind in members(union)}
+
+
+def members(hint: Any) -> tuple[Any, ...]:
+    """The alternatives of a union, None left out; of anything else itself."""
+    if get_origin(hint) is Annotated and any(isinstance(mark, TaggedBy) for mark in hint.__metadata__):
+        hint = hint.__origin__
+    if get_origin(hint) in (Union, UnionType):
+        return tuple(part for part in get_args(hint) if part is not NoneType)
+    return (hint,)
+
+
+def core(hint: Any) -> Any:
+    """A type without its marks and without None."""
+    if get_origin(hint) is Annotated:
+        return core(hint.__origin__)
+    parts = members(hint)
+    return hint if len(parts) > 1 or parts[0] is hint else core(parts[0])
+
+
+def words_of(hint: Any) -> tuple[str, ...]:
+    """The words a value may be, also where one word stands for all fields of a dataclass."""
+    kinds = [common(core(part)) for part in members(hint)]
+    return tuple(str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
+
+
+def common(kind: Any) -> Any:
+    """The type that all fields of a dataclass share (the walls of a box), so that one value says them all."""
+    if dataclasses.is_dataclass(kind):
+        first, *others = hints(kind).values()  # type: ignore[arg-type]
+        return first if all(other == first for other in others) else None
+    return kind
+
+
+def describe(hint: Any) -> str:
+    """A type and its range in words: "a number > 0 or auto"."""
+    parts = members(hint)
+    return listed([_phrase(part) for part in parts if not (part is int and float in parts)])
+
+
+def listed(words: Sequence[str], last: str = "or") -> str:
+    """a, b or c."""
+    return f"{', '.join(words[:-1])} {last} {words[-1]}" if len(words) > 1 else "".join(words)
+
+
+_NOUNS = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
+_SIGNS = {Gt: ("> {:g}", "gt"), Ge: (">= {:g}", "ge"), Lt: ("< {:g}", "lt"), Le: ("<= {:g}", "le")}
+
+
+def _phrase(hint: Any) -> str:
+    marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
+    kind = core(hint)
+    if get_origin(kind) is Literal:
+        return listed([str(word) for word in get_args(kind)])
+    if get_origin(kind) is tuple:
+        return _list_phrase(describe(get_args(kind)[0]), marks)
+    if get_origin(kind) is dict:
+        return f"a mapping of names to {describe(get_args(kind)[1])}"
+    if dataclasses.is_dataclass(kind):
+        one = common(kind)
+        return f"{describe(one)} (or one each: {', '.join(field_names(kind))})" if one else "a section"
+    bounds = [_SIGNS[type(mark)] + (mark,) for mark in marks if type(mark) in _SIGNS]
+    texts = [text.format(getattr(mark, name)) for text, name, mark in bounds]
+    filled = "non-empty " if any(isinstance(mark, MinLen) for mark in marks) else ""
+    return f"{filled}{_NOUNS[kind]} {' and '.join(texts)}".rstrip()
+
+
+def _list_phrase(item: str, marks: Sequence[Any]) -> str:
+    items = item.removeprefix("a ").replace("number", "numbers")
+    size = next((mark for mark in marks if isinstance(mark, Len)), None)
+    if size and size.min_length == size.max_length:
+        return f"a list of {size.min_length} {items}"
+    return f"a list of at least {size.min_length} {items}" if size else f"a list of {items}"

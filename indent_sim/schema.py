@@ -1,0 +1,210 @@
+"""What a scene file may say: the sections, their keys, types, ranges and defaults.
+
+The dataclasses of `model` are the schema of body, material, indenter, contact and loading; the settings below
+are that of the rest. Reader, error messages, JSON Schema and docs/config.md all take it from here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, MinLen
+from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
+
+from indent_sim.errors import ConfigError, ConfigErrors
+from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
+from indent_sim.model.body import Body
+from indent_sim.model.contact import AutoContact, Contact
+from indent_sim.model.indenters import Indenter
+from indent_sim.model.loading import Loading
+from indent_sim.model.materials import Material
+from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, PositiveInt
+from indent_sim.yaml_strict import Path
+
+When = Literal["none", "last", "all"]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Labels of the units the numbers are meant in, for plots and provenance only."""
+
+    length: str = ""
+    force: str = ""
+
+
+@dataclass(frozen=True)
+class MeshSettings:
+    """Element sizes [length], order and the part of the body that is modelled."""
+
+    h_contact: Length | Auto = "auto"
+    h_far: Length | Auto = "auto"
+    order: Annotated[int, Ge(1), Le(2)] = 2
+    symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How the equations are solved; `petsc` options are passed through."""
+
+    method: Literal["auto", "newton"] = "auto"
+    rtol: Annotated[float, Gt(0), Le(1e-3)] = 1e-10
+    max_iterations: PositiveInt = 50
+    petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """What is written and where."""
+
+    directory: Annotated[str, MinLen(1)] | None = None
+    fields: When = "last"
+    surface: When = "last"
+    plot: bool = True
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where every key of a config was written: file and line, or the `--set` that gave it.
+
+    All sources are equal: two configs that say the same are the same, wherever they were written.
+    """
+
+    name: str = field(default="", compare=False)
+    places: dict[Path, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
+
+    def place(self, path: Path) -> tuple[str, int | None]:
+        """File and line of a key, or of the nearest section around it."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.places:
+                return self.places[path[:end]]
+        return self.name, None
+
+
+class Config(BaseModel):
+    """A scene as its file says it, checked, defaults filled in; every "auto" is still undecided."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, revalidate_instances="always"
+    )
+
+    title: str = ""
+    units: Units = Units()
+    body: Annotated[Body, TaggedBy("shape")]
+    material: Annotated[Material, TaggedBy("model")]
+    indenter: Annotated[Indenter, TaggedBy("shape")]
+    center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
+    contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
+    loading: Loading
+    mesh: MeshSettings = MeshSettings()
+    solver: SolverSettings = SolverSettings()
+    output: OutputSettings = OutputSettings()
+
+    _source: Source = PrivateAttr(default_factory=Source)
+
+    @property
+    def source(self) -> Source:
+        """Where the keys were written."""
+        return self._source
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Config:
+        if problems := [*_constants(self), *_path(self), *_axis(self)]:
+            raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
+        return self
+
+
+def _constants(config: Config) -> list[ConfigError]:
+    try:
+        if hasattr(config.material, "canonical"):
+            config.material.canonical()
+    except ArithmeticError:
+        return [ConfigError("material", "these constants belong to no stable material")]
+    except ValueError as error:
+        return [ConfigError("material", str(error))]
+    return []
+
+
+def _path(config: Config) -> list[ConfigError]:
+    loading = config.loading
+    if loading.delta is None and loading.deltas is None:
+        return [ConfigError("loading", "says no depth", "give delta (with steps) or deltas")]
+    if loading.delta is not None and loading.deltas is not None:
+        return [ConfigError("loading.deltas", "contradicts delta", "give one of delta and deltas")]
+    return []
+
+
+def _axis(config: Config) -> list[ConfigError]:
+    center, needed = config.center, len(config.body.centre)
+    if center is None or len(center) == needed:
+        return []
+    form = "[x]" if needed == 1 else "[x, y]"
+    problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
+    return [ConfigError("indenter.center", problem, f"give {needed}")]
+
+
+@cache
+def tags() -> dict[str, str]:
+    """The tag key of every section that has one: body -> shape."""
+    marks = {name: getattr(hint, "__metadata__", ()) for name, hint in hints(Config).items()}
+    return {name: mark.tag for name, found in marks.items() for mark in found if isinstance(mark, TaggedBy)}
+
+
+@cache
+def sections() -> dict[str, tuple[type, ...]]:
+    """The sections of the file in order, with the dataclasses each may be."""
+    found = {name: members(hint) for name, hint in hints(Config).items()}
+    return {name: kinds for name, kinds in found.items() if dataclasses.is_dataclass(kinds[0])}
+
+
+def kind_of(section: str, document: Mapping[str, Any]) -> type | None:
+    """The dataclass that the document's section chooses, None when it chooses none."""
+    kinds = sections().get(section, ())
+    if section not in tags():
+        return kinds[0] if kinds else None
+    tag = tags()[section]
+    default = getattr(Config.model_fields[section].default, tag, None)
+    body = document.get(section)
+    chosen = body.get(tag, default) if isinstance(body, Mapping) else default
+    return kinds_of(hints(Config)[section], tag).get(chosen) if isinstance(chosen, str) else None
+
+
+def hint_at(path: Path, document: Mapping[str, Any]) -> Any:
+    """The type that belongs at a key path of the document, None where there is none."""
+    if path[:2] == ("indenter", "center"):
+        path = ("center", *path[2:])
+    hint: Any = hints(Config).get(str(path[0])) if path else None
+    for depth, part in enumerate(path[1:]):
+        kind = kind_of(str(path[0]), document) if depth == 0 and path[0] in sections() else core(hint)
+        hint = _inside(kind, part)
+    return hint
+
+
+def keys_at(path: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
+    """The keys that may stand in a section of the document, the root's for ()."""
+    if not path:
+        return tuple(name for name in field_names(Config) if name != "center")
+    kind = kind_of(str(path[0]), document) if len(path) == 1 else core(hint_at(path, document))
+    names = file_order(kind) if dataclasses.is_dataclass(kind) else ()
+    return (*names, "center") if path == ("indenter",) else names
+
+
+def file_order(kind: Any) -> tuple[str, ...]:
+    """The fields of a dataclass as a file gives them: the tag first."""
+    names = field_names(kind)
+    return tuple(sorted(names, key=lambda name: not _is_tag(kind, name)))
+
+
+def _is_tag(kind: Any, name: str) -> bool:
+    return name in tags().values() and len(get_args(hints(kind)[name])) == 1
+
+
+def _inside(kind: Any, part: str | int) -> Any:
+    if dataclasses.is_dataclass(kind):
+        return hints(kind).get(str(part))  # type: ignore[arg-type]
+    if get_origin(kind) is tuple:
+        return get_args(kind)[0]
+    return get_args(kind)[1] if get_origin(kind) is dict else None
