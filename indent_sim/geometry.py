@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from indent_sim.errors import BackendError, MeshError
-from indent_sim.scene import Scene, Sizes
+from indent_sim.scene import Scene
+from indent_sim.sizing import Sizes
 
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 

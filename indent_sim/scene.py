@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
+from indent_sim import sizing
+from indent_sim.errors import ConfigError
 from indent_sim.model.body import Body
-from indent_sim.model.contact import Penalty
-from indent_sim.model.indenters import Indenter
+from indent_sim.model.contact import AutoContact, Contact, Penalty
+from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
+from indent_sim.model.quantities import scaled
+from indent_sim.oracle import Oracle, half_space_force, oracle
+from indent_sim.reduction import Pins, Reduction, reduce
+from indent_sim.sizing import Sizes, rounded
+from indent_sim.state import Scales
+from indent_sim.theory import half_space
 
+if TYPE_CHECKING:
+    from indent_sim.config import Config
 
-@dataclass(frozen=True)
-class Scales:
-    """One length and one pressure of the scene; the solver and gmsh see everything divided by them.
-
-    force [pressure length^2] and energy [pressure length^3] follow, one power of length less in plane strain.
-    """
-
-    length: float
-    pressure: float
-    dim: int = 3  # 2 in plane strain, where forces are per unit length
-
-    @property
-    def force(self) -> float:
-        """Unit of force."""
-        return self.pressure * self.length ** (self.dim - 1)
-
-    @property
-    def energy(self) -> float:
-        """Unit of energy."""
-        return self.pressure * self.length**self.dim
+PENALTY_MULTIPLE = 100.0  # epsilon_n: auto in units of E*/h_contact; 0.1 % of the force on HERTZ (docs/accuracy.md)
+LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
 
 
 @dataclass(frozen=True)
@@ -43,23 +37,6 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Sizes:
-    """Element sizes [length] and order.
-
-    h_contact inside `patch` of the tip's axis, growing by `grading` per unit distance outside it up to h_far;
-    around a sharp edge at radius `edge` it shrinks to h_edge.
-    """
-
-    h_contact: float
-    h_far: float
-    patch: float
-    order: int = 2
-    grading: float = 0.2
-    edge: float | None = None
-    h_edge: float | None = None
-
-
-@dataclass(frozen=True)
 class Scene:
     """A completely decided simulation; every number is non-dimensional (see `scales`)."""
 
@@ -67,12 +44,12 @@ class Scene:
     units: dict[str, str]
     scales: Scales
     kinematics: Kinematics
-    symmetry: str  # axisymmetric | plane_strain | quarter | half | full
+    symmetry: str  # axisymmetric | quarter | half | full
     copies: int  # how many times the modelled part makes the whole body
     body: Body
     extent: tuple[tuple[float, float], ...]  # of the modelled part, (min, max) along each axis
     supports: dict[str, str]  # named surface -> free | roller | fixed; symmetry planes are rollers
-    pins: tuple[tuple[tuple[float, ...], int], ...]  # (point, component) that remove rigid modes
+    pins: Pins  # (point, component) that remove rigid modes
     material: Material
     indenter: Indenter
     center: tuple[float, ...]
@@ -80,7 +57,219 @@ class Scene:
     gap: str  # reference | current
     deltas: tuple[float, ...]
     sizes: Sizes
+    solver: dict[str, Any]
+    oracle: Oracle | None = field(default=None, repr=False)
     choices: tuple[Choice, ...] = ()
     warnings: tuple[str, ...] = ()
-    prediction: dict[str, float] = field(default_factory=dict)
-    solver: dict = field(default_factory=dict)
+    prediction: dict[str, float] = field(default_factory=dict)  # in the user's units
+
+
+def resolve(config: Config) -> Scene:
+    """Decide everything the config leaves open.
+
+    Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
+    """
+    material = _material(config)
+    center = config.center or config.body.centre
+    _check_scene(config.body, config.indenter, center, config.loading.path())
+    scales = Scales(config.body.height, material.E, 2 if config.body.shape == "strip" else 3)
+    unit = (scales.length, scales.pressure)
+    body, tip = scaled(config.body, *unit), scaled(config.indenter, *unit)
+    material = scaled(material, *unit)
+    center = tuple(rounded(c / scales.length) for c in center)
+    deltas = tuple(delta / scales.length for delta in config.loading.path())
+    reduction = reduce(_rounded_body(body), center, config.mesh.symmetry)
+    theory = oracle(body, material, tip, center)
+    a = _expected_radius(theory, tip, body, max(deltas), center)
+    sizes = _sizes(config, reduction, tip, a, scales, center)
+    cost = _affordable(sizes, reduction, center)
+    contact, contact_choice = _contact(config.contact, sizes, material, scales)
+    gap, gap_choice = _gap(config.contact, reduction)
+    choices = (
+        Choice("symmetry", reduction.symmetry, reduction.why),
+        Choice("kinematics", reduction.kinematics.name, "small strain: the material is linear elastic"),
+        gap_choice,
+        contact_choice,
+        *_mesh_choices(config, sizes, scales, a),
+        Choice("solver.method", "newton", "semismooth Newton, LU by MUMPS"),
+        *_pin_choices(reduction),
+    )
+    return Scene(
+        title=config.title, units=_labels(config), scales=scales, kinematics=reduction.kinematics,
+        symmetry=reduction.symmetry, copies=reduction.copies, body=body, extent=reduction.extent,
+        supports=reduction.supports, pins=reduction.pins, material=material, indenter=tip, center=center,
+        contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
+        solver={"rtol": config.solver.rtol, "max_iterations": config.solver.max_iterations,
+                "petsc": dict(config.solver.petsc)},
+        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, gap)),
+        prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
+            "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
+    )  # fmt: skip
+
+
+def _labels(config: Config) -> dict[str, str]:
+    return {"length": config.units.length, "force": config.units.force} if config.units else {}
+
+
+# ---- checks ---------------------------------------------------------------------------------------------------
+
+
+def _material(config: Config) -> Material:
+    try:
+        material = config.material.canonical()
+    except ValueError as wrong:
+        raise ConfigError("material", str(wrong)) from wrong
+    nu = material.nu
+    assert nu is not None
+    if nu > 0.4999:
+        raise ConfigError("material.nu", f"displacement elements cannot carry nu = {nu:g}", "use nu <= 0.4999")
+    return material
+
+
+def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: tuple[float, ...]) -> None:
+    if body.rim_distance(center) < 0:
+        raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
+    width = 2 * min(body.rim_distance(body.centre), body.rim_distance(body.centre))
+    if isinstance(tip, FlatPunch):
+        if 2 * tip.radius > width:
+            raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
+                              f"at most {width / 2:g}")  # fmt: skip
+        if tip.edge_radius >= tip.radius:
+            raise ConfigError("indenter.edge_radius", "must be smaller than the punch's radius", f"below {tip.radius:g}")
+    if max(deltas) >= body.height:
+        raise ConfigError("loading", f"depth {max(deltas):g} is beyond the body's thickness {body.height:g}",
+                          f"stay below {body.height:g}")  # fmt: skip
+
+
+def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...]) -> sizing.Cost:
+    cost = sizing.cost(sizes, reduction.extent, center)
+    available = sizing.machine_memory()
+    if cost.memory > available:
+        raise ConfigError("mesh.h_contact", f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this "
+                          f"machine has {available / 1e9:.3g} GB", "use a larger h_contact, or symmetry")  # fmt: skip
+    return cost
+
+
+# ---- choices --------------------------------------------------------------------------------------------------
+
+
+def _rounded_body(body: Body) -> Body:
+    def to_digits(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(rounded, value))
+        return rounded(value) if isinstance(value, float) else value
+
+    return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
+
+
+def _expected_radius(theory: Oracle | None, tip: Indenter, body: Body, delta: float, center: tuple[float, ...]) -> float:
+    """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
+    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
+    if delta <= 0:
+        return 0.2 * rim
+    solution = theory.at(delta) if theory else None
+    return min(solution.a if solution else tip.radius_at(delta), rim)
+
+
+def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
+           center: tuple[float, ...]) -> Sizes:  # fmt: skip
+    mesh, dim = config.mesh, reduction.kinematics.dim
+    sharp = isinstance(tip, FlatPunch) and tip.edge_radius == 0
+    edge = rounded(tip.radius) if isinstance(tip, FlatPunch) and sharp else None
+    height = reduction.extent[-1][1] - reduction.extent[-1][0]
+    width = max(high - low for low, high in reduction.extent[:-1])
+    h_contact = None if mesh.h_contact == "auto" else mesh.h_contact / scales.length
+    h_far = None if mesh.h_far == "auto" else mesh.h_far / scales.length
+    if h_contact and h_far and h_far < h_contact:
+        raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {mesh.h_contact:g}")
+    if h_contact and h_contact > height:
+        raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
+    return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge)
+
+
+def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) -> tuple[Penalty, Choice]:
+    E_star = half_space.E_star(material.E, material.nu)  # type: ignore[arg-type]
+    stated = isinstance(wanted, Penalty) and wanted.epsilon_n != "auto"
+    epsilon_n = wanted.epsilon_n * scales.length / scales.pressure if stated else PENALTY_MULTIPLE * E_star / sizes.h_contact  # type: ignore[union-attr, operator]
+    multiple = epsilon_n * sizes.h_contact / E_star
+    why = f"as given: {multiple:.3g} E*/h_contact" if stated else f"auto: {PENALTY_MULTIPLE:g} E*/h_contact"
+    method = "the method that needs nothing but a stiffness" if isinstance(wanted, AutoContact) else "as given"
+    dimensional = epsilon_n * scales.pressure / scales.length
+    return Penalty(epsilon_n=epsilon_n), Choice("contact", f"penalty, epsilon_n = {dimensional:.6g}", f"{method}; {why}")
+
+
+def _gap(wanted: Contact, reduction: Reduction) -> tuple[str, Choice]:
+    gap = "reference" if wanted.gap == "auto" else wanted.gap
+    if gap == "current" and reduction.pins:
+        raise ConfigError(
+            "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
+            "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
+        )  # fmt: skip
+    why = "as given" if wanted.gap != "auto" else "linear elastic: Hertz' own problem, tested at the undeformed point"
+    return gap, Choice("contact.gap", gap, why)
+
+
+def _mesh_choices(config: Config, sizes: Sizes, scales: Scales, a: float) -> list[Choice]:
+    L = scales.length
+    per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
+    chosen = "as given" if config.mesh.h_contact != "auto" else "auto: at most 0.3 % of the force at the last step"
+    far = "as given" if config.mesh.h_far != "auto" else f"sizes grow by {sizes.grading:g} per unit distance up to this"
+    choices = [
+        Choice("mesh.h_contact", sizes.h_contact * L, f"{chosen}; {per_radius}"),
+        Choice("mesh.h_far", sizes.h_far * L, far),
+        Choice("mesh.order", sizes.order, "quadratic displacement" if sizes.order == 2 else "linear displacement, as given"),
+    ]
+    if sizes.h_edge is not None:
+        choices.append(Choice("h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
+    return choices
+
+
+def _pin_choices(reduction: Reduction) -> list[Choice]:
+    if not reduction.pins:
+        return []
+    return [Choice("pins", len(reduction.pins), "roller base and free sides leave rigid modes; reactions audited to be zero")]
+
+
+# ---- what to expect -------------------------------------------------------------------------------------------
+
+
+def _prediction(theory: Oracle | None, tip: Indenter, material: Material, delta: float, a: float, scales: Scales
+                ) -> dict[str, float]:  # fmt: skip
+    prediction = {"a": a * scales.length}
+    solution = theory.at(delta) if theory and delta > 0 else None
+    if solution:
+        prediction["force"] = solution.force * scales.force
+    closed = half_space_force(tip, delta, half_space.E_star(material.E, material.nu)) if scales.dim == 3 else None  # type: ignore[arg-type]
+    if closed:
+        prediction["force_half_space"] = closed[1] * scales.force
+    return prediction
+
+
+def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], delta: float, a: float,
+              theory: Oracle | None, gap: str) -> list[str]:  # fmt: skip
+    if delta <= 0:
+        return ["the tip never reaches the body: every depth is <= 0"]
+    warnings = []
+    R = tip.R if isinstance(tip, (Paraboloid, Sphere)) else None
+    if R and 0.2 * a / R > 0.05:
+        warnings.append(f"strains near 0.2 a/R = {0.2 * a / R:.2g}: small strain is no longer a good model")
+    if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
+        warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
+    if delta > 0.1 * body.height:
+        warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
+    if a > 0.8 * body.rim_distance(center):
+        warnings.append("the contact comes close to the edge of the body")
+    if material.nu is not None and material.nu >= LOCKING:
+        warnings.append(f"nu = {material.nu:g} with displacement elements: pressures oscillate, forces are too high")
+    return warnings + _half_space_warning(tip, material, delta, theory, body)
+
+
+def _half_space_warning(tip: Indenter, material: Material, delta: float, theory: Oracle | None, body: Body) -> list[str]:
+    solution = theory.at(delta) if theory and body.shape != "strip" else None
+    closed = half_space_force(tip, delta, half_space.E_star(material.E, material.nu))  # type: ignore[arg-type]
+    if not (solution and closed):
+        return []
+    low = 1 - closed[1] / solution.force
+    if abs(low) < 0.01:
+        return []
+    return [f"{closed[0]} does not apply: at this thickness the half-space force is {abs(low):.1%} too {'low' if low > 0 else 'high'}"]

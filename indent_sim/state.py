@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,34 @@ class Surface:
     u: np.ndarray
     gap: np.ndarray
     pressure: np.ndarray
+
+    def in_units(self, length: float, pressure: float) -> Surface:
+        """The same table with lengths and pressures measured in the user's units."""
+        return Surface(
+            self.x * length, self.y * length, self.u * length, self.gap * length, self.pressure * pressure
+        )
+
+
+@dataclass(frozen=True)
+class Scales:
+    """One length and one pressure of the scene; the solver and gmsh see everything divided by them.
+
+    force [pressure length^2] and energy [pressure length^3] follow, one power of length less in plane strain.
+    """
+
+    length: float
+    pressure: float
+    dim: int = 3  # 2 in plane strain, where forces are per unit length
+
+    @property
+    def force(self) -> float:
+        """Unit of force."""
+        return self.pressure * self.length ** (self.dim - 1)
+
+    @property
+    def energy(self) -> float:
+        """Unit of energy."""
+        return self.pressure * self.length**self.dim
 
 
 @dataclass(frozen=True)
@@ -50,8 +78,18 @@ class State:
     force_error: float | None = None
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
-    @property
-    def audit(self) -> float:
-        """|force - reaction| relative to the larger of the two; 0 out of contact."""
-        size = max(abs(self.force), abs(self.reaction))
-        return abs(self.force - self.reaction) / size if size > 0 else 0.0
+    def in_units(self, scales: Scales) -> State:
+        """The same state measured in the user's units, of which the scales are the scene's."""
+        L, P, F = scales.length, scales.pressure, scales.force
+        return replace(
+            self,
+            delta=self.delta * L,
+            force=self.force * F,
+            a=self.a * L,
+            p_max=self.p_max * P,
+            penetration=self.penetration * L,
+            energy=self.energy * scales.energy,
+            reaction=self.reaction * F,
+            stray_reaction=self.stray_reaction * F,
+            surface=self.surface and self.surface.in_units(L, P),
+        )

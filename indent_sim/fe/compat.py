@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+import platform
+from collections.abc import Iterable
 from typing import Any
 
 import dolfinx
@@ -9,6 +12,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 CELLS = {2: "triangle", 3: "tetrahedron"}
@@ -95,3 +99,32 @@ def quadrature(cell: str, degree: int) -> tuple[np.ndarray, np.ndarray]:
 
     points, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
     return np.asarray(points).reshape(len(weights), -1), np.asarray(weights)
+
+
+def unused_options(prefix: str, names: Iterable[str]) -> list[str]:
+    """Those PETSc options of a prefix that nothing has asked for so far (petsc4py does not tell before 3.19)."""
+    library = ctypes.CDLL(PETSc.__file__)  # the extension resolves the symbols of the libpetsc it is linked to
+    used = ctypes.c_int()
+    unused = []
+    for name in names:
+        library.PetscOptionsUsed(None, f"-{prefix}{name}".encode(), ctypes.byref(used))
+        if not used.value:
+            unused.append(name)
+    return unused
+
+
+def versions() -> dict[str, str]:
+    """Versions of the libraries that the numbers of a run depend on."""
+    import gmsh
+    import petsc4py
+    from mpi4py import MPI
+
+    return {
+        "python": platform.python_version(),
+        "dolfinx": dolfinx.__version__,
+        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+        "petsc4py": petsc4py.__version__,
+        "gmsh": gmsh.__version__,
+        "numpy": np.__version__,
+        "mpi": MPI.Get_library_version().split(",")[0].strip(),
+    }

@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from indent_sim.errors import ConfigError
+from indent_sim.fe import compat
 from indent_sim.fe.problem import Problem
 
 PREFIX = "indent_sim_"
@@ -70,6 +71,11 @@ class Newton:
         if residual <= self.rtol * self._reaction + ROUNDOFF * self._largest_reaction:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.ITERATING
+
+    def refuse_unused_options(self) -> None:
+        """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
+        for name in compat.unused_options(PREFIX, self._user_options):
+            raise ConfigError(f"solver.petsc.{name}", "PETSc did not use this option", "check its name")
 
     def solve(self) -> bool:
         """Find the equilibrium at the problem's delta from its current solution; True when converged.

@@ -59,7 +59,17 @@ class Problem:
         self.x = compat.vector(self.solution)
         nodes = facet_nodes(self.mesh, self.space, self.body_mesh.surfaces["top"])
         coordinates = self.space.tabulate_dof_coordinates()[:, :dim]
-        self.trace = Trace(nodes, coordinates[nodes], nodes[..., None] * dim + np.arange(dim), order)
+        self.trace = Trace(nodes, coordinates[nodes], self.component_dofs(nodes), order)
+
+    def component_dofs(self, nodes: np.ndarray) -> np.ndarray:
+        """Indices (..., dim) into the local array of the displacement components at block dofs."""
+        dim = self.body_mesh.dim
+        return nodes[..., None] * dim + np.arange(dim)
+
+    @property
+    def displacement_dofmap(self) -> Any:
+        """Dofmap of the displacement blocks."""
+        return self.space.dofmap
 
     @property
     def dofs(self) -> int:
@@ -111,7 +121,7 @@ class Problem:
         contact_energy = law.potential(self._gap(X, delta))
         Pi = material.energy(H) * weight * volume + contact_energy * weight * contact
         residual = ufl.derivative(Pi, self.solution)
-        self._stress = material.stress(H)
+        self.stress = material.stress(H)
         self._residual = fem.form(residual)
         self._tangent = fem.form(ufl.derivative(residual, self.solution))
         self._energy = fem.form(Pi)
@@ -153,6 +163,10 @@ class Problem:
         """Take a solver's vector as the solution (owned and ghost values)."""
         x.copy(self.x)
         self.x.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def local_array(self) -> np.ndarray:
+        """The solution's dofs on this rank, ghosts included."""
+        return self.solution.x.array
 
     # ---- measurements ---------------------------------------------------------------------------------------
 

@@ -83,11 +83,11 @@ class Trace:
 
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length]."""
-        return np.einsum("pn,fnd->fpd", shapes(points, self.order), self.X)
+        return self.values(self.X, points)
 
-    def values(self, array: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Displacement (facets, points, dim) of the solution whose local array is given [length]."""
-        return np.einsum("pn,fnd->fpd", shapes(points, self.order), array[self.dofs])
+    def values(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """A nodal field (facets, n, components) at points: (facets, points, components)."""
+        return np.einsum("pn,fnd->fpd", shapes(points, self.order), nodal)
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's coordinates."""

@@ -1,0 +1,82 @@
+"""What a run says of itself at its end: theory beside it, its audit, its cost."""
+
+from __future__ import annotations
+
+import resource
+from typing import Any
+
+import numpy as np
+
+from indent_sim.oracle import half_space_force
+from indent_sim.scene import Scene
+from indent_sim.state import State
+from indent_sim.theory import half_space
+
+POINTS = 50  # of the theory curve that is kept for the plot
+
+
+def summary(scene: Scene, states: list[State], stages: dict[str, float], worst_audit: float) -> dict[str, Any]:
+    """The closing entries of run.json: theory, audit, timings [s] and peak memory [MB]."""
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {
+        "theory": theory_comparison(scene, states),
+        "audit": {
+            "force_against_reaction": worst_audit,
+            "energy_by_trapezoid": energy_balance(states),
+            "newton_iterations": sum(state.newton_iterations for state in states),
+        },
+        "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
+        "peak_memory_MB": round(memory, 1),
+    }
+
+
+def energy_balance(states: list[State]) -> float | None:
+    """Relative difference between int F ddelta (trapezoid rule) and the energy; reported, not judged: on a coarse
+    path the rule itself is wrong by far more than the solution."""
+    if len(states) < 2 or states[-1].energy == 0:
+        return None
+    delta = np.array([0.0, *(state.delta for state in states)])
+    force = np.array([0.0, *(state.force for state in states)])
+    work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2))
+    return work / states[-1].energy - 1
+
+
+def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | None:
+    """Small-strain theory beside the deepest state, and its curve over the depths walked; None without theory.
+
+    `force_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
+    """
+    pushed = [state for state in states if state.delta > 0]
+    if scene.oracle is None or not pushed:
+        return None
+    deepest = max(pushed, key=lambda state: state.delta)
+    L, F = scene.scales.length, scene.scales.force
+    delta = deepest.delta / L
+    solution = scene.oracle.at(delta)
+    if solution is None:
+        return None
+    depths = np.linspace(0, delta, POINTS + 1)[1:]
+    curve = scene.oracle.curve(depths.tolist()) or []
+    return {
+        "name": scene.oracle.name,
+        "exact": scene.oracle.exact and scene.gap == "reference",
+        "why": scene.oracle.why,
+        "delta": deepest.delta,
+        "force": solution.force * F,
+        "a": solution.a * L,
+        "force_deviation": deepest.force / (solution.force * F) - 1,
+        "a_deviation": deepest.a / (solution.a * L) - 1,
+        "half_space": _half_space(scene, delta, deepest.force),
+        "curve": {"delta": [s.delta * L for s in curve], "force": [s.force * F for s in curve], "a": [s.a * L for s in curve]},
+    }
+
+
+def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:
+    if scene.scales.dim == 2:
+        return None
+    E_star = half_space.E_star(scene.material.E, scene.material.nu)  # type: ignore[arg-type]
+    closed = half_space_force(scene.indenter, delta, E_star)
+    if closed is None:
+        return None
+    name, value = closed
+    return {"name": name, "force": value * scene.scales.force, "deviation": value * scene.scales.force / force - 1}

@@ -1,0 +1,141 @@
+"""What is read off a solution: contact radius, peak pressure, penetration and the surface table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.surface import lattice, quadrature_points
+from indent_sim.model.indenters import gap_current, gap_reference
+from indent_sim.state import Surface
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Fields at points of the contact facets, each (facets, points[, dim]).
+
+    X reference coordinates, u displacement, gap g, p_hat nominal trial pressure (negative out of contact),
+    pressure >= 0 (nominal with a reference gap, true with a current one).
+    """
+
+    X: np.ndarray
+    u: np.ndarray
+    gap: np.ndarray
+    p_hat: np.ndarray
+    pressure: np.ndarray
+
+
+def sample(problem: Problem, points: np.ndarray) -> Sample:
+    """Evaluate the contact fields at points (n, facet dim) of every contact facet of this rank."""
+    scene, trace = problem.scene, problem.trace
+    array = problem.local_array()
+    X, u = trace.positions(points), trace.values(array[trace.dofs], points)
+    gap = _gap(problem, X, u)
+    p_hat = scene.contact.trial_pressure(gap)
+    pressure = np.maximum(p_hat, 0.0)
+    if scene.gap == "current":
+        pressure = pressure / _area_ratio(problem, array, points, X, u)
+    return Sample(X, u, gap, p_hat, pressure)
+
+
+def _gap(problem: Problem, X: np.ndarray, u: np.ndarray) -> np.ndarray:
+    scene, last = problem.scene, problem.trace.dim - 1
+    delta = float(problem.delta.value)
+    x = X if scene.gap == "reference" else X + u
+    horizontal = scene.kinematics.horizontal(np.moveaxis(x, -1, 0), scene.center)
+    if scene.gap == "reference":
+        return gap_reference(scene.indenter, *horizontal, u[..., last], delta)
+    return gap_current(scene.indenter, *horizontal, x[..., last], delta)
+
+
+def _area_ratio(problem: Problem, array: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Deformed over reference area da/dA of the surface, from the trace alone."""
+    trace = problem.trace
+    before = _measure(trace.tangents(trace.X, points))
+    after = _measure(trace.tangents(trace.X + array[trace.dofs], points))
+    if problem.scene.kinematics.name != "axisymmetric":
+        return after / before
+    # u_r/r tends to du_r/dr on the axis, where both stretches of the surface are equal
+    r = X[..., 0]
+    hoop = np.where(r > 0, 1 + u[..., 0] / np.where(r > 0, r, 1.0), after / before)
+    return after / before * hoop
+
+
+def _measure(tangents: np.ndarray) -> np.ndarray:
+    if tangents.shape[-1] == 1:
+        return np.linalg.norm(tangents[..., 0], axis=-1)
+    return np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
+
+
+def contact_radius(problem: Problem) -> float:
+    """sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), resolved inside elements.
+
+    The region is cut along p_hat = 0, linearly inside each of the small simplices of a facet. With a current
+    gap it is measured in the deformed configuration, projected on the horizontal plane.
+    """
+    points, simplices = lattice(problem.trace.dim)
+    s = sample(problem, points)
+    x = (s.X if problem.scene.gap == "reference" else s.X + s.u)[..., :-1]
+    corners, p_hat = x[:, simplices], s.p_hat[:, simplices]
+    size = _positive_length(problem, corners[..., 0], p_hat) if problem.trace.dim == 2 else _positive_area(corners, p_hat)
+    total = problem.scene.copies * problem.comm.allreduce(size, op=MPI.SUM)
+    return total / 2 if problem.scene.kinematics.name == "plane_strain" else float(np.sqrt(total / pi))
+
+
+def _positive_length(problem: Problem, ends: np.ndarray, p_hat: np.ndarray) -> float:
+    """Length (area of the rings, when axisymmetric) of the parts of segments where the linear p_hat is positive."""
+    first, last = np.moveaxis(p_hat, -1, 0)
+    left, right = np.moveaxis(ends, -1, 0)
+    crossing = left + (right - left) * first / np.where(first == last, 1.0, first - last)
+    begin = np.where(first > 0, left, crossing)
+    end = np.where(last > 0, right, crossing)
+    inside = (first > 0) | (last > 0)
+    span = end**2 - begin**2 if problem.scene.kinematics.name == "axisymmetric" else end - begin
+    return float(np.abs(span[inside]).sum()) * (pi if problem.scene.kinematics.name == "axisymmetric" else 1.0)
+
+
+def _positive_area(corners: np.ndarray, p_hat: np.ndarray) -> float:
+    """Area of the parts of triangles where the linear p_hat is positive."""
+    edges = corners[..., 1:, :] - corners[..., :1, :]
+    area = 0.5 * np.abs(edges[..., 0, 0] * edges[..., 1, 1] - edges[..., 0, 1] * edges[..., 1, 0])
+    a, b, c = np.moveaxis(np.sort(p_hat, axis=-1), -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tip = c * c / ((c - a) * (c - b))  # one corner in contact
+        hole = 1 - a * a / ((a - b) * (a - c))  # one corner out of contact
+    fraction = np.where(a > 0, 1.0, np.where(c <= 0, 0.0, np.where(b > 0, hole, tip)))
+    return float((area * fraction).sum())
+
+
+def peak_pressure(problem: Problem) -> float:
+    """Largest pressure over the contact quadrature points and the surface's nodes."""
+    points = np.vstack([quadrature_points(problem.trace.dim), problem.trace.node_points()])
+    return problem.comm.allreduce(float(sample(problem, points).pressure.max(initial=0.0)), op=MPI.MAX)
+
+
+def penetration(problem: Problem) -> float:
+    """Largest <-g> over the contact quadrature points."""
+    gap = sample(problem, quadrature_points(problem.trace.dim)).gap
+    return problem.comm.allreduce(float(np.maximum(-gap, 0.0).max(initial=0.0)), op=MPI.MAX)
+
+
+def surface(problem: Problem) -> Surface | None:
+    """The surface table at the nodes, sorted by (x, y), gathered on rank 0; None on the others."""
+    s = sample(problem, problem.trace.node_points())
+    dim = problem.trace.dim
+    columns = np.concatenate([s.X, s.u, s.gap[..., None], s.pressure[..., None]], axis=-1).reshape(-1, 2 * dim + 2)
+    parts: Any = problem.comm.gather(columns, root=0)
+    if parts is None:
+        return None
+    table = np.concatenate(parts)
+    keys = np.round(table[:, : dim - 1], 10)
+    _, first = np.unique(keys, axis=0, return_index=True)
+    X, u, (gap, pressure) = table[first, :dim], table[first, dim : 2 * dim], table[first, 2 * dim :].T
+    zero = np.zeros(len(first))
+    if dim == 2:
+        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure)
+    return Surface(X[:, 0], X[:, 1], u, gap, pressure)

@@ -1,0 +1,121 @@
+"""Walking the load path: predict, solve, cut back, and say State after State."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from indent_sim.fe import observe
+from indent_sim.fe.newton import Newton
+from indent_sim.fe.problem import Problem
+from indent_sim.state import State
+
+SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
+
+
+@dataclass(frozen=True)
+class Point:
+    """A converged equilibrium on the path."""
+
+    delta: float
+    x: object  # PETSc vector
+
+
+class Walk:
+    """Newton along the requested depths, with a linear predictor, and cutback where a step is too long."""
+
+    def __init__(self, problem: Problem, newton: Newton, started: float | None = None):
+        self.problem = problem
+        self.newton = newton
+        self.started = time.perf_counter() if started is None else started
+        self._last = Point(0.0, problem.x.copy())  # the untouched body at rest
+        self._before: Point | None = None
+
+    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
+        """One State per requested depth; after the first one that is not converged there is no other."""
+        for step, delta in enumerate(deltas, start=1):
+            iterations = self.newton.iterations
+            substeps = self._reach(delta)
+            state = self._observe(step, delta, self.newton.iterations - iterations, substeps, wants_surface(step))
+            yield state
+            if not state.converged:
+                return
+
+    def return_to_last(self) -> None:
+        """Put the last equilibrium back into the problem, after a step that failed."""
+        self.problem.delta.value = self._last.delta
+        self.problem.set_solution(self._last.x)
+
+    def _reach(self, target: float) -> int:
+        """Step to the target, halving on failure and doubling on success; 0 when it cannot be reached."""
+        start = self._last.delta
+        fraction, reached, substeps = 1.0, 0.0, 0
+        while reached < 1.0:
+            fraction = min(fraction, 1.0 - reached)
+            goal = target if reached + fraction >= 1.0 else start + (target - start) * (reached + fraction)
+            if self._attempt(goal):
+                reached, fraction, substeps = reached + fraction, 2 * fraction, substeps + 1
+            elif fraction <= SMALLEST_CUT:
+                return 0
+            else:
+                fraction /= 2
+        return substeps
+
+    def _attempt(self, delta: float) -> bool:
+        """Solve at delta, first from the extrapolated state, then from the last one."""
+        self.problem.delta.value = delta
+        if self._extrapolate(delta) and self.newton.solve():
+            self._accept(delta)
+            return True
+        self.problem.set_solution(self._last.x)
+        if self.newton.solve():
+            self._accept(delta)
+            return True
+        self.return_to_last()
+        return False
+
+    def _extrapolate(self, delta: float) -> bool:
+        """Predict linearly from the last two states; False where there are no two, or they are too close."""
+        if self._before is None or self._last.delta == self._before.delta:
+            return False
+        ratio = (delta - self._last.delta) / (self._last.delta - self._before.delta)
+        if not 0 < ratio <= 2:  # further out, or turning back, a line predicts nothing
+            return False
+        guess = self._last.x.copy()  # type: ignore[attr-defined]
+        guess.axpy(ratio, self._last.x - self._before.x)  # type: ignore[operator, attr-defined]
+        self.problem.set_solution(guess)
+        return True
+
+    def _accept(self, delta: float) -> None:
+        self._before, self._last = self._last, Point(delta, self.problem.x.copy())
+
+    def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
+        if substeps == 0:
+            return self._failed(step, delta, iterations)
+        problem = self.problem
+        reaction, stray = problem.reactions()
+        return State(
+            step=step,
+            delta=delta,
+            force=problem.force(),
+            a=observe.contact_radius(problem),
+            p_max=observe.peak_pressure(problem),
+            penetration=observe.penetration(problem),
+            energy=problem.energy(),
+            newton_iterations=iterations,
+            wall_s=time.perf_counter() - self.started,
+            reaction=reaction,
+            stray_reaction=stray,
+            substeps=substeps,
+            surface=observe.surface(problem) if with_surface else None,
+        )
+
+    def _failed(self, step: int, delta: float, iterations: int) -> State:
+        nan = float("nan")
+        reason = (
+            f"Newton did not converge at delta = {delta:.6g}, not even in substeps of {SMALLEST_CUT:.1e} of the step; "
+            f"the last equilibrium found is at delta = {self._last.delta:.6g}"
+        )
+        elapsed = time.perf_counter() - self.started
+        return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

@@ -1,0 +1,103 @@
+"""The theory that stands beside a scene: which closed form or layer solution applies, and how exactly."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from indent_sim.model.body import Body
+from indent_sim.model.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
+from indent_sim.model.materials import Material
+from indent_sim.theory import half_space, layer, plane_strain, tips
+from indent_sim.theory.solution import Solution
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
+
+    `why` says what the finite body has that the theory has not.
+    """
+
+    name: str
+    exact: bool
+    why: str
+    _module: Any
+    _tip: Any
+    _body: dict[str, Any]
+
+    def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
+        """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets the wall)."""
+        with contextlib.suppress(ValueError):
+            return self._module.curve(self._tip, list(deltas), **self._body)
+        return None
+
+    def at(self, delta: float) -> Solution | None:
+        """The Solution at one depth, or None."""
+        solutions = self.curve([delta])
+        return solutions[0] if solutions else None
+
+
+def oracle(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> Oracle | None:
+    """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
+    canonical = material.canonical()
+    E, nu = canonical.E, canonical.nu
+    assert E is not None and nu is not None
+    module = plane_strain if body.shape == "strip" else layer
+    with contextlib.suppress(ValueError):
+        theory_tip = _theory_tip(tip, module)
+        if theory_tip is None or nu < 0:
+            return None
+        wall, exact, why = _wall(body, center)
+        arguments = {"E": E, "nu": nu, "h": body.height, "base": body.base, "wall": wall}
+        return Oracle("layer theory", exact, why, module, theory_tip, arguments)
+    return None
+
+
+def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
+    """Radius of the roller wall, if the body has the one that theory knows, and what is different otherwise."""
+    on_axis = np.allclose(center, body.centre, rtol=0, atol=1e-12 * body.height)
+    match body.shape:
+        case "cylinder" if on_axis and body.sides == "roller":
+            return body.radius, True, "a layer in a frictionless cylinder is this very body"
+        case "strip" if on_axis and body.sides.x_min == body.sides.x_max == "roller":
+            return body.width / 2, True, "a strip between frictionless walls is this very body"
+    return None, False, "theory's layer is infinitely wide"
+
+
+def _theory_tip(tip: Indenter, module: Any) -> Any:
+    known = tips if module is layer else plane_strain
+    match tip:
+        case Paraboloid(R=R):
+            return known.paraboloid(R)
+        case Sphere(R=R):
+            return known.sphere(R)
+        case Cone(half_angle=angle, tip_radius=radius) if module is layer:
+            return tips.cone(angle, radius)
+        case Cone(half_angle=angle, tip_radius=0.0):
+            return plane_strain.cone(angle)
+        case FlatPunch(radius=radius, edge_radius=edge) if module is layer:
+            return tips.flat_punch(radius, edge)
+        case FlatPunch(radius=radius, edge_radius=0.0):
+            return plane_strain.flat_punch(radius)
+    return None
+
+
+def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
+    """Name and force of the half-space closed form of a tip (Hertz, Sneddon); None for the tips without one."""
+    if delta <= 0:
+        return None
+    match tip:
+        case Paraboloid(R=R):
+            return "Hertz", half_space.paraboloid_force(delta, R, E_star)
+        case Sphere(R=R):
+            return "Sneddon (sphere)", half_space.sphere_force(delta, R, E_star)
+        case Cone(half_angle=angle, tip_radius=0.0):
+            return "Sneddon (cone)", half_space.cone_force(delta, angle, E_star)
+        case FlatPunch(radius=radius, edge_radius=0.0):
+            return "Sneddon (flat punch)", half_space.flat_punch_force(delta, radius, E_star)
+    return None

@@ -1,0 +1,229 @@
+"""The chain of one run: Config -> Scene -> Grid -> Problem -> State, State, ... -> Results."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from indent_sim import geometry
+from indent_sim.comparison import summary
+from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
+from indent_sim.parallel import on_root
+from indent_sim.results import ResultFolder
+from indent_sim.scene import Scene, resolve
+from indent_sim.state import State
+
+if TYPE_CHECKING:
+    from indent_sim.config import Config
+
+AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, relative
+AUDIT_FLOOR = 1e-6  # of the largest force so far: a body let go of has no force to compare with
+MANY_STEPS = 100  # up to here `surface: last` is rewritten at every step, so that a killed run has it too
+Progress = Callable[[State, int, int], None]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished run: where it lies, what run.json says (rank 0), and its states in the user's units."""
+
+    directory: Path
+    report: dict[str, Any]
+    states: list[State]
+
+
+@dataclass
+class Clock:
+    """Seconds spent in each stage of a run."""
+
+    started: float = field(default_factory=time.perf_counter)
+    stages: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time of the block to a stage."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
+
+
+class Record:
+    """The result folder seen from all ranks: rank 0 writes, every rank learns of a failure."""
+
+    def __init__(self, comm: Any, target: Path, config_yaml: str, **options: Any):
+        self.comm = comm
+        self.report: dict[str, Any] = {}
+        self._open = lambda: ResultFolder(target, config_yaml, report=self.report, **options).__enter__()
+        self._folder: ResultFolder | None = None
+
+    def __enter__(self) -> Record:
+        self._folder = on_root(self.comm, self._open)
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        if error[0] is None:
+            on_root(self.comm, self._close, *error)
+        elif self._folder is not None:
+            self._close(*error)
+
+    def _close(self, *error: Any) -> None:
+        assert self._folder is not None
+        self._folder.__exit__(*error)
+        self.report = dict(self._folder.report)
+
+    def __call__(self, method: str, *args: Any, **options: Any) -> None:
+        """Call a method of the folder on rank 0."""
+        on_root(self.comm, lambda: getattr(self._folder, method)(*args, **options))
+
+    def note(self, **entries: Any) -> None:
+        """Add entries to run.json."""
+        if self._folder is not None:
+            self._folder.report.update(entries)
+
+
+def run(config: Config, comm: Any, *, directory: Path | None = None, progress: Progress | None = None) -> Outcome:
+    """Simulate a config and write its result folder (collective over `comm`, files by rank 0).
+
+    Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
+    before a failure is on disk.
+    """
+    from indent_sim.config import located, to_yaml
+
+    clock = Clock()
+    target = Path(directory or config.output.directory or "results/run")
+    try:
+        with clock.stage("resolve"):
+            scene = resolve(config)
+        with Record(comm, target, to_yaml(config), surface=config.output.surface) as record:
+            record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
+                        plan=_plan(scene), warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
+            states = Simulation(config, scene, record, clock).follow(progress)
+    except ConfigError as error:
+        raise located(config, error) from None
+    if config.output.plot:
+        on_root(comm, _plot, target)
+    return Outcome(target, record.report, states)
+
+
+def _plan(scene: Scene) -> dict[str, Any]:
+    return {"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales}
+
+
+class Simulation:
+    """A scene on its way through mesh, problem and load path; every converged state is on disk before the next."""
+
+    def __init__(self, config: Config, scene: Scene, record: Record, clock: Clock):
+        self.output = config.output
+        self.scene = scene
+        self.record = record
+        self.clock = clock
+        self.states: list[State] = []
+        self._worst_audit = 0.0
+        self._assemble()
+
+    def _assemble(self) -> None:
+        record, scene, clock = self.record, self.scene, self.clock
+        with clock.stage("imports"):
+            fe = _backend()
+        with clock.stage("mesh"):
+            grid = on_root(record.comm, geometry.build, scene)
+            mesh = fe.distribute(grid, scene, record.comm)
+        with clock.stage("assemble"):
+            problem = fe.Problem(scene, mesh)
+            self._newton = fe.Newton(problem, **scene.solver)
+            self._walk = fe.Walk(problem, self._newton, clock.started)
+        size = {"cells": int(len(grid.cells)), "points": int(len(grid.points))} if grid is not None else {}
+        record.note(dofs=problem.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
+        self._fields = fe.Fields(problem) if self.output.fields != "none" else None
+        if self._fields is not None:
+            points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
+            steps = len(scene.deltas) if self.output.fields == "all" else 1
+            record("open_fields", points, cells, keep=self.output.fields, steps=steps)
+
+    def follow(self, progress: Progress | None) -> list[State]:
+        """Walk the load path to its end; NotConverged or VerificationError where it stops before."""
+        total = len(self.scene.deltas)
+        try:
+            for state in self._timed(self._walk.states(self.scene.deltas, self._wants_surface)):
+                if not state.converged:
+                    raise NotConverged(f"step {state.step} of {total}: {state.reason}")
+                self._keep(state.in_units(self.scene.scales), state.step == total)
+                if progress is not None:
+                    progress(self.states[-1], state.step, total)
+        except NotConverged:
+            self._save_last_fields()
+            raise
+        finally:
+            self.record.note(**summary(self.scene, self.states, self.clock.stages, self._worst_audit))
+        return self.states
+
+    def _wants_surface(self, step: int) -> bool:
+        total = len(self.scene.deltas)
+        return self.output.surface == "all" or (
+            self.output.surface == "last" and (total <= MANY_STEPS or step == total)
+        )
+
+    def _timed(self, states: Iterator[State]) -> Iterator[State]:
+        while True:
+            with self.clock.stage("solve"):
+                state = next(states, None)
+            if state is None:
+                return
+            yield state
+
+    def _keep(self, state: State, last: bool) -> None:
+        """Audit a converged state and write it down."""
+        self._audit(state)
+        if state.step == 1:
+            self._newton.refuse_unused_options()
+        with self.clock.stage("write"):
+            if self.output.fields == "all" or last:
+                self._write_fields(state)
+            self.record("append", state)
+        self.states.append(state)
+
+    def _audit(self, state: State) -> None:
+        largest = max([abs(state.force), *(abs(earlier.force) for earlier in self.states)])
+        size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest)
+        difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
+        stray = state.stray_reaction / size if size > 0 else 0.0
+        self._worst_audit = max(self._worst_audit, difference, stray)
+        if not max(difference, stray) <= AUDIT_TOLERANCE:
+            raise VerificationError(
+                f"step {state.step} failed its audit: contact force {state.force:.10g}, reaction of the supports "
+                f"{state.reaction:.10g}, largest reaction of the rigid-mode pins {state.stray_reaction:.3g}; "
+                f"they must agree to {AUDIT_TOLERANCE:g}"
+            )
+
+    def _write_fields(self, state: State) -> None:
+        if self._fields is None:
+            return
+        L, P = self.scene.scales.length, self.scene.scales.pressure
+        displacement, stress, pressure = self._fields.gather() or (None, None, None)
+        if displacement is not None and stress is not None and pressure is not None:
+            displacement, stress, pressure = displacement * L, stress * P, pressure * P
+        self.record("write_fields", state, displacement, stress, pressure)
+
+    def _save_last_fields(self) -> None:
+        if self.states and self.output.fields == "last":
+            self._walk.return_to_last()
+            self._write_fields(self.states[-1])
+
+
+def _backend() -> Any:
+    try:
+        from indent_sim.fe import solver
+    except ImportError as missing:
+        raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
+    return solver
+
+
+def _plot(directory: Path) -> None:
+    from indent_sim import plots
+
+    plots.plot_run(directory)
