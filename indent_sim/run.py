@@ -110,6 +110,22 @@ def run(config: Config, comm: Any, *, directory: Path | None = None, progress: P
     return Outcome(target, record.report, states)
 
 
+def states(scene: Scene, comm: Any = None) -> Iterator[State]:
+    """Walk a scene without writing anything: one State per requested depth, in the user's units.
+
+    For notebooks and tests; a State that is not converged is the last one.
+    """
+    from mpi4py import MPI
+
+    fe = _backend()
+    comm = comm or MPI.COMM_SELF
+    mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
+    problem = fe.Problem(scene, mesh)
+    walk = fe.Walk(problem, fe.Newton(problem, **scene.solver))
+    for state in walk.states(scene.deltas, lambda step: True):
+        yield state.in_units(scene.scales)
+
+
 def _plan(scene: Scene) -> dict[str, Any]:
     return {"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales}
 
