@@ -1,0 +1,47 @@
+# indent-sim: `make demo` and `make test` do everything on a fresh Debian 12 or 13.
+
+SHELL := /bin/bash
+VENV := .venv/bin
+
+# One BLAS thread per rank; tests start their own ranks, more than there are cores, and as root in containers.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+export OMPI_MCA_rmaps_base_oversubscribe := 1
+export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
+
+.PHONY: help setup demo test lint verify bench stress debian13 clean
+.DEFAULT_GOAL := help
+
+help: ## this list
+	@sed -nE 's/^([a-z0-9]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+
+setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim
+	@scripts/setup
+
+demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
+	@$(VENV)/python scripts/demo
+
+test: setup lint ## ruff, mypy and the tests, under 10 minutes on two cores
+	$(VENV)/python -m pytest -q --durations=15
+
+lint: setup ## ruff and mypy only
+	$(VENV)/ruff check .
+	$(VENV)/mypy
+
+verify: setup ## accuracy against closed forms and converged references
+	$(VENV)/python -m pytest -q -m verify --durations=15
+
+bench: setup ## speed against accuracy
+	$(VENV)/python -m pytest -q -s -m bench
+
+stress: setup ## extremes of geometry, material and size
+	$(VENV)/python -m pytest -q -m stress --durations=15
+
+debian13: ## `make test` inside a Debian 13 root (needs root and debootstrap)
+	@scripts/debian13
+
+clean: ## remove .venv and the caches; results stay
+	rm -rf .venv build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find indent_sim tests -name __pycache__ -type d -prune -exec rm -rf {} +
