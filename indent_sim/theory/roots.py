@@ -1,0 +1,79 @@
+"""The contact size that belongs to a depth: inversion of an increasing load curve."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+CLOSEST = 1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
+
+
+def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
+    """Contact size in (0, limit) at which an increasing profile(x) is about `depth`: where to start."""
+    grid = limit * (1.0 - 1e-9) * np.geomspace(1e-18, 1.0, 400)
+    values = profile(grid)
+    if values[-1] <= depth:
+        return 0.5 * limit
+    i = max(1, int(np.searchsorted(values, depth)))
+    return float(np.sqrt(grid[i - 1] * grid[i]))
+
+
+def next_guess(known: list[tuple[float, float]], depth: float) -> float | None:
+    """Contact size at `depth` from the last two (depth, size) of a curve, which nearly obey a power law."""
+    if not known:
+        return None
+    last, a = known[-1]
+    exponent = 0.5
+    if len(known) > 1 and known[-2][0] != last:
+        exponent = math.log(a / known[-2][1]) / math.log(last / known[-2][0])
+    return a * (depth / last) ** min(max(exponent, 0.0), 1.0)
+
+
+def increasing_root(depth: Callable[[float], float], target: float, start: float, limit: float) -> float:
+    """Contact size a in (0, limit) with depth(a) = target > 0, for an increasing depth(a).
+
+    Secant in (log a, log depth), where Hertz is a straight line, kept inside a bracket that bisection
+    halves whenever the secant does not. Raises ValueError if depth stays below target up to 1e-4 from the
+    limit, ArithmeticError if nothing converges.
+    """
+    lo, hi = 0.0, limit
+    a = min(start, 0.5 * (start + limit) if start < limit else 0.9 * limit)
+    previous: tuple[float, float] | None = None
+    for iteration in range(200):
+        value = depth(a)
+        lo, hi = (a, hi) if value < target else (lo, a)
+        if value == target or hi - lo <= 1e-15 * hi:
+            return a
+        step = _power_law_step(a, value, target, previous)
+        if abs(step - a) <= 1e-11 * a:
+            return step  # the secant squares this error
+        previous = (a, value)
+        if (iteration > 30 and iteration % 2) or not lo < step < hi:
+            step = _between(lo, hi, limit)
+        if lo > limit * (1.0 - CLOSEST):
+            reason = "a wall, the end of the tip, or too thin a layer"
+            raise ValueError(f"the contact would reach {limit:g} thicknesses: {reason}")
+        a = step
+    raise ArithmeticError(f"no contact size found for the depth {target:g} (in units of the thickness)")
+
+
+def _power_law_step(a: float, value: float, target: float, previous: tuple[float, float] | None) -> float:
+    """Next a of the log-log secant; the exponent starts at the paraboloid's 2."""
+    if value <= 0.0:
+        return math.nan
+    exponent = 2.0
+    if previous is not None and previous[1] > 0.0 and previous[0] != a:
+        exponent = math.log(value / previous[1]) / math.log(a / previous[0])
+    if not 0.1 < exponent < 100.0:
+        exponent = 2.0 if exponent < 0.1 else 100.0
+    return a * (target / value) ** (1.0 / exponent)
+
+
+def _between(lo: float, hi: float, limit: float) -> float:
+    if lo == 0.0:
+        return 0.25 * hi
+    if hi >= limit:  # nothing is known above lo: approach the limit quickly, but not in one leap
+        return min(2.0 * lo, limit - 0.1 * (limit - lo))
+    return 0.5 * (lo + hi)

@@ -1,0 +1,103 @@
+"""The plane-strain strip against its converged reference number, half-plane limits and conservation laws."""
+
+import math
+
+import numpy as np
+import pytest
+
+from indent_sim.theory import half_space as hs
+from indent_sim.theory import plane_strain as ps
+
+UNIT = {"E": 1.0, "h": 1.0}
+PARABOLOID = ps.paraboloid(1.0)
+E_STAR = hs.E_star(1.0, 0.3)
+
+
+def width_integral(solution):
+    """∫_-a^a p dx, nodes crowded towards the middle and the edge."""
+    u, w = np.polynomial.legendre.leggauss(150)
+    u, w = 0.5 * (1.0 + u), 0.5 * w
+    t, dt = u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * u**2 * (1.0 - u) ** 2
+    return 2.0 * np.sum(w * dt * solution.a * solution.pressure(solution.a * t))
+
+
+def test_reference_numbers():
+    # E = 1, h = 1, R = 1, bonded, half-width 2; all digits are converged
+    s = ps.indent(PARABOLOID, 0.01, nu=0.3, wall=2.0, **UNIT)
+    assert s.force == pytest.approx(5.38351500073e-03, rel=1e-12)
+    assert s.a == pytest.approx(7.88040343271e-02, rel=1e-12)
+    assert s.pressure(0.0) == pytest.approx(4.349102404e-02, rel=1.2e-10)
+
+
+@pytest.mark.parametrize("wall", [None, 2.0])
+def test_small_contact_is_the_line_contact(wall):
+    s = ps.indent(PARABOLOID, 1e-9, nu=0.3, wall=wall, **UNIT)
+    assert s.force == pytest.approx(hs.line_contact_force(s.a, 1.0, E_STAR), rel=1e-8)
+    x = np.array([0.0, 0.5, 0.999]) * s.a
+    assert s.pressure(x) == pytest.approx(hs.line_contact_pressure(x, s.force, 1.0, E_STAR), rel=1e-8)
+
+
+def test_small_wedge_is_the_half_plane_one():
+    # F' = E* a cot(alpha), p = E* cot(alpha)/pi arcosh(a/x) (Johnson 1985, sect. 5.2)
+    cot = 1.0 / math.tan(math.radians(70.0))
+    s = ps.indent(ps.cone(70.0), 1e-6, nu=0.3, **UNIT)
+    assert s.force == pytest.approx(E_STAR * s.a * cot, rel=1e-9)
+    assert s.pressure(s.a / 2) == pytest.approx(E_STAR * cot / math.pi * math.acosh(2.0), rel=1e-9)
+
+
+def test_wedge_agrees_with_a_plain_profile():
+    # without its corner declared the same wedge converges, only slowly
+    wedge = ps.cone(70.0)
+    known = ps.indent(wedge, 0.1, nu=0.3, wall=1.0, **UNIT)
+    plain = ps.indent(ps.Profile(wedge.f), 0.1, nu=0.3, wall=1.0, **UNIT)
+    assert known.force == pytest.approx(plain.force, rel=1e-3)
+    assert width_integral(known) == pytest.approx(known.force, rel=1e-6)
+
+
+def test_walls_far_away():
+    infinite = ps.indent(PARABOLOID, 0.01, nu=0.3, **UNIT)
+    far = ps.indent(PARABOLOID, 0.01, nu=0.3, wall=50.0, **UNIT)
+    assert far.force == pytest.approx(infinite.force, rel=1e-12)
+    assert far.pressure(0.03) == pytest.approx(infinite.pressure(0.03), rel=1e-10)
+    assert 7e-4 < ps.wall_error(PARABOLOID, 0.01, nu=0.3, wall=2.0, **UNIT) < 8e-4
+
+
+@pytest.mark.parametrize("tip", [PARABOLOID, ps.sphere(1.0), ps.cone(60.0), ps.flat_punch(0.3)])
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize(("base", "wall"), [("fixed", None), ("fixed", 1.0), ("roller", 2.0)])
+def test_conservation(tip, nu, base, wall):
+    delta = 0.05
+    depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
+    less, s, more = ps.curve(tip, depths, nu=nu, base=base, wall=wall, **UNIT)
+    assert width_integral(s) == pytest.approx(s.force, rel=1e-6)
+    assert np.all(s.pressure(np.linspace(-1.2 * s.a, 1.2 * s.a, 24)) >= 0.0)
+    assert (more.energy - less.energy) / (2e-4 * delta) == pytest.approx(s.force, rel=1e-7)
+    assert (more.force - less.force) / (2e-4 * delta) == pytest.approx(s.stiffness, rel=1e-7)
+
+
+def test_thin_strip_is_an_oedometer():
+    # a >> h, bonded, compressible: p = M_c (delta - f)/h, a = sqrt(2 R delta), F' = 4/3 M_c a delta/h
+    nu, R, delta = 0.3, 1e4, 0.1
+    modulus = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    s = ps.indent(ps.paraboloid(R), delta, nu=nu, **UNIT)
+    assert s.a == pytest.approx(math.sqrt(2.0 * R * delta), rel=0.02)
+    assert s.force == pytest.approx(4.0 / 3.0 * modulus * s.a * delta, rel=0.03)
+    assert s.pressure(0.0) == pytest.approx(modulus * delta, rel=1e-3)
+
+
+def test_units_only_scale_and_lifting_off():
+    s = ps.indent(PARABOLOID, 0.1, nu=0.5, wall=2.0, **UNIT)
+    nano = ps.indent(ps.paraboloid(1e-9), 1e-10, E=1e12, nu=0.5, h=1e-9, wall=2e-9)
+    assert nano.force == pytest.approx(s.force * 1e12 * 1e-9, rel=1e-11)
+    assert nano.pressure(0.0) == pytest.approx(s.pressure(0.0) * 1e12, rel=1e-11)
+    assert ps.indent(PARABOLOID, -0.1, nu=0.3, **UNIT).force == 0.0
+    assert ps.indent(ps.flat_punch(0.5), 0.1, nu=0.3, **UNIT).pressure(0.5) == math.inf
+
+
+@pytest.mark.parametrize("change", [{"E": -1.0}, {"nu": 0.6}, {"h": 0.0}, {"base": "glued"}, {"wall": -1.0},
+                                    {"delta": math.inf}, {"delta": 5.0, "wall": 1.0},
+                                    {"tip": ps.flat_punch(1.0), "wall": 1.0}])
+def test_nonsense_is_refused(change):
+    arguments = {"tip": PARABOLOID, "delta": 0.01, "E": 1.0, "nu": 0.3, "h": 1.0, **change}
+    with pytest.raises(ValueError):
+        ps.indent(**arguments)
