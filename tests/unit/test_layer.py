@@ -200,8 +200,8 @@ def test_symbols():
 
 @pytest.mark.parametrize("change", [
     {"E": 0.0}, {"nu": 0.51}, {"nu": -0.1}, {"h": -1.0}, {"base": "glued"}, {"wall": 0.0},
-    {"delta": math.nan}, {"delta": 5.0, "wall": 1.0}, {"tip": PUNCH, "wall": 0.5}, {"tip": tips.flat_punch(1e3)},
-    {"tip": tips.paraboloid(1e6), "delta": 1.0},
+    {"delta": math.nan}, {"delta": 5.0, "wall": 1.0}, {"tip": PUNCH, "wall": 0.5},
+    {"tip": tips.flat_punch(1e3)}, {"tip": tips.paraboloid(1e6), "delta": 1.0},
 ])
 def test_nonsense_is_refused(change):
     arguments = {"tip": PARABOLOID, "delta": 0.01, "E": 1.0, "nu": 0.3, "h": 1.0, **change}

@@ -64,7 +64,8 @@ def test_walls_far_away():
 
 @pytest.mark.parametrize("tip", [PARABOLOID, ps.sphere(1.0), ps.cone(60.0), ps.flat_punch(0.3)])
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
-@pytest.mark.parametrize(("base", "wall"), [("fixed", None), ("fixed", 1.0), ("roller", 2.0)])
+@pytest.mark.parametrize(("base", "wall"), [
+    ("fixed", None), ("fixed", 1.0), ("roller", 2.0), ("roller", None)])
 def test_conservation(tip, nu, base, wall):
     delta = 0.05
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
