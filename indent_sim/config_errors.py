@@ -38,8 +38,9 @@ def _echoes(groups: dict[Path, list[Any]], document: Mapping[str, Any]) -> Itera
         if path and isinstance(path[-1], int):
             yield path[:-1]
         elif found["type"] in _UNKNOWN:
-            meant = closest(path[-1], schema.keys_at(path[:-1], document))
-            if (missing := (*path[:-1], meant)) in groups and groups[missing][0]["type"] in _MISSING:
+            meant = closest(path[-1], schema.keys_at(path[:-1], document)) or ""
+            missing = (*path[:-1], meant)
+            if missing in groups and groups[missing][0]["type"] in _MISSING:
                 yield missing
 
 
