@@ -26,7 +26,7 @@ setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim
 	@scripts/setup
 
 demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
-	@$(VENV)/python scripts/demo
+	@$(VENV)/indent-sim run configs/hertz.yaml
 
 test: setup lint ## ruff, mypy and the tests, under 10 minutes on two cores
 	$(VENV)/python -m pytest -q --durations=15
