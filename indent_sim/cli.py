@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from indent_sim.config import Config
     from indent_sim.run import Outcome
     from indent_sim.scene import Scene
+    from indent_sim.state import State
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
@@ -114,13 +115,13 @@ def program() -> None:
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
-    with together(comm), _stoppable(comm):
+    with together(comm), _stoppable(comm) as check:
         from indent_sim.config import load
         from indent_sim.parallel import on_root
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory)
+        outcome = _simulate(settings, comm, directory, check)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -152,7 +153,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     "--rtol", type=click.FloatRange(0, 1), default=1e-6, show_default=True, help="Relative tolerance."
 )
 def compare(first: Path, second: Path, rtol: float) -> None:
-    """Compare delta, force and a of two results, step by step; exit code 6 when they differ."""
+    """Compare two results step by step. Exit code 6 when delta, force or a differ."""
     from indent_sim import results, terminal
 
     comparison = results.compare(first, second, rtol)
@@ -200,7 +201,7 @@ def schema() -> None:
 @program.command()
 @json_option
 def doctor(as_json: bool) -> None:
-    """Versions and health of the installation; exit code 7 when something needed is broken."""
+    """Versions and health of the installation. Exit code 7 when something needed is broken."""
     from indent_sim import doctor as health
     from indent_sim.results import to_json
 
@@ -238,12 +239,13 @@ def together(comm: Any) -> Iterator[None]:
     except BaseException as error:
         if comm.size == 1:
             raise
-        if isinstance(error, IndentSimError) and _all_arrive(meeting):
-            if comm.rank == 0:
-                raise
-            raise click.exceptions.Exit(error.exit_code) from error
-        code = explain(error)
-        sys.stderr.flush()
+        expected = isinstance(error, IndentSimError)
+        speaks = comm.rank == 0 or not expected  # and before any rank ends: mpirun kills the rest then
+        code = explain(error) if speaks else getattr(error, "exit_code", 1)
+        if expected and _all_arrive(meeting):
+            raise click.exceptions.Exit(code) from error
+        if not speaks:
+            explain(error)
         comm.Abort(code)
 
 
@@ -258,30 +260,49 @@ def _all_arrive(comm: Any) -> bool:
 
 
 @contextmanager
-def _stoppable(comm: Any) -> Iterator[None]:
-    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along."""
+def _stoppable(comm: Any) -> Iterator[Callable[[], None]]:
+    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along.
+
+    Yields a check to call now and then: libraries may swallow what is raised in their callbacks, or turn it
+    into an error of their own.
+    """
+    arrived: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
+        arrived.append(number)
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
         raise Stopped(number)
 
+    def check() -> None:
+        if arrived:
+            raise Stopped(arrived[0])
+
     handler: Any = stop if comm.rank == 0 else signal.SIG_IGN
     before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield
+        yield check
+    except Exception:
+        check()
+        raise
     finally:
         for number, old in before.items():
             signal.signal(number, old)
 
 
-def _simulate(settings: Config, comm: Any, directory: Path) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None]) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
     shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
     try:
-        with shown(tell) as follow:
+        with shown(tell) as show:
+
+            def follow(state: State, step: int, total: int) -> None:
+                check()
+                if show is not None:
+                    show(state, step, total)
+
             return simulate(settings, comm, directory=directory, progress=follow)
     except (IndentSimError, KeyboardInterrupt):
         if comm.rank == 0:
@@ -294,8 +315,8 @@ def _name_partial(directory: Path) -> None:
     from indent_sim.results import read_report
 
     report = read_report(directory)
-    if report.get("status") in ("failed", "interrupted"):
-        tell(f"{report.get('rows', 0)} rows computed before are kept in {directory}")
+    if report.get("status") in ("failed", "interrupted") and report.get("rows"):
+        tell(f"{report['rows']} rows computed before are kept in {directory}")
 
 
 def _conclude(outcome: Outcome, as_json: bool) -> None:

@@ -75,17 +75,16 @@ def _package(name: str, remedy: str | None = None) -> Check:
     except Exception as error:  # gmsh fails with OSError, petsc4py with its own
         verdict, remedy = ("broken", "run `make setup`") if remedy is None else ("warning", remedy)
         return Check(name, f"{type(error).__name__}: {error}".splitlines()[0], verdict, remedy)
-    version = getattr(module, "__version__", None) or _metadata_version(name)
-    return Check(name, f"{version} at {Path(module.__file__ or '?').parent}")
+    return Check(name, f"{_version(name, module)} at {Path(module.__file__ or '?').parent}")
 
 
-def _metadata_version(name: str) -> str:
+def _version(name: str, module: Any) -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
         return version({"ufl": "fenics-ufl"}.get(name, name))
     except PackageNotFoundError:
-        return "unknown version"
+        return getattr(module, "__version__", "unknown version")
 
 
 def _guarded(name: str, look: Callable[[], Check]) -> Check:
