@@ -29,6 +29,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 PICTURE = "force_indentation.png"
 FORMATS = (".png", ".svg", ".pdf")
 MANY = 40  # points from which a line carries no markers
+PEAK = 5.0  # medians up to which a pressure peak is shown: beside a singular edge nothing else would be seen
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 SI = ("m", "N", "Pa", "N/m")
 THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
@@ -111,7 +112,7 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
         for i, run in enumerate(runs):
             _curve(panels["a"], y(run["delta"]), x(run["a"]), i)
         _name_axes(panels["a"], y.label, x.label)
-        panels["a"].set_ylim(bottom=0)
+        _from_zero(panels["a"], *(x(run["a"]) for run in runs))
         _save(figure, path)
     return None
 
@@ -158,7 +159,8 @@ def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None)
     if curve.get("a"):
         axes.plot(depth(curve["delta"]), radius(curve["a"]), **THEORY)
     _name_axes(axes, depth.label, radius.label)
-    axes.set_ylim(bottom=0)
+    axes.locator_params(axis="x", nbins=5)
+    _from_zero(axes, radius(results["a"]), radius(curve.get("a", [])))
 
 
 def _draw_pressure(axes: Axes, results: Results) -> None:
@@ -180,7 +182,7 @@ def _draw_pressure(axes: Axes, results: Results) -> None:
     marker = "." if len(shown) <= MANY else ""
     axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker=marker)
     _name_axes(axes, length.label, pressure.label)
-    axes.set_ylim(bottom=0)
+    _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(p[inside]))))
     return None
 
 
@@ -224,6 +226,14 @@ def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, i: int, label: str | None =
         label=label,
         zorder=4,
     )
+
+
+def _from_zero(axes: Axes, *curves: Any) -> None:
+    """Show from 0 to a little above the highest point."""
+    highest = max(
+        (np.nanmax(curve) for curve in curves if np.size(curve) and np.isfinite(curve).any()), default=0
+    )
+    axes.set_ylim(0, 1.08 * highest if highest > 0 else 1)
 
 
 def _hollow(marker: str, colour: str) -> dict[str, Any]:
@@ -341,6 +351,6 @@ def _unit(kind: str, units: Mapping[str, str]) -> str:
     length, force = units.get("length", ""), units.get("force", "")
     if kind == "length" or not (length and force):
         return {"length": length, "force": force}.get(kind, "")
-    if kind == "pressure" and (length, force) == ("m", "N"):
-        return "Pa"
+    if kind == "pressure" and force == "N" and length in ("m", "mm"):
+        return "Pa" if length == "m" else "MPa"
     return {"force": force, "line": f"{force}/{length}", "pressure": f"{force}/{length}²"}[kind]
