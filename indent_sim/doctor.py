@@ -8,6 +8,7 @@ import platform
 import re
 import shlex
 import shutil
+import signal
 import sys
 import sysconfig
 import tempfile
@@ -70,11 +71,14 @@ def _python() -> Check:
 
 
 def _package(name: str, remedy: str | None = None) -> Check:
+    interrupt = signal.getsignal(signal.SIGINT)
     try:
         module: Any = importlib.import_module(name)
     except Exception as error:  # gmsh fails with OSError, petsc4py with its own
         verdict, remedy = ("broken", "run `make setup`") if remedy is None else ("warning", remedy)
         return Check(name, f"{type(error).__name__}: {error}".splitlines()[0], verdict, remedy)
+    finally:
+        signal.signal(signal.SIGINT, interrupt)  # importing gmsh takes it away
     return Check(name, f"{_version(name, module)} at {Path(module.__file__ or '?').parent}")
 
 

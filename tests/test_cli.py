@@ -139,6 +139,13 @@ class TestWithoutARun:
             "BLAS",
         }
 
+    def test_doctor_leaves_ctrl_c_alone(self, indent_sim):
+        """Importing gmsh resets SIGINT, whoever handled it."""
+        before = signal.getsignal(signal.SIGINT)
+        sys.modules.pop("gmsh", None)
+        indent_sim("doctor")
+        assert signal.getsignal(signal.SIGINT) == before
+
     def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):
         monkeypatch.setattr(doctor, "NEEDED", ("numpy", "no_such_package"))
         found = indent_sim("doctor")
