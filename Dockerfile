@@ -13,7 +13,7 @@ RUN scripts/provision packages
 COPY . .
 RUN scripts/provision user \
  && mkdir -p /work && chown indent: /work \
- && chmod 1777 /home/indent /work
+ && rm -rf /home/indent/.cache /home/indent/.config && chmod 1777 /home/indent /work
 
 # Any user id may run the image: compiled kernels and pictures need a home that it can write.
 # Open MPI's direct copies between ranks need a privilege that containers do not have.
