@@ -121,7 +121,7 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     comm = comm or MPI.COMM_SELF
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     problem = fe.Problem(scene, mesh)
-    walk = fe.Walk(problem, fe.Newton(problem, **scene.solver))
+    walk = fe.Walk(problem, fe.enforcement(problem, **scene.solver))
     for state in walk.states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
 
@@ -151,10 +151,10 @@ class Simulation:
             mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             problem = fe.Problem(scene, mesh)
-            self._newton = fe.Newton(problem, **scene.solver)
-            self._walk = fe.Walk(problem, self._newton, clock.started)
+            self._enforcement = fe.enforcement(problem, **scene.solver)
+            self._walk = fe.Walk(problem, self._enforcement, clock.started)
         size = {"cells": int(len(grid.cells)), "points": int(len(grid.points))} if grid is not None else {}
-        record.note(dofs=problem.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
+        record.note(dofs=problem.active_dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
         self._fields = fe.Fields(problem) if self.output.fields != "none" else None
         if self._fields is not None:
             points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
@@ -196,7 +196,7 @@ class Simulation:
         """Audit a converged state and write it down."""
         self._audit(state)
         if state.step == 1:
-            self._newton.refuse_unused_options()
+            self._enforcement.refuse_unused_options()
         with self.clock.stage("write"):
             if self.output.fields == "all" or last:
                 self._write_fields(state)

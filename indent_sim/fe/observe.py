@@ -36,8 +36,11 @@ def sample(problem: Problem, points: np.ndarray) -> Sample:
     array = problem.local_array()
     X, u = trace.positions(points), trace.values(array[trace.dofs], points)
     gap = _gap(problem, X, u)
-    p_hat = scene.contact.trial_pressure(gap)
-    pressure = np.maximum(p_hat, 0.0)
+    lam = problem.multiplier_at(points)
+    p_hat = lam - problem.stiffness_scale * gap
+    # a multiplier is the projection of <p_hat>: the same pressure without the noise that epsilon_n g adds
+    own = scene.contact.multiplier in ("unknown", "frozen", "nodal")
+    pressure = np.maximum(lam if own else p_hat, 0.0)
     if scene.gap == "current":
         pressure = pressure / _area_ratio(problem, array, points, X, u)
     return Sample(X, u, gap, p_hat, pressure)
