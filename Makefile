@@ -3,13 +3,18 @@
 SHELL := /bin/bash
 VENV := .venv/bin
 
-# One BLAS thread per rank; tests start their own ranks, more than there are cores, and as root in containers.
+# One BLAS thread per rank. Tests start their own ranks: more than there are cores, as root in containers, on one
+# machine (no TCP), beside other work (unbound, and yielding while they wait). OMPI_* is Open MPI 4 and 5, PRTE_* 5.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_rmaps_base_oversubscribe := 1
 export PRTE_MCA_rmaps_default_mapping_policy := :oversubscribe
+export OMPI_MCA_hwloc_base_binding_policy := none
+export PRTE_MCA_hwloc_default_binding_policy := none
+export OMPI_MCA_mpi_yield_when_idle := 1
+export OMPI_MCA_btl := ^tcp
 
 .PHONY: help setup demo test lint verify bench stress debian13 clean
 .DEFAULT_GOAL := help
@@ -21,7 +26,7 @@ setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim
 	@scripts/setup
 
 demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
-	@$(VENV)/python scripts/demo
+	@$(VENV)/indent-sim run configs/hertz.yaml
 
 test: setup lint ## ruff, mypy and the tests, under 10 minutes on two cores
 	$(VENV)/python -m pytest -q --durations=15

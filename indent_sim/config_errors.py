@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from typing import Any
 
@@ -22,15 +22,26 @@ _NO_SECTION = {"dict_type", "dataclass_type", "model_type", "dataclass_exact_typ
 def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
     """One ConfigError (ConfigErrors when there are several) for what pydantic found in the document."""
     groups: dict[Path, list[Any]] = {}
-    for found in error.errors(include_url=False):
+    for found in error.errors(include_url=False, include_input=False)[: 100 * MOST]:
         groups.setdefault(document_path(found, document), []).append(found)
-    inner = {path[:-1] for path in groups if isinstance(path[-1], int)}
-    for path in inner & groups.keys():  # a list with wrong items is counted as too short as well
-        del groups[path]
+    for path in list(_echoes(groups, document)):
+        groups.pop(path, None)
     problems = [_in_words(path, found, document) for path, found in list(groups.items())[:MOST]]
     if len(groups) > MOST:
-        problems.append(ConfigError("", f"and {len(groups) - MOST} more errors"))
+        problems.append(ConfigError("", "and more errors like these"))
     return ConfigErrors(problems) if len(problems) > 1 else problems[0]
+
+
+def _echoes(groups: dict[Path, list[Any]], document: Mapping[str, Any]) -> Iterator[Path]:
+    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items."""
+    for path, (found, *_) in groups.items():
+        if path and isinstance(path[-1], int):
+            yield path[:-1]
+        elif found["type"] in _UNKNOWN:
+            meant = closest(path[-1], schema.keys_at(path[:-1], document)) or ""
+            missing = (*path[:-1], meant)
+            if missing in groups and groups[missing][0]["type"] in _MISSING:
+                yield missing
 
 
 def document_path(found: Any, document: Mapping[str, Any]) -> Path:

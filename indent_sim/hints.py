@@ -113,4 +113,4 @@ def _list_phrase(item: str, marks: Sequence[Any]) -> str:
     size = next((mark for mark in marks if isinstance(mark, Len)), None)
     if size and size.min_length == size.max_length:
         return f"a list of {size.min_length} {items}"
-    return f"a list of at least {size.min_length} {items}" if size else f"a list of {items}"
+    return f"a {'non-empty ' if size else ''}list of {items}"

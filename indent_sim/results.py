@@ -13,7 +13,7 @@ import io
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,11 +37,23 @@ from indent_sim.folder import (
 from indent_sim.state import COLUMNS, State, Surface
 from indent_sim.xdmf import FieldWriter
 
+__all__ = [
+    "Comparison",
+    "ResultFolder",
+    "Results",
+    "compare",
+    "read",
+    "read_report",
+    "rows_of",
+    "to_json",
+]
+
 Keep = Literal["none", "last", "all"]
 SURFACE = "surface.csv"
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 INTEGERS = ("step", "newton_iterations")
 COMPARED = ("delta", "force", "a")
+SHOWN = 10  # differences told one by one
 SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses nothing
 
 
@@ -241,7 +253,9 @@ class Comparison:
     def check(self) -> None:
         """Raise VerificationError when the two differ."""
         if self.differences:
-            raise VerificationError("\n".join(self.differences))
+            more = len(self.differences) - SHOWN
+            told = [*self.differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
+            raise VerificationError("the two differ\n" + "\n".join(told))
 
 
 def compare(first: Path | str, second: Path | str, rtol: float = 1e-6) -> Comparison:
@@ -301,6 +315,13 @@ def _ending(error: BaseException | None) -> tuple[str, int, str]:
         return "interrupted", getattr(error, "exit_code", 130), str(error) or "interrupted"
     code = getattr(error, "exit_code", 1)
     return "failed", code, str(error) if code != 1 else f"{type(error).__name__}: {error}"
+
+
+def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
+    """The rows of the force table as mappings from column to number."""
+    names = (*COLUMNS, "force_error")
+    rows = ({name: getattr(state, name) for name in names} for state in states)
+    return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
 
 def _row(state: State, columns: tuple[str, ...]) -> bytes:

@@ -22,6 +22,7 @@ ARRAYS: dict[str, tuple[str, str, tuple[int, ...]]] = {
     "pressure": ("Node", "Scalar", ()),
 }
 H5 = "fields.h5"
+HEADERS = 4096  # bytes of metadata a slot, generously
 
 
 class FieldWriter:
@@ -71,6 +72,7 @@ class FieldWriter:
         import h5py
 
         temporary = self.directory / f".{H5}.new"
+        _refuse_full_disk(temporary, points.nbytes + cells.nbytes + HEADERS * (self._slots + 16))
         with h5py.File(temporary, "w") as file:
             file["mesh/points"] = points.astype("<f8")
             file["mesh/cells"] = cells.astype("<i8")
@@ -138,6 +140,15 @@ def _item(path: str, shape: tuple[int, ...], kind: str = "Float") -> str:
     dimensions = " ".join(str(n) for n in shape)
     form = f'DataType="{kind}" Precision="8" Format="HDF" Dimensions="{dimensions}"'
     return f"<DataItem {form}>{H5}:/{path}</DataItem>"
+
+
+def _refuse_full_disk(path: Path, size: int) -> None:
+    """OSError when `size` bytes do not fit: the HDF5 library itself takes a full disk very badly."""
+    try:
+        with open(path, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def _fill(descriptor: int, data: bytes, offset: int) -> None:

@@ -268,6 +268,15 @@ class TestFullDisk:
             write_atomically(tmp_path / "file", "new")
         assert names(tmp_path) == {"file"} and (tmp_path / "file").read_text() == "old"
 
+    def test_field_files_that_do_not_fit_are_not_begun(self, tmp_path, monkeypatch):
+        def full(descriptor, offset, size):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(os, "posix_fallocate", full)
+        with pytest.raises(NotConverged, match="No space"), ResultFolder(tmp_path / "run", "") as run:
+            run.open_fields(POINTS, CELLS, keep="all", steps=2)
+        assert names(tmp_path / "run") == FILES - {"surface.csv"}
+
 
 KILLED_RUN = """
 import sys, time

@@ -1,0 +1,354 @@
+"""The command line: the only place that ends the process or names COMM_WORLD.
+
+stdout carries the result, everything else goes to stderr; under MPI rank 0 alone speaks and all ranks end
+with the same exit code. Heavy imports wait inside the commands.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from indent_sim import __version__
+from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+    from indent_sim.config import Config
+    from indent_sim.run import Outcome
+    from indent_sim.scene import Scene
+    from indent_sim.state import State
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
+PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
+KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
+BUG = "this is a bug in indent-sim; please report it with the traceback above"
+
+
+class Stopped(KeyboardInterrupt):
+    """SIGINT or SIGTERM arrived; exit code 128 + signal."""
+
+    def __init__(self, number: int):
+        super().__init__(f"stopped by {signal.Signals(number).name}")
+        self.exit_code = 128 + number
+
+
+class Program(click.Group):
+    """The commands, with every way to end turned into its message and exit code."""
+
+    def main(self, *args: Any, **options: Any) -> Any:
+        """One BLAS thread unless the user says otherwise; must be said before numpy is loaded."""
+        for name in THREADS:
+            os.environ.setdefault(name, "1")
+        return super().main(*args, **options)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; expected failures speak for themselves, others leave a traceback."""
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except (Exception, KeyboardInterrupt) as error:
+            ctx.exit(explain(error))
+
+
+def explain(error: BaseException) -> int:
+    """Say on stderr why the program ends; returns the exit code."""
+    if isinstance(error, KeyboardInterrupt):
+        tell(str(error) or "interrupted")
+        return int(getattr(error, "exit_code", 130))
+    if isinstance(error, IndentSimError):
+        tell(str(error) if isinstance(error, ConfigError) else f"error: {error}")
+        return error.exit_code
+    tell("".join(traceback.format_exception(error)) + BUG)
+    return 1
+
+
+def say(text: str) -> None:
+    """Print to stdout; that nobody listens any more is no error."""
+    try:
+        click.echo(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def tell(text: str) -> None:
+    """Print to stderr; that nobody listens any more is no error."""
+    try:
+        click.echo(text, err=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+set_option = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Replace one key, e.g. contact.method=penalty.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+@click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="indent-sim")
+def program() -> None:
+    """Press rigid indenters into soft bodies and report the force."""
+
+
+@program.command()
+@click.argument("config", type=click.Path(path_type=Path))
+@set_option
+@click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
+@json_option
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool) -> None:
+    """Simulate one scene; also under mpirun. Prints the result folder."""
+    comm = _world()
+    with together(comm), _stoppable(comm) as check:
+        from indent_sim.config import load
+        from indent_sim.parallel import on_root
+
+        settings = comm.bcast(on_root(comm, load, config, overrides))
+        directory = output or Path(settings.output.directory or Path("results") / config.stem)
+        outcome = _simulate(settings, comm, directory, check)
+    if comm.rank == 0:
+        _conclude(outcome, as_json)
+
+
+@program.command()
+@click.argument("config", type=click.Path(path_type=Path))
+@set_option
+@json_option
+def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    """Say what would be modelled, and why; writes nothing."""
+    scene = _resolved(config, overrides)
+    if as_json:
+        from indent_sim.results import to_json
+
+        parts = ("title", "units", "choices", "prediction", "warnings")
+        say(to_json({name: getattr(scene, name) for name in parts}))
+        return
+    from indent_sim import terminal
+
+    say(terminal.plan(scene, _width()))
+    for warning in scene.warnings:
+        tell(f"warning: {warning}")
+
+
+@program.command()
+@click.argument("first", metavar="A", type=click.Path(path_type=Path))
+@click.argument("second", metavar="B", type=click.Path(path_type=Path))
+@click.option(
+    "--rtol", type=click.FloatRange(0, 1), default=1e-6, show_default=True, help="Relative tolerance."
+)
+def compare(first: Path, second: Path, rtol: float) -> None:
+    """Compare two results step by step. Exit code 6 when delta, force or a differ."""
+    from indent_sim import results, terminal
+
+    comparison = results.compare(first, second, rtol)
+    say(terminal.comparison(comparison))
+    comparison.check()
+
+
+@program.command()
+@click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--output", type=click.Path(path_type=Path), help="Picture to write: .png, .svg or .pdf.")
+def plot(paths: tuple[Path, ...], output: Path | None) -> None:
+    """Draw finished results over one another. Prints the picture's path."""
+    from indent_sim import plots, results
+
+    runs = [results.read(path) for path in paths]
+    if output is None:
+        first = paths[0] if paths[0].is_dir() else paths[0].parent
+        output = (first if len(paths) == 1 else Path()) / plots.PICTURE
+    try:
+        plots.overlay(runs, output)
+    except OSError as error:
+        raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
+    say(str(output))
+
+
+@program.command("list")
+@click.argument("kind", type=click.Choice(list(KINDS)), required=False)
+def list_(kind: str | None) -> None:
+    """What a scene can be made of, with parameters and units."""
+    from indent_sim import terminal
+
+    kinds = [kind] if kind else list(KINDS)
+    say("\n\n".join(f"{name}\n{terminal.alternatives(KINDS[name])}" for name in kinds))
+
+
+@program.command()
+def schema() -> None:
+    """JSON Schema of the scene file, for editors."""
+    from indent_sim.reference import json_schema
+    from indent_sim.results import to_json
+
+    say(to_json(json_schema()))
+
+
+@program.command()
+@json_option
+def doctor(as_json: bool) -> None:
+    """Versions and health of the installation. Exit code 7 when something needed is broken."""
+    from indent_sim import doctor as health
+    from indent_sim.results import to_json
+
+    checks = health.examine()
+    say(to_json({"checks": checks}) if as_json else "\n".join(map(str, checks)))
+    if broken := [check.name for check in checks if check.verdict == "broken"]:
+        raise BackendError(f"missing or broken: {', '.join(broken)}")
+
+
+def main() -> None:
+    """The console script."""
+    program(prog_name="indent-sim")
+
+
+# ---- one run, on all ranks ---------------------------------------------------------------------------------
+
+
+def _world() -> Any:
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
+    return MPI.COMM_WORLD
+
+
+@contextmanager
+def together(comm: Any) -> Iterator[None]:
+    """All ranks leave the block with the same exit code, and rank 0 alone says why.
+
+    A rank that fails where the others do not (a bug, a signal) takes them all down.
+    """
+    meeting = comm.Dup() if comm.size > 1 else comm
+    try:
+        yield
+    except BaseException as error:
+        if comm.size == 1:
+            raise
+        expected = isinstance(error, IndentSimError)
+        speaks = comm.rank == 0 or not expected  # and before any rank ends: mpirun kills the rest then
+        code = explain(error) if speaks else getattr(error, "exit_code", 1)
+        if expected and _all_arrive(meeting):
+            raise click.exceptions.Exit(code) from error
+        if not speaks:
+            explain(error)
+        comm.Abort(code)
+
+
+def _all_arrive(comm: Any) -> bool:
+    """Whether every rank gets here before patience ends."""
+    request, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+@contextmanager
+def _stoppable(comm: Any) -> Iterator[Callable[[], None]]:
+    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along.
+
+    Yields a check to call now and then: libraries may swallow what is raised in their callbacks, or turn it
+    into an error of their own.
+    """
+    arrived: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        arrived.append(number)
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
+        raise Stopped(number)
+
+    def check() -> None:
+        if arrived:
+            raise Stopped(arrived[0])
+
+    handler: Any = stop if comm.rank == 0 else signal.SIG_IGN
+    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield check
+    except Exception:
+        check()
+        raise
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None]) -> Outcome:
+    from indent_sim import terminal
+    from indent_sim.run import run as simulate
+
+    shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
+    try:
+        with shown(tell) as show:
+
+            def follow(state: State, step: int, total: int) -> None:
+                check()
+                if show is not None:
+                    show(state, step, total)
+
+            return simulate(settings, comm, directory=directory, progress=follow)
+    except (IndentSimError, KeyboardInterrupt):
+        if comm.rank == 0:
+            _name_partial(directory)
+        raise
+
+
+def _name_partial(directory: Path) -> None:
+    """Where the rows of a run that failed are."""
+    from indent_sim.results import read_report
+
+    report = read_report(directory)
+    if report.get("status") in ("failed", "interrupted") and report.get("rows"):
+        tell(f"{report['rows']} rows computed before are kept in {directory}")
+
+
+def _conclude(outcome: Outcome, as_json: bool) -> None:
+    from indent_sim import terminal
+    from indent_sim.results import rows_of, to_json
+
+    if as_json:
+        rows = rows_of(outcome.states)
+        say(to_json({"directory": outcome.directory, "rows": rows, "report": outcome.report}))
+    else:
+        say(str(outcome.directory))
+    for line in terminal.conclusion(outcome):
+        tell(line)
+
+
+def _resolved(config: Path, overrides: tuple[str, ...]) -> Scene:
+    from indent_sim.config import load, located
+    from indent_sim.scene import resolve
+
+    settings = load(config, overrides)
+    try:
+        return resolve(settings)
+    except ConfigError as error:
+        raise located(settings, error) from None
+
+
+def _width() -> int:
+    """Columns of the terminal; enough for whole lines when there is none."""
+    import shutil
+
+    return shutil.get_terminal_size((120, 24)).columns if sys.stdout.isatty() else 120
+
+
+if __name__ == "__main__":
+    main()

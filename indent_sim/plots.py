@@ -1,0 +1,356 @@
+"""Pictures of results: one run beside its theory, or several runs over one another.
+
+Colours are those of Okabe and Ito, told apart by colour-blind readers too. No pyplot: a figure is an object
+here, drawn off screen, and nothing of matplotlib's global state changes.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.errors import UsageError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from indent_sim.results import Results
+
+INK, GREY = "#222222", "#6e6e6e"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+PICTURE = "force_indentation.png"
+FORMATS = (".png", ".svg", ".pdf")
+MANY = 40  # points from which a line carries no markers
+PEAK = 5.0  # medians up to which a pressure peak is shown: beside a singular edge nothing else would be seen
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+SI = ("m", "N", "Pa", "N/m")
+THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
+STYLE: dict[str, Any] = {
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": GREY,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "svg.hashsalt": "indent-sim",  # the same results give the same file
+}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What an axis shows: its name, and the factor and unit its numbers are shown in."""
+
+    name: str
+    factor: float = 1.0
+    unit: str = ""
+
+    @property
+    def label(self) -> str:
+        """The text along the axis."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def __call__(self, values: Any) -> np.ndarray:
+        """Values as they are shown."""
+        return np.asarray(values, dtype=float) * self.factor
+
+
+def plot_run(folder: Path | str) -> Path:
+    """Draw the picture of a result folder into it; returns its path."""
+    from indent_sim.results import read
+
+    path = Path(folder) / PICTURE
+    force_indentation(read(folder), path)
+    return path
+
+
+def force_indentation(results: Results, path: Path | str, theory: Mapping[str, Any] | None = None) -> None:
+    """The picture of a run: force against depth beside theory, contact radius, and the last pressure profile.
+
+    `theory` as in run.json (taken from there when not given): name, force_deviation, and curve with delta,
+    force and a.
+    """
+    theory = theory if theory is not None else results.report.get("theory")
+    has_pressure = bool(results.surface) and bool(np.any(results.surface["pressure"] > 0))
+    with _figure() as figure:
+        panels: dict[str, Any] = figure.subplot_mosaic(
+            [["force", "a"], ["force", "pressure"]] if has_pressure else [["force", "a"]],
+            width_ratios=[1.55, 1],
+        )
+        _head(figure, _title(results), _subtitle(results))
+        _draw_forces(panels["force"], [results], theory)
+        _draw_radius(panels["a"], results, theory)
+        if has_pressure:
+            _draw_pressure(panels["pressure"], results)
+        _save(figure, path)
+
+
+def overlay(runs: Sequence[Results], path: Path | str) -> None:
+    """Force and contact radius of several runs over one another, each named after its folder or title."""
+    if len(runs) == 1:
+        return force_indentation(runs[0], path)
+    with _figure() as figure:
+        panels: dict[str, Any] = figure.subplot_mosaic([["force", "a"]])
+        _draw_forces(panels["force"], runs, None)
+        x, y = _axis("a", runs), _axis("delta", runs)
+        for i, run in enumerate(runs):
+            _curve(panels["a"], y(run["delta"]), x(run["a"]), i)
+        _name_axes(panels["a"], y.label, x.label)
+        _from_zero(panels["a"], *(x(run["a"]) for run in runs))
+        _save(figure, path)
+    return None
+
+
+@contextmanager
+def _figure() -> Iterator[Figure]:
+    with (
+        warnings.catch_warnings()
+    ):  # of an Axes3D that is not wanted here, where two matplotlibs are installed
+        warnings.filterwarnings("ignore", "Unable to import Axes3D")
+        import matplotlib
+        from matplotlib.figure import Figure
+    with matplotlib.rc_context(STYLE):
+        yield Figure(figsize=(9.2, 4.8), layout="constrained")
+
+
+def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
+    depth, force = _axis("delta", runs), _axis("force", runs)
+    names = _names(runs) if len(runs) > 1 else ["this run"]
+    for i, (run, name) in enumerate(zip(runs, names, strict=True)):
+        x, y = depth(run["delta"]), force(run["force"])
+        _curve(axes, x, y, i, name)
+        if "force_error" in run.table and np.isfinite(run["force_error"]).any():
+            half = force(np.nan_to_num(run["force_error"]))
+            label = "estimated error" if i == len(runs) - 1 else None
+            axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+    if theory and theory.get("curve", {}).get("delta"):
+        curve = theory["curve"]
+        x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
+        axes.plot(x, y, **THEORY, label=_theory_label(theory))
+    closed = (theory or {}).get("half_space")
+    if theory and closed:
+        label = f"{closed['name']}, half-space:{_percent(closed.get('deviation'))}"
+        axes.plot(depth([theory["delta"]]), force([closed["force"]]), **_hollow("D", GREY), label=label)
+    _name_axes(axes, depth.label, force.label)
+    axes.axhline(0, color=GREY, lw=0.6, zorder=0)
+    axes.legend(loc="upper left")
+
+
+def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None) -> None:
+    depth, radius = _axis("delta", [results]), _axis("a", [results])
+    _curve(axes, depth(results["delta"]), radius(results["a"]), 0)
+    curve = (theory or {}).get("curve", {})
+    if curve.get("a"):
+        axes.plot(depth(curve["delta"]), radius(curve["a"]), **THEORY)
+    _name_axes(axes, depth.label, radius.label)
+    axes.locator_params(axis="x", nbins=5)
+    _from_zero(axes, radius(results["a"]), radius(curve.get("a", [])))
+
+
+def _draw_pressure(axes: Axes, results: Results) -> None:
+    """The contact pressure of the last state that has any: a profile along a line or a map."""
+    surface = results.surface
+    step = surface["step"][surface["pressure"] > 0].max()
+    x, y, p = (surface[name][surface["step"] == step] for name in ("x", "y", "pressure"))
+    inside = p > 0
+    length = _scaled("length", [results], x[inside], "x" if _is_plane_strain(results) else "r")
+    pressure = _scaled("pressure", [results], p, "pressure")
+    axes.set_title(f"step {step:g}, depth {_depth_text(results, step)}", color=GREY, loc="left", fontsize=9)
+    if np.ptp(y) > 0:
+        return _draw_map(axes, length(x), length(y), pressure(p), pressure.label, Axis("x", unit=length.unit))
+    low, high = x[inside].min(), x[inside].max()
+    margin = 0.4 * (high - low) or 0.4 * np.ptp(x)
+    shown = np.flatnonzero((x >= low - margin) & (x <= high + margin))
+    shown = shown[np.argsort(x[shown])]
+    axes.fill_between(length(x[shown]), pressure(p[shown]), color=COLOURS[0], alpha=0.15, lw=0)
+    marker = "." if len(shown) <= MANY else ""
+    axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker=marker)
+    _name_axes(axes, length.label, pressure.label)
+    _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(p[inside]))))
+    return None
+
+
+def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, label: str, along: Axis) -> None:
+    inside = p > 0
+    ranges = [(values[inside].min(), values[inside].max()) for values in (x, y)]
+    margin = 0.15 * max(high - low for low, high in ranges) or 0.1 * np.ptp(x)
+    near = np.ones(len(x), dtype=bool)
+    for values, (low, high) in zip((x, y), ranges, strict=True):
+        near &= (values >= low - 2 * margin) & (values <= high + 2 * margin)
+    if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
+        near[:] = True
+    filled = axes.tricontourf(x[near], y[near], p[near], levels=np.linspace(0, p.max(), 13), cmap="cividis")
+    bar = axes.figure.colorbar(filled, ax=axes, label=label, ticks=np.linspace(0, p.max(), 4))
+    bar.ax.yaxis.set_major_formatter("{x:.3g}")
+    bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
+    axes.locator_params(nbins=4)
+    axes.set_aspect("equal")
+    shown = [
+        (max(low - margin, v.min()), min(high + margin, v.max()))
+        for v, (low, high) in zip((x, y), ranges, strict=True)
+    ]
+    axes.set(xlim=shown[0], ylim=shown[1])
+    _name_axes(axes, along.label, Axis("y", unit=along.unit).label)
+
+
+def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, i: int, label: str | None = None) -> None:
+    if len(x) > MANY:
+        axes.plot(x, y, color=COLOURS[i % 7], label=label, zorder=3)
+        return
+    axes.plot(x, y, color=COLOURS[i % 7], lw=1.2, alpha=0.6, zorder=2)
+    axes.plot(
+        x,
+        y,
+        color=COLOURS[i % 7],
+        ls="",
+        marker=MARKERS[i % 7],
+        ms=6,
+        mec="white",
+        mew=0.6,
+        label=label,
+        zorder=4,
+    )
+
+
+def _from_zero(axes: Axes, *curves: Any) -> None:
+    """Show from 0 to a little above the highest point."""
+    highest = max(
+        (np.nanmax(curve) for curve in curves if np.size(curve) and np.isfinite(curve).any()), default=0
+    )
+    axes.set_ylim(0, 1.08 * highest if highest > 0 else 1)
+
+
+def _hollow(marker: str, colour: str) -> dict[str, Any]:
+    return {"marker": marker, "mfc": "none", "mec": colour, "ls": "", "ms": 6, "zorder": 2}
+
+
+def _name_axes(axes: Axes, x: str, y: str) -> None:
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+
+
+def _head(figure: Figure, title: str, subtitle: str) -> None:
+    figure.get_layout_engine().set(rect=(0, 0, 1, 0.87))  # type: ignore[union-attr, call-arg]
+    figure.text(0.01, 0.975, title, ha="left", va="top", fontsize=13, fontweight="bold")
+    figure.text(0.01, 0.905, subtitle, ha="left", va="top", color=GREY, fontsize=9)
+
+
+def _save(figure: Figure, path: Path | str) -> None:
+    """Write PNG, SVG or PDF after the suffix, all at once."""
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise UsageError(f"{path}: a picture ends in {', '.join(FORMATS)}")
+    temporary = path.with_name(f".{path.stem}.new{path.suffix}")
+    dates = (
+        {}
+        if path.suffix.lower() == ".png"
+        else {"metadata": {"Date" if "svg" in path.suffix else "CreationDate": None}}
+    )
+    try:
+        figure.savefig(temporary, dpi=160, **dates)  # type: ignore[arg-type]
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+# ---- words and units ------------------------------------------------------------
+
+
+def _title(results: Results) -> str:
+    return results.report.get("title") or _names([results])[0]
+
+
+def _subtitle(results: Results) -> str:
+    report = results.report
+    parts = [_choice(report, "symmetry"), _choice(report, "kinematics"), report.get("method")]
+    if report.get("gap"):
+        parts.append(f"gap at the {'undeformed' if report['gap'] == 'reference' else 'deformed'} point")
+    if report.get("status") not in (None, "done", "running"):
+        parts.append(f"{report['status']}: {report.get('reason') or 'no reason given'}")
+    words = dict.fromkeys(str(part).replace("_", " ") for part in parts if part)
+    return "  ·  ".join(word if len(word) <= 90 else f"{word[:89]}…" for word in words)
+
+
+def _names(runs: Sequence[Results]) -> list[str]:
+    """Short names: titles where they differ, else the folders' own."""
+    titles = [run.report.get("title", "") for run in runs]
+    if all(titles) and len(set(titles)) == len(titles) and len(titles) > 1:
+        return titles
+    folders = [run.path.resolve() for run in runs]
+    names = [folder.name for folder in folders]
+    return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
+
+
+def _theory_label(theory: Mapping[str, Any]) -> str:
+    deviation = theory.get("force_deviation")
+    beside = "" if deviation is None else f", this run {deviation:+.2%}"
+    return f"{theory.get('name', 'theory')}{beside}"
+
+
+def _percent(deviation: float | None) -> str:
+    return "" if deviation is None else f" {deviation:+.1%}"
+
+
+def _choice(report: Mapping[str, Any], key: str) -> str | None:
+    choices = report.get("plan", {}).get("choices", [])
+    return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
+
+
+def _is_plane_strain(results: Results) -> bool:
+    return _choice(results.report, "kinematics") == "plane_strain"
+
+
+def _depth_text(results: Results, step: float) -> str:
+    delta = results["delta"][results["step"] == step]
+    depth = _axis("delta", [results])
+    return f"{depth(delta[0]):.4g} {depth.unit}".strip() if len(delta) else "?"
+
+
+def _axis(column: str, runs: Sequence[Results]) -> Axis:
+    names = {
+        "delta": ("depth δ", "length"),
+        "force": ("force F", "force"),
+        "a": ("contact radius a", "length"),
+    }
+    name, kind = names[column]
+    if all(_is_plane_strain(run) for run in runs):
+        name, kind = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}.get(
+            column, (name, kind)
+        )
+    return _scaled(kind, runs, np.concatenate([run[column] for run in runs]), name)
+
+
+def _scaled(kind: str, runs: Sequence[Results], values: np.ndarray, name: str) -> Axis:
+    """An axis in the common unit of the runs, with the SI prefix that makes its largest number readable."""
+    units = {_unit(kind, run.report.get("units") or {}) for run in runs}
+    unit = units.pop() if len(units) == 1 else ""
+    finite = np.abs(values[np.isfinite(values)])
+    if unit not in SI or not finite.size or finite.max() == 0:
+        return Axis(name, 1.0, unit)
+    power = int(np.clip(3 * np.floor((np.log10(finite.max()) - 0.3) / 3 + 1e-9), -9, 9))
+    return Axis(name, 10.0**-power, PREFIXES[power] + unit)
+
+
+def _unit(kind: str, units: Mapping[str, str]) -> str:
+    length, force = units.get("length", ""), units.get("force", "")
+    if kind == "length" or not (length and force):
+        return {"length": length, "force": force}.get(kind, "")
+    if kind == "pressure" and force == "N" and length in ("m", "mm"):
+        return "Pa" if length == "m" else "MPa"
+    return {"force": force, "line": f"{force}/{length}", "pressure": f"{force}/{length}²"}[kind]

@@ -1,0 +1,204 @@
+"""The glossary: one name per thing, in YAML, Python and CSV alike, with its sign, meaning and dimension.
+
+A word that means something else in one section has an entry under `section.word` as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """One name: how it is written in formulas (LaTeX, may be empty), what it means, its dimension."""
+
+    name: str
+    latex: str
+    meaning: str
+    dimension: str
+
+
+WORD = "word"  # the dimension of a choice, a text or a switch
+
+SCENE = (
+    Symbol("title", "", "what the scene is about; printed on pictures", WORD),
+    Symbol("units", "", "labels of the units the numbers are meant in; nothing is converted", WORD),
+    Symbol("body", "", "the soft body: its shape and how it is held", WORD),
+    Symbol("material", "", "the elastic law of the body and its constants", WORD),
+    Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
+    Symbol("contact", "", "how contact is enforced", WORD),
+    Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
+    Symbol("mesh", "", "element sizes, order, and how much of the body is modelled", WORD),
+    Symbol("solver", "", "how the equations are solved", WORD),
+    Symbol("output", "", "what is written, and where", WORD),
+    Symbol("units.length", "", "label of the length unit, for example mm", WORD),
+    Symbol("units.force", "", "label of the force unit, for example N", WORD),
+)
+
+BODY = (
+    Symbol("shape", "", "which body, or which tip; decides the other keys of its section", WORD),
+    Symbol("radius", "r_0", "radius of the cylinder, or of the flat punch", "length"),
+    Symbol("height", "h", "thickness of the body; it occupies -height <= z <= 0", "length"),
+    Symbol("width", "w", "width of the strip; it occupies 0 <= x <= width, in plane strain", "length"),
+    Symbol("size", "(l_x, l_y, l_z)", "edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]", "length"),
+    Symbol("base", "", "support of the lower face; roller: slides, does not lift", WORD),
+    Symbol("sides", "", "support of the walls; roller: no normal displacement", WORD),
+    Symbol("x_min", "", "support of the wall at x = 0", WORD),
+    Symbol("x_max", "", "support of the wall at the largest x", WORD),
+    Symbol("y_min", "", "support of the wall at y = 0", WORD),
+    Symbol("y_max", "", "support of the wall at the largest y", WORD),
+)
+
+MATERIAL = (
+    Symbol("model", "", "the elastic law; decides the other keys of `material`", WORD),
+    Symbol("E", "E", "Young's modulus", "pressure"),
+    Symbol("nu", r"\nu", "Poisson's ratio", "1"),
+    Symbol("mu", r"\mu", "shear modulus (never a friction coefficient)", "pressure"),
+    Symbol("kappa", r"\kappa", "bulk modulus", "pressure"),
+    Symbol("lame_lambda", r"\lambda", "first Lamé constant, kappa - 2 mu / 3", "pressure"),
+    Symbol("formulation", "", "displacement alone, or mixed with a pressure for nu near 0.5", WORD),
+    Symbol("E_star", "E^*", "plane-strain modulus E / (1 - nu^2)", "pressure"),
+)
+
+INDENTER = (
+    Symbol("R", "R", "radius of the tip: of the ball, or of the paraboloid at its apex", "length"),
+    Symbol("half_angle", r"\alpha", "angle between the axis and the flank", "degrees"),
+    Symbol("tip_radius", r"\rho", "radius of the ball that rounds the apex; 0: sharp", "length"),
+    Symbol("edge_radius", r"\rho", "radius that rounds the edge of the flat punch; 0: sharp", "length"),
+    Symbol(
+        "center",
+        "(x_0, y_0)",
+        "where the tip's axis meets the surface, [x, y] or for a strip [x]; "
+        "default: axis of the cylinder, middle of the box or strip",
+        "length",
+    ),
+)
+
+CONTACT = (
+    Symbol("method", "", "which algorithm; auto: the program chooses and says why", WORD),
+    Symbol("epsilon_n", r"\varepsilon_n", "penalty: contact pressure per penetration", "pressure/length"),
+    Symbol(
+        "contact.gap",
+        "",
+        "reference: the gap is tested at the undeformed point, pressure along z; "
+        "current: at the deformed point, pressure along the tip's normal; auto: reference at small strain",
+        WORD,
+    ),
+    Symbol("lam", r"\lambda_n", "contact multiplier, a pressure >= 0", "pressure"),
+    Symbol("p", "p", "normal contact pressure >= 0", "pressure"),
+    Symbol("friction", "f", "friction coefficient", "1"),
+)
+
+LOADING = (
+    Symbol("delta", r"\delta", "indentation depth, > 0 pushes in", "length"),
+    Symbol("steps", "", "number of equal steps to `delta`", "1"),
+    Symbol(
+        "deltas",
+        r"\delta_i",
+        "the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of the body",
+        "length",
+    ),
+)
+
+MESH = (
+    Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error", "length"),
+    Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
+    Symbol("order", "", "polynomial order of the displacement", "1"),
+    Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),
+)
+
+SOLVER = (
+    Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
+    Symbol("rtol", "", "relative residual at which a step counts as converged", "1"),
+    Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
+    Symbol("petsc", "", "options handed to PETSc as they are; one that is not used is an error", WORD),
+)
+
+OUTPUT = (
+    Symbol("directory", "", "result folder; default: results/ and the name of the config", WORD),
+    Symbol("fields", "", "steps whose fields are written for ParaView", WORD),
+    Symbol("surface", "", "state of the contact surface, point by point", WORD),
+    Symbol("output.surface", "", "steps whose contact surface is written to surface.csv", WORD),
+    Symbol("plot", "", "whether force_indentation.png is drawn", WORD),
+)
+
+RESULTS = (
+    Symbol("step", "", "number of the requested depth, from 1", "1"),
+    Symbol("force", "F", "> 0 pushing, of the whole body; per length in plane strain", "force"),
+    Symbol("a", "a", "contact radius; half-width in plane strain; sqrt(area/pi) in 3D", "length"),
+    Symbol(
+        "p_max", r"p_{\max}", "largest contact pressure; nominal with gap reference, else true", "pressure"
+    ),
+    Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
+    Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
+    Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
+    Symbol("wall_s", "", "wall time since the start of the run", "s"),
+    Symbol("force_error", "", "half-width of the error bar on the force", "force"),
+    Symbol("reaction", "", "z-reaction of all constrained degrees of freedom; equals the force", "force"),
+    Symbol("stray_reaction", "", "reaction of the constraints that only remove rigid modes; zero", "force"),
+    Symbol("substeps", "", "how many solves the step was cut into", "1"),
+    Symbol("converged", "", "whether the step has a solution", WORD),
+    Symbol("reason", "", "why a step has no solution", WORD),
+)
+
+SURFACE = (
+    Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
+    Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
+    Symbol("u", "u", "displacement", "length"),
+    Symbol("u_x", "u_x", "displacement along x; along the radius in an axisymmetric scene", "length"),
+    Symbol("u_y", "u_y", "displacement along y", "length"),
+    Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),
+    Symbol("gap", "g", "distance of the body from the tip, >= 0 open", "length"),
+    Symbol("pressure", "p", "contact pressure >= 0", "pressure"),
+)
+
+CONTINUUM = (
+    Symbol("H", "H", "displacement gradient", "1"),
+    Symbol("F", "F", "deformation gradient I + H", "1"),
+    Symbol("C", "C", "right Cauchy-Green tensor F^T F", "1"),
+    Symbol("J", "J", "volume ratio det F", "1"),
+    Symbol("P", "P", "first Piola-Kirchhoff stress", "pressure"),
+    Symbol("S", "S", "second Piola-Kirchhoff stress", "pressure"),
+    Symbol("sigma", r"\sigma", "Cauchy stress", "pressure"),
+    Symbol("psi", r"\psi", "strain energy per undeformed volume", "pressure"),
+    Symbol("v", "v", "virtual displacement", "length"),
+    Symbol("n", "n", "outward normal", "1"),
+)
+
+GROUPS = {
+    "Scene": SCENE,
+    "Body": BODY,
+    "Material": MATERIAL,
+    "Indenter": INDENTER,
+    "Contact": CONTACT,
+    "Loading": LOADING,
+    "Mesh": MESH,
+    "Solver": SOLVER,
+    "Output": OUTPUT,
+    "Results, one row a step": RESULTS,
+    "Contact surface": SURFACE,
+    "Continuum mechanics": CONTINUUM,
+}
+SYMBOLS = {symbol.name: symbol for group in GROUPS.values() for symbol in group}
+
+
+def lookup(name: str, section: str = "") -> Symbol | None:
+    """The entry of a name, the section's own before the general one; None when it has none."""
+    return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)
+
+
+def _formula(latex: str) -> str:
+    return f"${latex}$" if latex else ""
+
+
+def symbols_markdown() -> str:
+    """docs/symbols.md."""
+    parts = [
+        "# Symbols\n\nGenerated from `indent_sim/symbols.py` by `python -m indent_sim.reference`.\n",
+        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
+    ]
+    for title, group in GROUPS.items():
+        rows = [f"| `{s.name}` | {_formula(s.latex)} | {s.meaning} | {s.dimension} |" for s in group]
+        head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
+        parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
+    return "\n".join(parts)

@@ -1,0 +1,392 @@
+"""The command line: what it prints where, how it ends, and what it leaves on disk."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from unit.test_malformed import MALFORMED
+
+from indent_sim import cli, doctor
+from indent_sim.errors import (
+    BackendError,
+    ConfigError,
+    MeshError,
+    NotConverged,
+    UsageError,
+    VerificationError,
+)
+from indent_sim.results import read
+
+SCENE = """\
+title: A coarse one
+body: {shape: cylinder, radius: 1.0, height: 1.0, sides: roller}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.01, steps: 3}
+mesh: {h_contact: 0.03, h_far: 0.5}
+"""
+ROOT = Path(__file__).resolve().parents[1]
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture
+def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run a command in this process, in an empty directory that holds scene.yaml."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    return lambda *words: CliRunner().invoke(cli.program, [str(word) for word in words])
+
+
+def left(folder: Path) -> set[str]:
+    """What stands in a folder beside the scene."""
+    return {entry.name for entry in folder.iterdir()} - {"scene.yaml"}
+
+
+def command(*words: str | Path) -> list[str]:
+    return [sys.executable, "-m", "indent_sim.cli", *map(str, words)]
+
+
+def environment() -> dict[str, str]:
+    return os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    }
+
+
+@contextmanager
+def long_run(folder: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
+    """A run of many steps in a process of its own, handed over when its first rows are there."""
+    (folder / "scene.yaml").write_text(SCENE.replace("steps: 3", "steps: 100000"))
+    words = command("run", "scene.yaml", "--output", "out")
+    table = folder / "out" / "force_indentation.csv"
+    with subprocess.Popen(
+        words, cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            deadline = time.monotonic() + 120
+            while not table.exists() or table.read_text().count("\n") <= rows:
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.05)
+            yield process
+        finally:
+            process.kill()
+
+
+class TestWithoutARun:
+    def test_start_up_is_lean(self):
+        heavy = "{'numpy', 'rich', 'mpi4py', 'pydantic', 'matplotlib', 'dolfinx'}"
+        script = f"import sys, indent_sim.cli; sys.exit(bool({heavy} & set(sys.modules)))"
+        assert subprocess.run([sys.executable, "-c", script], env=environment()).returncode == 0
+
+    def test_help_names_every_command(self, indent_sim):
+        help_text = indent_sim("--help").stdout
+        assert all(
+            name in help_text for name in ("run", "plan", "compare", "plot", "list", "schema", "doctor")
+        )
+
+    def test_version(self, indent_sim):
+        from indent_sim import __version__
+
+        assert __version__ in indent_sim("--version").stdout
+
+    @pytest.mark.parametrize(
+        ("kind", "word"),
+        [
+            ("materials", "linear_elastic"),
+            ("indenters", "half_angle"),
+            ("contact", "epsilon_n"),
+            ("bodies", "strip"),
+        ],
+    )
+    def test_list(self, indent_sim, kind, word):
+        one, everything = indent_sim("list", kind), indent_sim("list")
+        assert one.exit_code == 0 and word in one.stdout and word in everything.stdout
+
+    def test_schema_is_json(self, indent_sim):
+        assert "indenter" in json.loads(indent_sim("schema").stdout)["properties"]
+
+    def test_plan_says_why_and_writes_nothing(self, indent_sim, tmp_path):
+        shown, data = indent_sim("plan", "scene.yaml"), indent_sim("plan", "scene.yaml", "--json")
+        plan = json.loads(data.stdout)
+        assert shown.exit_code == data.exit_code == 0 and left(tmp_path) == set()
+        assert {choice["key"] for choice in plan["choices"]} >= {"symmetry", "contact.gap", "mesh.h_contact"}
+        assert all(choice["why"] and choice["key"] in shown.stdout for choice in plan["choices"])
+        assert plan["prediction"]["force"] == pytest.approx(1.608e-3, rel=0.01)
+
+    def test_set_reaches_the_plan(self, indent_sim):
+        plan = json.loads(indent_sim("plan", "scene.yaml", "--set", "mesh.h_contact=0.02", "--json").stdout)
+        assert next(c["value"] for c in plan["choices"] if c["key"] == "mesh.h_contact") == pytest.approx(
+            0.02
+        )
+
+    def test_doctor_is_content_here(self, indent_sim):
+        found = indent_sim("doctor", "--json")
+        assert found.exit_code == 0, found.stdout
+        assert {check["name"] for check in json.loads(found.stdout)["checks"]} >= {
+            "dolfinx",
+            "MUMPS",
+            "gmsh",
+            "BLAS",
+        }
+
+    def test_doctor_leaves_ctrl_c_alone(self, indent_sim):
+        """Importing gmsh resets SIGINT, whoever handled it."""
+        before = signal.getsignal(signal.SIGINT)
+        sys.modules.pop("gmsh", None)
+        indent_sim("doctor")
+        assert signal.getsignal(signal.SIGINT) == before
+
+    def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):
+        monkeypatch.setattr(doctor, "NEEDED", ("numpy", "no_such_package"))
+        found = indent_sim("doctor")
+        assert found.exit_code == 7 and "no_such_package" in found.stderr and "ModuleNotFound" in found.stdout
+
+    def test_nobody_listening_is_no_bug(self):
+        with subprocess.Popen(
+            command("schema"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment()
+        ) as process:
+            assert process.stdout and process.stderr
+            process.stdout.close()
+            assert process.stderr.read() == b""
+            assert process.wait(30) == 0
+
+
+class TestRefusals:
+    """Exit codes 2 and 3: nothing is created."""
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("dance",),
+            ("run",),
+            ("run", "scene.yaml", "--bogus"),
+            ("run", "missing.yaml"),
+            ("run", "."),
+            ("run", "scene.yaml", "--output", "scene.yaml"),
+            ("run", "scene.yaml", "--output", "scene.yaml/out"),
+            ("plan", "missing.yaml"),
+            ("compare", "missing", "scene.yaml"),
+            ("compare", "scene.yaml", "scene.yaml", "--rtol", "nan"),
+            ("plot", "missing"),
+            ("plot",),
+            ("list", "tips"),
+        ],
+    )
+    def test_usage(self, indent_sim, tmp_path, words):
+        done = indent_sim(*words)
+        assert done.exit_code == 2 and done.stderr and "Traceback" not in done.stderr
+        assert done.stdout == "" and left(tmp_path) == set()
+
+    @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
+    @pytest.mark.parametrize("verb", ["run", "plan"])
+    def test_malformed_scenes(self, indent_sim, tmp_path, verb, text, line, key, fragment):
+        (tmp_path / "scene.yaml").write_text(text)
+        done = indent_sim(verb, "scene.yaml")
+        assert done.exit_code == 3 and left(tmp_path) == set()
+        assert f"scene.yaml:{line}" in done.stderr and key in done.stderr and done.stdout == ""
+
+    @pytest.mark.parametrize(
+        ("override", "said"),
+        [
+            ("indenter.r=3", "did you mean 'R'"),
+            ("loading.delta=2", "beyond the body's thickness"),
+            ("mesh.h_contact=1e-9", "machine has"),
+        ],
+    )
+    def test_scenes_that_cannot_be(self, indent_sim, tmp_path, override, said):
+        done = indent_sim("run", "scene.yaml", "--set", override)
+        assert done.exit_code == 3 and said in done.stderr and left(tmp_path) == set()
+
+    def test_a_foreign_folder(self, indent_sim, tmp_path):
+        (tmp_path / "theirs").mkdir()
+        (tmp_path / "theirs" / "thesis.tex").write_text("")
+        done = indent_sim("run", "scene.yaml", "--output", "theirs")
+        assert (
+            done.exit_code == 2
+            and left(tmp_path) == {"theirs"}
+            and left(tmp_path / "theirs") == {"thesis.tex"}
+        )
+
+    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+    def test_an_unwritable_folder(self, indent_sim, tmp_path):
+        (tmp_path / "closed").mkdir(mode=0o500)
+        done = indent_sim("run", "scene.yaml", "--output", "closed/out")
+        assert done.exit_code == 2 and left(tmp_path / "closed") == set()
+
+
+class TestEndings:
+    @pytest.mark.parametrize(
+        ("error", "code"),
+        [
+            (UsageError("x"), 2),
+            (ConfigError("a.b", "x"), 3),
+            (MeshError("x"), 4),
+            (NotConverged("x"), 5),
+            (VerificationError("x"), 6),
+            (BackendError("x"), 7),
+            (KeyboardInterrupt(), 130),
+            (ZeroDivisionError("x"), 1),
+        ],
+    )
+    def test_every_failure_has_its_exit_code(self, indent_sim, monkeypatch, error, code):
+        def fail(*args, **options):
+            raise error
+
+        monkeypatch.setattr("indent_sim.run.run", fail)
+        done = indent_sim("run", "scene.yaml")
+        assert done.exit_code == code and done.stdout == "" and done.stderr
+        assert ("Traceback" in done.stderr) == (code == 1)
+
+    def test_a_swallowed_signal_is_not_forgotten(self, indent_sim, monkeypatch):
+        """A library may turn the exception of the signal handler into one of its own."""
+
+        def swallow(*args, **options):
+            try:
+                os.kill(os.getpid(), signal.SIGTERM)
+                time.sleep(1)
+            except BaseException as error:
+                raise ImportError("initialization failed") from error
+
+        monkeypatch.setattr("indent_sim.run.run", swallow)
+        assert indent_sim("run", "scene.yaml").exit_code == 143
+
+    @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+    def test_a_stopped_run_keeps_its_rows(self, tmp_path, number, code):
+        with long_run(tmp_path, rows=2) as process:
+            process.send_signal(number)
+            out, err = process.communicate(timeout=60)
+        assert process.returncode == code and out == "" and "Traceback" not in err
+        done = read(tmp_path / "out")
+        assert done.report["status"] == "interrupted" and done.report["exit_code"] == code
+        assert len(done) == done.report["rows"] >= 2
+        assert f"{len(done)} rows" in err and left(tmp_path) == {"out"}
+        assert not (tmp_path / "out" / ".lock").exists()
+
+
+class TestRuns:
+    def test_a_run_prints_its_folder_and_tells_its_story(self, indent_sim, tmp_path):
+        done = indent_sim("run", "scene.yaml")
+        assert done.exit_code == 0, done.stderr
+        assert done.stdout == "results/scene\n"
+        assert all(word in done.stderr for word in ("step 1/3", "step 3/3", "theory", "Hertz", "picture"))
+        folder = tmp_path / "results" / "scene"
+        expected = {
+            "force_indentation.csv",
+            "surface.csv",
+            "fields.xdmf",
+            "fields.h5",
+            "config.yaml",
+            "run.json",
+        }
+        assert left(folder) == expected | {"force_indentation.png"}
+        assert read(folder).report["exit_code"] == 0
+
+    def test_the_written_config_reproduces_the_run(self, indent_sim, tmp_path):
+        assert indent_sim("run", "scene.yaml", "--output", "A").exit_code == 0
+        (tmp_path / "again.yaml").write_text((tmp_path / "A" / "config.yaml").read_text())
+        assert indent_sim("run", "again.yaml", "--output", "B").exit_code == 0
+        assert indent_sim("compare", "A", "B", "--rtol", "1e-12").exit_code == 0
+
+    def test_json_is_one_object(self, indent_sim, tmp_path):
+        done = indent_sim("run", "scene.yaml", "--json", "--output", tmp_path / "deep" / "out")
+        said = json.loads(done.stdout)
+        table = read(Path(said["directory"]))
+        assert [row["force"] for row in said["rows"]] == table["force"].tolist()
+        assert said["report"]["theory"]["force"] == pytest.approx(table["force"][-1], rel=0.02)
+
+    def test_the_folder_of_the_config_is_used(self, indent_sim, tmp_path):
+        done = indent_sim("run", "scene.yaml", "--set", "output.directory=here", "--set", "output.plot=false")
+        assert done.stdout == "here\n" and "force_indentation.png" not in left(tmp_path / "here")
+
+    def test_a_second_run_replaces_the_first(self, indent_sim, tmp_path):
+        for steps in (3, 2):
+            assert indent_sim("run", "scene.yaml", "--set", f"loading.steps={steps}").exit_code == 0
+        assert len(read(tmp_path / "results" / "scene")) == 2 and left(tmp_path / "results") == {"scene"}
+
+    def test_a_run_into_a_folder_in_use_is_refused(self, indent_sim, tmp_path):
+        with long_run(tmp_path, rows=1):
+            done = indent_sim("run", "scene.yaml", "--output", "out")
+        assert done.exit_code == 2 and "in use" in done.stderr
+
+    def test_a_killed_run_leaves_readable_files_and_a_free_folder(self, indent_sim, tmp_path):
+        with long_run(tmp_path, rows=3) as process:
+            process.kill()
+            process.wait()
+        assert len(read(tmp_path / "out")) >= 3 and read(tmp_path / "out").report["status"] == "running"
+        (tmp_path / "scene.yaml").write_text(SCENE)
+        assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
+        assert len(read(tmp_path / "out")) == 3
+
+
+class TestCompareAndPlot:
+    @pytest.fixture
+    def tables(self, indent_sim, tmp_path):
+        head = "step,delta,force,a\n"
+        for name, text in (("A", "1,0.1,1,0.2\n2,0.2,3,0.3\n"), ("B", "1,0.1,1.01,0.2\n2,0.2,3,0.3\n")):
+            (tmp_path / f"{name}.csv").write_text(head + text)
+        (tmp_path / "C.csv").write_text(head + "1,0.1,1,0.2\n")
+        return indent_sim
+
+    @pytest.mark.parametrize(
+        ("words", "code"),
+        [(("A", "A"), 0), (("A", "B"), 6), (("A", "B", "--rtol", "0.02"), 0), (("A", "C"), 6)],
+    )
+    def test_compare(self, tables, tmp_path, words, code):
+        done = tables("compare", *(f"{word}.csv" if word in "ABC" else word for word in words))
+        assert done.exit_code == code and "force A" in done.stdout
+        assert left(tmp_path) == {"A.csv", "B.csv", "C.csv"}
+
+    def test_plot(self, tables, tmp_path):
+        assert tables("plot", "A.csv", "B.csv").stdout == "force_indentation.png\n"
+        assert tables("plot", "A.csv", "--output", "one.svg").exit_code == 0
+        assert left(tmp_path) >= {"force_indentation.png", "one.svg"}
+        assert tables("plot", "A.csv", "--output", "one.bmp").exit_code == 2
+        assert tables("plot", "A.csv", "--output", "nowhere/one.png").exit_code == 2
+
+
+ALONE = """
+import sys
+from mpi4py import MPI
+from indent_sim import cli
+from indent_sim.errors import NotConverged
+cli.PATIENCE = 0.5
+comm = MPI.COMM_WORLD
+with cli.together(comm):
+    if comm.rank == 1:
+        raise {error}
+    comm.Barrier()
+"""
+
+
+class TestRanks:
+    def test_a_config_error_is_told_once_and_ends_all(self, mpirun, tmp_path):
+        (tmp_path / "scene.yaml").write_text(SCENE.replace("R: 1.0", "r: 1.0"))
+        done = mpirun(3, "-m", "indent_sim.cli", "run", "scene.yaml")
+        assert done.returncode == 3 and done.stderr.count("did you mean 'R'") == 1
+        assert done.stdout == "" and left(tmp_path) == set()
+
+    @pytest.mark.parametrize(
+        ("error", "code", "said"),
+        [("ZeroDivisionError('x')", 1, "Traceback"), ("NotConverged('alone')", 5, "alone")],
+    )
+    def test_a_rank_that_fails_alone_ends_all(self, mpirun, error, code, said):
+        done = mpirun(2, "-c", ALONE.format(error=error))
+        assert done.returncode == code and said in done.stderr
+
+    def test_the_folder_is_printed_once(self, mpirun, tmp_path):
+        (tmp_path / "scene.yaml").write_text(SCENE)
+        done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml")
+        assert done.returncode == 0 and done.stdout == "results/scene\n"
+        assert (
+            done.stderr.count("step 1/3") == 1 and read(tmp_path / "results" / "scene").report["ranks"] == 2
+        )

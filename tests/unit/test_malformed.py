@@ -1,0 +1,189 @@
+"""Malformed scenes: each is refused with exit code 3, at its line, under its key, in words that help."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from indent_sim.config import load
+from indent_sim.errors import ConfigError
+
+SCENE = """\
+title: Hertz
+units: {length: m, force: N}
+body:
+  shape: box
+  size: [1.0, 1.0, 1.0]
+  base: fixed
+  sides: free
+material:
+  model: linear_elastic
+  E: 1.0
+  nu: 0.3
+indenter:
+  shape: paraboloid
+  R: 1.0
+  center: [0.5, 0.5]
+contact:
+  method: penalty
+  epsilon_n: 1e4
+loading:
+  delta: 0.01
+  steps: 10
+mesh:
+  h_contact: 0.01
+  order: 2
+solver:
+  rtol: 1e-10
+output:
+  directory: results/hertz
+  fields: last
+  plot: true
+"""
+
+
+def edited(old: str, new: str) -> str:
+    """The scene with one thing changed."""
+    assert SCENE.count(old) == 1
+    return SCENE.replace(old, new)
+
+
+# text, line, key, fragment of the message
+MALFORMED = [
+    # the file
+    ("", 1, "", "the file is empty"),
+    ("# only a comment\n", 1, "", "the file is empty"),
+    ("just text\n", 1, "", "sections"),
+    ("- a\n- b\n", 1, "", "sections"),
+    (edited("  R: 1.0", "\tR: 1.0"), 14, "", "spaces, not tabs"),
+    (edited("[0.5, 0.5]", "[0.5, 0.5"), 16, "", "not YAML"),
+    (edited("plot: true", "plot: 'true"), 30, "", "found unexpected end of stream"),
+    (edited("title: Hertz", "title: Hertz: ball"), 1, "", "mapping values are not allowed"),
+    (edited("title: Hertz", "title: \0"), 1, "", "U+0000"),
+    (SCENE + "---\n" + SCENE, 31, "", "second document"),
+    # what strict YAML does without
+    (edited("nu: 0.3", "nu: 0.3\n  nu: 0.4"), 12, "material.nu", "given twice, first in line 11"),
+    (SCENE + "mesh:\n  order: 1\n", 31, "mesh", "given twice, first in line 22"),
+    (edited("R: 1.0", "R: &r 1.0"), 14, "indenter.R", "anchors"),
+    (edited("R: 1.0", "R: *r"), 14, "indenter.R", "anchors"),
+    (edited("R: 1.0", "R: !!float 1.0"), 14, "indenter.R", "tags"),
+    (edited("R: 1.0", "R: !!python/object/apply:os.getcwd []"), 14, "indenter.R", "tags"),
+    (edited("R: 1.0", "1: 1.0"), 14, "indenter", "a key must be a word"),
+    (edited("R: 1.0", "[a]: 1.0"), 14, "indenter", "a key must be a word"),
+    (edited("title: Hertz", f"title: {'[' * 5000}"), 1, "title[0][0]", "nested deeper than"),
+    (edited("R: 1.0", "R: .inf"), 14, "indenter.R", ".inf is not a finite number"),
+    (edited("R: 1.0", "R: .NaN"), 14, "indenter.R", ".NaN is not a finite number"),
+    (edited("R: 1.0", "R: 1e999"), 14, "indenter.R", "too large a number"),
+    (edited("R: 1.0", f"R: {'9' * 350}"), 14, "indenter.R", "too large a number"),
+    (edited("R: 1.0", f"R: {'9' * 5000}"), 14, "indenter.R", "5000 characters is too long"),
+    # keys
+    (edited("R: 1.0", "r: 1.0"), 14, "indenter.r", "unknown key, did you mean 'R'?"),
+    (edited("fields: last", "field: last"), 29, "output.field", "did you mean 'fields'?"),
+    (SCENE + "colour: red\n", 31, "colour", "unknown key; valid here: title, units, body"),
+    (SCENE + "materials: {}\n", 31, "materials", "did you mean 'material'?"),
+    (SCENE + "delta: 0.1\n", 31, "delta", "it belongs in loading"),
+    (SCENE + "center: [0, 0]\n", 31, "center", "it belongs in indenter"),
+    (edited("sides: free", "sides: {left: free}"), 7, "body.sides.left", "valid here: x_min, x_max, y_min"),
+    (edited("R: 1.0", "half_angle: 60"), 14, "indenter.half_angle", "'paraboloid' has no parameter"),
+    (edited("method: penalty", "method: auto"), 18, "contact.epsilon_n", "it belongs to penalty"),
+    (edited("  size: [1.0, 1.0, 1.0]\n", ""), 3, "body.size", "missing; give a list of 3 numbers > 0"),
+    (edited("  R: 1.0\n", ""), 12, "indenter.R", "missing; give a number > 0"),
+    (edited("loading:\n  delta: 0.01\n  steps: 10\n", ""), 1, "loading", "section is missing; its keys"),
+    (edited("body:\n  shape: box\n", "body:\n"), 3, "body.shape", "choose one of cylinder, strip, box"),
+    (edited("  rtol: 1e-10\n", ""), 25, "solver", "this section is empty"),
+    (edited("mesh:\n  h_contact: 0.01\n  order: 2", "mesh: 3"), 22, "mesh", "a section of keys, got 3"),
+    # choices
+    (edited("shape: paraboloid", "shape: parabola"), 13, "indenter.shape", "did you mean 'paraboloid'?"),
+    (edited("shape: paraboloid", "shape: 7"), 13, "indenter.shape", "there is no indenter 7; choose one of"),
+    (edited("model: linear_elastic", "model: rubber"), 9, "material.model", "choose one of linear_elastic"),
+    (edited("method: penalty", "method: Penalty"), 17, "contact.method", "did you mean 'penalty'?"),
+    (edited("base: fixed", "base: free"), 6, "body.base", "must be fixed or roller, got 'free'"),
+    (edited("sides: free", "sides: rollers"), 7, "body.sides", "did you mean 'roller'?"),
+    (edited("sides: free", "sides: {x_min: rolls}"), 7, "body.sides.x_min", "must be free, roller or fixed"),
+    (edited("h_contact: 0.01", "h_contact: Auto"), 23, "mesh.h_contact", "a number > 0 or auto, got 'Auto'"),
+    (edited("fields: last", "fields: true"), 29, "output.fields", "must be none, last or all, got true"),
+    # types
+    (edited("R: 1.0", "R: '1.0'"), 14, "indenter.R", "must be a number > 0, got '1.0'"),
+    (edited("R: 1.0", "R: 1.0 mm"), 14, "indenter.R", "must be a number > 0, got '1.0 mm'"),
+    (edited("R: 1.0", "R: 1,5"), 14, "indenter.R", "got '1,5'"),
+    (edited("R: 1.0", "R: true"), 14, "indenter.R", "must be a number > 0, got true"),
+    (edited("R: 1.0", "R:"), 14, "indenter.R", "must be a number > 0, got nothing"),
+    (edited("R: 1.0", "R: [1.0]"), 14, "indenter.R", "must be a number > 0, got [1.0]"),
+    (edited("R: 1.0", "R: nan"), 14, "indenter.R", "got 'nan'"),
+    (edited("steps: 10", "steps: 10.0"), 21, "loading.steps", "must be a whole number > 0, got 10.0"),
+    (edited("order: 2", "order: true"), 24, "mesh.order", "must be a whole number"),
+    (edited("plot: true", "plot: on"), 30, "output.plot", "must be true or false, got 'on'"),
+    (edited("plot: true", "plot: 1"), 30, "output.plot", "must be true or false, got 1"),
+    (edited("title: Hertz", "title: 1882"), 1, "title", "must be text, got 1882"),
+    (edited("{length: m, force: N}", "m"), 2, "units", "must be a section of keys, got 'm'"),
+    (edited("directory: results/hertz", "directory: ''"), 28, "output.directory", "non-empty text"),
+    (edited("size: [1.0, 1.0, 1.0]", "size: 1.0"), 5, "body.size", "a list of 3 numbers > 0, got 1.0"),
+    (edited("size: [1.0, 1.0, 1.0]", "size: [1.0, 1.0]"), 5, "body.size", "3 numbers > 0, got [1.0, 1.0]"),
+    (edited("size: [1.0, 1.0, 1.0]", "size: [1, x, 1]"), 5, "body.size[1]", "must be a number > 0, got 'x'"),
+    (edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"), 26, "solver.petsc.ksp_type", "must be text, a number"),
+    # ranges
+    (edited("R: 1.0", "R: -1"), 14, "indenter.R", "must be > 0, got -1"),
+    (edited("R: 1.0", "R: 0"), 14, "indenter.R", "must be > 0, got 0"),
+    (edited("nu: 0.3", "nu: 0.7"), 11, "material.nu", "must be > -1 and <= 0.5, got 0.7"),
+    (edited("steps: 10", "steps: 0"), 21, "loading.steps", "must be > 0, got 0"),
+    (edited("order: 2", "order: 3"), 24, "mesh.order", "must be >= 1 and <= 2, got 3"),
+    (edited("rtol: 1e-10", "rtol: 0.1"), 26, "solver.rtol", "must be > 0 and <= 0.001, got 0.1"),
+    (edited("size: [1.0, 1.0, 1.0]", "size: [1, 1,\n    -1]"), 6, "body.size[2]", "must be > 0, got -1"),
+    # contradictions
+    (edited("nu: 0.3", "nu: 0.3\n  mu: 1"), 8, "material", "needs exactly two of E, nu, mu"),
+    (edited("  nu: 0.3\n", ""), 8, "material", "needs exactly two of E, nu, mu"),
+    (edited("E: 1.0\n  nu: 0.3", "E: 1\n  mu: 0.1"), 8, "material", "a stable material has"),
+    (edited("E: 1.0\n  nu: 0.3", "mu: 1\n  lame_lambda: -1"), 8, "material", "no stable material"),
+    (edited("delta: 0.01", "delta: 0.01\n  deltas: [0.1]"), 21, "loading.deltas", "contradicts delta"),
+    (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
+    (edited("  delta: 0.01\n", ""), 19, "loading", "says no depth"),
+    (edited("delta: 0.01\n  steps: 10", "deltas: []"), 20, "loading.deltas", "list of numbers, got []"),
+    (edited("center: [0.5, 0.5]", "center: [0.5]"), 15, "indenter.center", "stands at [x, y], got 1"),
+    (edited("center: [0.5, 0.5]", "center: [0.5, a]"), 15, "indenter.center[1]", "must be a number, got 'a'"),
+]
+
+
+def test_the_scene_itself_is_right(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    assert load(path).title == "Hertz"
+
+
+@pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
+def test_malformed(tmp_path, text, line, key, fragment):
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load(path)
+    assert caught.value.exit_code == 3
+    errors = getattr(caught.value, "errors", [caught.value])
+    error = next(error for error in errors if fragment in str(error))
+    assert (error.file, error.line, error.key) == (str(path), line, key)
+    assert str(error).startswith(f"{path}:{line}: {key}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n",
+        "title: " + "[" * 400_000,
+        "title: " + "{a: " * 200_000,
+        "- " * 400_000,
+        "? " * 400_000,
+        "loading: {deltas: [" + "x, " * 300_000 + "x]}",
+        "R: " + "9" * 900_000,
+        "R: 0." + "9" * 900_000,
+        "title: '" + "x" * 3_000_000 + "'",
+        "".join(f"key{i}: 1\n" for i in range(60_000)),
+    ],
+    ids=["aliases", "lists", "mappings", "dashes", "keys", "items", "integer", "float", "size", "sections"],
+)
+def test_bombs_are_refused_fast(tmp_path, text):
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    start = time.process_time()
+    with pytest.raises(ConfigError) as caught:
+        load(path)
+    assert len(str(caught.value)) < 5000
+    assert time.process_time() - start < 10

@@ -1,0 +1,137 @@
+"""Pictures: what they show is in them, in every shape a result can have."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from indent_sim import plots
+from indent_sim.errors import UsageError
+from indent_sim.results import Results
+
+
+def a_result(kind: str = "axisymmetric", steps: int = 5, error: bool = False, **report) -> Results:
+    delta = 1e-5 * np.arange(1, steps + 1)
+    a, force = np.sqrt(1e-3 * delta), 1e3 * delta**1.5
+    x = np.linspace(0, 3 * a[-1], 40)
+    y = np.zeros(40)
+    if kind == "three_dimensional":
+        x, y = (part.ravel() for part in np.meshgrid(x, x))
+    pressure = np.sqrt(np.maximum(1 - (x**2 + y**2) / a[-1] ** 2, 0))
+    surface = {"step": np.full(len(x), float(steps)), "x": x, "y": y, "pressure": pressure}
+    table = {"step": np.arange(1.0, steps + 1), "delta": delta, "force": force, "a": a}
+    if error:
+        table["force_error"] = 0.1 * force
+    plan = {"choices": [{"key": "kinematics", "value": kind, "why": ""}]}
+    theory = {
+        "name": "layer theory",
+        "delta": delta[-1],
+        "force_deviation": 0.001,
+        "half_space": {"name": "Hertz", "force": 0.9 * force[-1], "deviation": -0.1},
+        "curve": {"delta": delta.tolist(), "force": force.tolist(), "a": a.tolist()},
+    }
+    units = {"length": "m", "force": "N"}
+    facts = {"title": "A title", "gap": "reference", "method": "penalty", "units": units, "theory": theory}
+    return Results(Path("results/one"), table, facts | {"plan": plan} | report, surface)
+
+
+def text_of(path: Path) -> str:
+    return path.read_text()
+
+
+@pytest.fixture
+def svg(tmp_path, monkeypatch):
+    """Draw into an SVG whose words can be read."""
+    monkeypatch.setitem(plots.STYLE, "svg.fonttype", "none")
+    return tmp_path / "picture.svg"
+
+
+class TestOneRun:
+    @pytest.mark.parametrize("kind", ["axisymmetric", "plane_strain", "three_dimensional"])
+    @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+    def test_every_kind_and_format(self, tmp_path, kind, suffix):
+        path = tmp_path / f"picture{suffix}"
+        plots.force_indentation(a_result(kind, error=True), path)
+        assert path.stat().st_size > 5000 and list(tmp_path.iterdir()) == [path]
+
+    def test_the_words_on_it(self, svg):
+        plots.force_indentation(a_result(error=True), svg)
+        words = (
+            "A title",
+            "undeformed point",
+            "penalty",
+            "[µm]",
+            "layer theory",
+            "+0.10%",
+            "Hertz",
+            "estimated error",
+        )
+        assert [word for word in words if word not in text_of(svg)] == []
+
+    def test_plane_strain_forces_are_per_length(self, svg):
+        plots.force_indentation(a_result("plane_strain"), svg)
+        assert "N/m]" in text_of(svg) and "half-width" in text_of(svg)
+
+    def test_units_unknown_to_us_are_shown_as_they_are(self, svg):
+        plots.force_indentation(a_result(units={"length": "mm", "force": "mN"}), svg)
+        assert "[mm]" in text_of(svg) and "[mN/mm²]" in text_of(svg)
+
+    def test_a_failed_run_says_so(self, svg):
+        plots.force_indentation(a_result(status="failed", reason="step 6: no"), svg)
+        assert "failed: step 6: no" in text_of(svg)
+
+    @pytest.mark.parametrize("steps", [1, 200])
+    def test_few_and_many_steps(self, svg, steps):
+        plots.force_indentation(a_result(steps=steps), svg)
+
+    def test_a_bare_table_out_of_contact(self, svg):
+        table = {"step": [1.0, 2.0], "delta": [-0.1, 0.0], "force": [0.0, 0.0], "a": [0.0, 0.0]}
+        bare = Results(Path("a.csv"), {name: np.array(column) for name, column in table.items()})
+        plots.force_indentation(bare, svg)
+
+    def test_no_rows_at_all(self, svg):
+        empty = {name: np.array([]) for name in ("step", "delta", "force", "a")}
+        plots.force_indentation(Results(Path("a.csv"), empty), svg)
+
+    def test_one_point_in_contact(self, svg):
+        result = a_result("three_dimensional")
+        result.surface["pressure"] = np.where(result.surface["pressure"] == 1, 1.0, 0.0)
+        plots.force_indentation(result, svg)
+
+    def test_two_drawings_are_the_same_file(self, tmp_path):
+        for name in ("a.svg", "b.svg"):
+            plots.force_indentation(a_result(), tmp_path / name)
+        assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+class TestSeveralRuns:
+    def test_each_is_named(self, svg):
+        runs = [a_result(title="soft"), a_result(title="stiff", steps=8)]
+        plots.overlay(runs, svg)
+        assert "soft" in text_of(svg) and "stiff" in text_of(svg)
+
+    def test_titles_that_do_not_tell_them_apart_give_way_to_folders(self, svg):
+        plots.overlay([a_result(), a_result()], svg)
+        assert "results/one" in text_of(svg)
+
+    def test_units_that_differ_are_not_claimed(self, svg):
+        plots.overlay([a_result(), a_result(units={"length": "mm", "force": "N"})], svg)
+        assert "[" not in text_of(svg).split("<g")[-1]
+
+    def test_more_runs_than_colours(self, svg):
+        plots.overlay([a_result()] * 9, svg)
+
+
+def test_an_unknown_format_is_refused(tmp_path):
+    with pytest.raises(UsageError, match="picture"):
+        plots.force_indentation(a_result(), tmp_path / "picture.bmp")
+    assert not list(tmp_path.iterdir())
+
+
+def test_matplotlib_waits_until_it_is_needed():
+    script = "import sys, indent_sim.plots; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2]).returncode == 0

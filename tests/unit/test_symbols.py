@@ -1,0 +1,86 @@
+"""The glossary is complete: no name in YAML, CSV or the states without a meaning, a sign and a dimension."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import pytest
+
+from indent_sim import schema
+from indent_sim.config import Config
+from indent_sim.hints import core, hints
+from indent_sim.model.quantities import unit_of
+from indent_sim.reference import DIMENSIONS, config_markdown, json_schema
+from indent_sim.results import SURFACE_COLUMNS
+from indent_sim.state import COLUMNS, State, Surface
+from indent_sim.symbols import GROUPS, SYMBOLS, lookup
+
+
+def yaml_fields() -> list[tuple[str, type, str]]:
+    """Section, dataclass and name of every key of the scene file."""
+    found = [("", Config, name) for name in Config.model_fields]
+    for section, kinds in schema.sections().items():
+        for kind in kinds:
+            nested = [core(hint) for hint in hints(kind).values() if dataclasses.is_dataclass(core(hint))]
+            found += [(section, owner, name) for owner in (kind, *nested) for name in hints(owner)]
+    return found
+
+
+@pytest.mark.parametrize(("section", "kind", "name"), yaml_fields())
+def test_every_key_has_a_meaning(section, kind, name):
+    symbol = lookup(name, section)
+    assert symbol and symbol.meaning, f"add {name} to indent_sim/symbols.py"
+    unit = unit_of(hints(kind)[name])
+    if unit:
+        assert symbol.dimension == DIMENSIONS[unit]
+
+
+@pytest.mark.parametrize("name", [*COLUMNS, "force_error", *SURFACE_COLUMNS])
+def test_every_column_has_a_meaning(name):
+    assert name in SYMBOLS, f"add {name} to indent_sim/symbols.py"
+
+
+@pytest.mark.parametrize("kind", [State, Surface])
+def test_every_field_of_a_state_has_a_meaning(kind):
+    assert [f.name for f in dataclasses.fields(kind) if f.name not in SYMBOLS] == []
+
+
+def test_one_entry_a_name():
+    names = [symbol.name for group in GROUPS.values() for symbol in group]
+    assert len(names) == len(set(names))
+
+
+def test_an_entry_for_one_section_names_a_section_and_key():
+    known = {f"{section}.{name}" for section, _, name in yaml_fields()}
+    assert [name for name in SYMBOLS if "." in name and name not in known] == []
+
+
+def test_the_json_schema_describes_the_file():
+    found = json_schema()
+    assert json.loads(json.dumps(found)) == found
+    assert list(found["properties"]) == list(schema.keys_at((), {}))
+    for section, kinds in schema.sections().items():
+        for kind in kinds:
+            properties = found["$defs"][kind.__name__]["properties"]
+            expected = {*schema.file_order(kind), *(["center"] if section == "indenter" else [])}
+            assert set(properties) == expected
+            assert all(entry["description"] for entry in properties.values())
+            assert found["$defs"][kind.__name__]["additionalProperties"] is False
+
+
+def test_the_json_schema_knows_walls_tags_and_defaults():
+    kinds = json_schema()["$defs"]
+    assert kinds["Box"]["properties"]["sides"]["anyOf"][0]["enum"] == ["free", "roller", "fixed"]
+    assert kinds["Box"]["properties"]["sides"]["default"] == "free"
+    assert kinds["Box"]["required"] == ["shape", "size"]
+    assert kinds["Penalty"]["required"] == ["method"]
+    assert "required" not in kinds["AutoContact"]
+    assert kinds["SolverSettings"]["properties"]["rtol"]["maximum"] == 1e-3
+
+
+def test_the_page_of_the_scene_file_has_every_key():
+    page = config_markdown()
+    missing = [name for section, kind, name in yaml_fields() if section and f"`{name}" not in page]
+    walls = {"x_min", "x_max", "y_min", "y_max"}  # named in the row of `sides`
+    assert set(missing) <= walls
