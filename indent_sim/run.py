@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim import geometry
 from indent_sim.comparison import summary
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
+from indent_sim.folder import uninterrupted
 from indent_sim.parallel import on_root
 from indent_sim.results import ResultFolder
 from indent_sim.scene import Scene, resolve
@@ -153,7 +154,7 @@ class Simulation:
             problem = fe.Problem(scene, mesh)
             self._enforcement = fe.enforcement(problem, **scene.solver)
             self._walk = fe.Walk(problem, self._enforcement, clock.started)
-        size = {"cells": int(len(grid.cells)), "points": int(len(grid.points))} if grid is not None else {}
+        size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
         record.note(dofs=problem.active_dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
         self._fields = fe.Fields(problem) if self.output.fields != "none" else None
         if self._fields is not None:
@@ -171,8 +172,10 @@ class Simulation:
                 self._keep(state.in_units(self.scene.scales), state.step == total)
                 if progress is not None:
                     progress(self.states[-1], state.step, total)
-        except NotConverged:
-            self._save_last_fields()
+        except (NotConverged, KeyboardInterrupt) as end:
+            # a signal reaches the ranks one by one: only a failure is known to all of them
+            if isinstance(end, NotConverged) or self.record.comm.size == 1:
+                self._save_last_fields()
             raise
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self._worst_audit))
@@ -233,7 +236,8 @@ class Simulation:
 
 def _backend() -> Any:
     try:
-        from indent_sim.fe import solver
+        with uninterrupted():  # a signal inside an import would look like a missing library
+            from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
     return solver

@@ -72,7 +72,7 @@ class NodalContact:
         return values[..., 0], values[..., 1 : 1 + dim], values[..., 1 + dim :].reshape(*values.shape[:2], dim, dim)
 
     def _gathered(self, nodal: np.ndarray) -> np.ndarray:
-        """Sum contributions (facets, nodes) at the nodes over facets and ranks; the local array of the solution's layout."""
+        """Sum contributions (facets, nodes) over facets and ranks, laid out as the solution's local array."""
         with self._work.localForm() as local:
             local.set(0.0)
             np.add.at(local.array, self.lam_places, nodal)

@@ -60,7 +60,7 @@ def _simultaneous(newton: Newton) -> Callable[[], bool]:
 
 
 def _uzawa(newton: Newton) -> Callable[[], bool]:
-    """Newton with lam frozen, then lam <- <lam - epsilon_n g> (projected on the multiplier's space), until it stands still.
+    """Newton with lam frozen, then lam <- projection of <lam - epsilon_n g>, until it stands still.
 
     At the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """

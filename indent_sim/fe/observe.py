@@ -85,7 +85,9 @@ def contact_radius(problem: Problem) -> float:
     s = sample(problem, points)
     x = (s.X if problem.scene.gap == "reference" else s.X + s.u)[..., :-1]
     corners, p_hat = x[:, simplices], s.p_hat[:, simplices]
-    size = _positive_length(problem, corners[..., 0], p_hat) if problem.trace.dim == 2 else _positive_area(corners, p_hat)
+    size = (
+        _positive_length(problem, corners[..., 0], p_hat) if problem.trace.dim == 2 else _positive_area(corners, p_hat)
+    )
     total = problem.scene.copies * problem.comm.allreduce(size, op=MPI.SUM)
     return total / 2 if problem.scene.kinematics.name == "plane_strain" else float(np.sqrt(total / pi))
 

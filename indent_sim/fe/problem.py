@@ -77,8 +77,7 @@ class Problem:
     @property
     def stiffness_scale(self) -> float:
         """Pressure per length that compares gaps with pressures: the law's own, or E*/h_contact."""
-        material, h = self.scene.material, self.scene.sizes.h_contact
-        return float(getattr(self.law, "stiffness", material.E / (1 - material.nu**2) / h))
+        return float(getattr(self.law, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
 
     @cached_property
     def row_weights(self) -> np.ndarray:

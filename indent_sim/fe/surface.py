@@ -81,7 +81,7 @@ def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
     n = SUBDIVISIONS[dim]
     if dim == 2:
         return np.linspace(0, 1, n + 1)[:, None], np.column_stack([np.arange(n), np.arange(1, n + 1)])
-    index = {}
+    index: dict[tuple[int, int], int] = {}
     for i in range(n + 1):
         for j in range(n + 1 - i):
             index[i, j] = len(index)

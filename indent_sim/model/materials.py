@@ -38,6 +38,18 @@ class LinearElastic:
         return LinearElastic(E=E, nu=nu, formulation=self.formulation)
 
     @property
+    def constants(self) -> tuple[float, float]:
+        """E [pressure] and nu of a canonical material."""
+        assert self.E is not None and self.nu is not None
+        return self.E, self.nu
+
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus E/(1 - nu^2) [pressure] of a canonical material."""
+        E, nu = self.constants
+        return E / (1 - nu * nu)
+
+    @property
     def shear_modulus(self) -> Any:
         """mu = E / (2 (1 + nu)) [pressure]."""
         return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
@@ -85,9 +97,14 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     """
     if len(given) != 2:
         raise ValueError(f"needs exactly two of {', '.join(ISOTROPIC_CONSTANTS)}; got {', '.join(given) or 'none'}")
-    E, nu = _from_two(given)
+    try:
+        E, nu = _from_two(given)
+    except ZeroDivisionError:
+        E, nu = math.nan, math.nan
     if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
-        raise ValueError(f"these constants give E = {E:g} and nu = {nu:g}; a stable material has E > 0 and -1 < nu <= 0.5")
+        raise ValueError(
+            f"these constants give E = {E:g} and nu = {nu:g}; a stable material has E > 0 and -1 < nu <= 0.5"
+        )
     return E, nu
 
 
