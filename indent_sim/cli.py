@@ -149,9 +149,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
 @program.command()
 @click.argument("first", metavar="A", type=click.Path(path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(path_type=Path))
-@click.option(
-    "--rtol", type=click.FloatRange(0, 1), default=1e-6, show_default=True, help="Relative tolerance."
-)
+@click.option("--rtol", type=click.FloatRange(0, 1), default=1e-6, show_default=True, help="Relative tolerance.")
 def compare(first: Path, second: Path, rtol: float) -> None:
     """Compare two results step by step. Exit code 6 when delta, force or a differ."""
     from indent_sim import results, terminal

@@ -10,7 +10,6 @@ import numpy as np
 from indent_sim.oracle import half_space_force
 from indent_sim.scene import Scene
 from indent_sim.state import State
-from indent_sim.theory import half_space
 
 POINTS = 50  # of the theory curve that is kept for the plot
 
@@ -67,15 +66,18 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
         "force_deviation": deepest.force / (solution.force * F) - 1,
         "a_deviation": deepest.a / (solution.a * L) - 1,
         "half_space": _half_space(scene, delta, deepest.force),
-        "curve": {"delta": [s.delta * L for s in curve], "force": [s.force * F for s in curve], "a": [s.a * L for s in curve]},
+        "curve": {
+            "delta": [s.delta * L for s in curve],
+            "force": [s.force * F for s in curve],
+            "a": [s.a * L for s in curve],
+        },
     }
 
 
 def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:
     if scene.scales.dim == 2:
         return None
-    E_star = half_space.E_star(scene.material.E, scene.material.nu)  # type: ignore[arg-type]
-    closed = half_space_force(scene.indenter, delta, E_star)
+    closed = half_space_force(scene.indenter, delta, scene.material.E_star)
     if closed is None:
         return None
     name, value = closed

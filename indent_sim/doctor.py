@@ -51,9 +51,7 @@ class Check:
 
 def examine() -> list[Check]:
     """Look at everything a run needs."""
-    packages = [_package(name) for name in NEEDED] + [
-        _package(name, remedy) for name, remedy in OPTIONAL.items()
-    ]
+    packages = [_package(name) for name in NEEDED] + [_package(name, remedy) for name, remedy in OPTIONAL.items()]
     others: dict[str, Callable[[], Check]] = {
         "MPI": _mpi,
         "MUMPS": _mumps,
@@ -116,21 +114,15 @@ def _blas() -> Check:
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
     libraries = (
-        {line.split()[-1] for line in maps.read_text().splitlines() if ".so" in line}
-        if maps.exists()
-        else set()
+        {line.split()[-1] for line in maps.read_text().splitlines() if ".so" in line} if maps.exists() else set()
     )
-    loaded = [
-        str(Path(path).resolve()).lower() for path in libraries if re.search("blas|mkl|blis|atlas", path)
-    ]
+    loaded = [str(Path(path).resolve()).lower() for path in libraries if re.search("blas|mkl|blis|atlas", path)]
     names = {nice for word, nice in BLAS.items() if any(word in path for path in loaded)}
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
     if names:
         return Check("BLAS", f"{', '.join(sorted(names))}, {threads} thread(s) per rank")
     if loaded:
-        return Check(
-            "BLAS", "reference BLAS", "warning", "3 to 10 times slower: install libopenblas0-pthread"
-        )
+        return Check("BLAS", "reference BLAS", "warning", "3 to 10 times slower: install libopenblas0-pthread")
     return Check("BLAS", "unknown", "warning")
 
 
@@ -138,9 +130,7 @@ def _compiler() -> Check:
     """The compiler that turns forms into kernels."""
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")[0]
     found = shutil.which(command)
-    return (
-        Check("C compiler", found) if found else Check("C compiler", f"no {command}", "broken", "install gcc")
-    )
+    return Check("C compiler", found) if found else Check("C compiler", f"no {command}", "broken", "install gcc")
 
 
 def _cache() -> Check:
@@ -151,6 +141,4 @@ def _cache() -> Check:
         with tempfile.TemporaryFile(dir=existing):
             return Check("JIT cache", str(folder))
     except OSError as error:
-        return Check(
-            "JIT cache", f"{folder}: {error.strerror}", "broken", "point XDG_CACHE_HOME to a writable folder"
-        )
+        return Check("JIT cache", f"{folder}: {error.strerror}", "broken", "point XDG_CACHE_HOME to a writable folder")

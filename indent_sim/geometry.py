@@ -49,11 +49,11 @@ def build(scene: Scene) -> Grid:
 
 @contextmanager
 def _gmsh_session() -> Iterator[Any]:
+    handler = signal.getsignal(signal.SIGINT)  # importing, initialising and finalising gmsh each take it away
     try:
         import gmsh
     except ImportError as missing:
         raise BackendError(f"gmsh is missing ({missing}); install the packages of packages-debian.txt") from missing
-    handler = signal.getsignal(signal.SIGINT)
     gmsh.initialize([], False)  # no user configuration: the mesh depends on the scene alone
     try:
         signal.signal(signal.SIGINT, handler)
@@ -68,6 +68,7 @@ def _gmsh_session() -> Iterator[Any]:
         yield gmsh
     finally:
         gmsh.finalize()
+        signal.signal(signal.SIGINT, handler)
 
 
 def _draw(gmsh: Any, scene: Scene) -> None:

@@ -44,9 +44,7 @@ class Oracle:
 
 def oracle(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> Oracle | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
-    canonical = material.canonical()
-    E, nu = canonical.E, canonical.nu
-    assert E is not None and nu is not None
+    E, nu = material.canonical().constants
     module = plane_strain if body.shape == "strip" else layer
     with contextlib.suppress(ValueError):
         theory_tip = _theory_tip(tip, module)

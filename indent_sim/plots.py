@@ -119,9 +119,7 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
 
 @contextmanager
 def _figure() -> Iterator[Figure]:
-    with (
-        warnings.catch_warnings()
-    ):  # of an Axes3D that is not wanted here, where two matplotlibs are installed
+    with warnings.catch_warnings():  # of an Axes3D that is not wanted here, where two matplotlibs are installed
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
@@ -202,8 +200,7 @@ def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, label: st
     axes.locator_params(nbins=4)
     axes.set_aspect("equal")
     shown = [
-        (max(low - margin, v.min()), min(high + margin, v.max()))
-        for v, (low, high) in zip((x, y), ranges, strict=True)
+        (max(low - margin, v.min()), min(high + margin, v.max())) for v, (low, high) in zip((x, y), ranges, strict=True)
     ]
     axes.set(xlim=shown[0], ylim=shown[1])
     _name_axes(axes, along.label, Axis("y", unit=along.unit).label)
@@ -230,9 +227,7 @@ def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, i: int, label: str | None =
 
 def _from_zero(axes: Axes, *curves: Any) -> None:
     """Show from 0 to a little above the highest point."""
-    highest = max(
-        (np.nanmax(curve) for curve in curves if np.size(curve) and np.isfinite(curve).any()), default=0
-    )
+    highest = max((np.nanmax(curve) for curve in curves if np.size(curve) and np.isfinite(curve).any()), default=0)
     axes.set_ylim(0, 1.08 * highest if highest > 0 else 1)
 
 

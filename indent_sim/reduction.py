@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isclose
 
@@ -21,7 +22,7 @@ class Reduction:
     symmetry: str
     copies: int
     extent: Extent
-    supports: dict[str, str]
+    supports: Mapping[str, str]
     why: str
 
     @property
@@ -30,7 +31,9 @@ class Reduction:
         if self.kinematics.name == "axisymmetric" or "fixed" in self.supports.values():
             return ()
         corner = tuple(low for low, _ in self.extent)
-        held = {axis for axis in "xy" if "roller" in (self.supports.get(f"{axis}_min"), self.supports.get(f"{axis}_max"))}
+        held = {
+            axis for axis in "xy" if "roller" in (self.supports.get(f"{axis}_min"), self.supports.get(f"{axis}_max"))
+        }
         horizontal = self.kinematics.axes[:-1]
         pins = [(corner, component) for component, axis in enumerate(horizontal) if axis not in held]
         if len(horizontal) == 2 and not held:  # the turn about z is free too
@@ -77,7 +80,7 @@ def _strip(body: Strip, center: tuple[float, ...], wanted: str) -> Reduction:
         return Reduction(PlaneStrain(), "full", 1, extent, supports, why)
     extent = ((center[0], body.width), (-body.height, 0.0))
     why = "plane strain, tip and sides symmetric about the middle"
-    return Reduction(PlaneStrain(), "half", 2, extent, supports | {"x_min": "roller"}, why)
+    return Reduction(PlaneStrain(), "half", 2, extent, {**supports, "x_min": "roller"}, why)
 
 
 def _box(body: Box, center: tuple[float, ...], wanted: str) -> Reduction:

@@ -129,9 +129,7 @@ class ResultFolder:
         with uninterrupted(), self._writing():
             self._fields = FieldWriter(self.path, points, cells, slots=steps if keep == "all" else None)
 
-    def write_fields(
-        self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray
-    ) -> None:
+    def write_fields(self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray) -> None:
         """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
         if self._fields is None:
             return

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim import geometry
 from indent_sim.comparison import summary
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
+from indent_sim.folder import uninterrupted
 from indent_sim.parallel import on_root
 from indent_sim.results import ResultFolder
 from indent_sim.scene import Scene, resolve
@@ -121,7 +122,7 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     comm = comm or MPI.COMM_SELF
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     problem = fe.Problem(scene, mesh)
-    walk = fe.Walk(problem, fe.Newton(problem, **scene.solver))
+    walk = fe.Walk(problem, fe.enforcement(problem, **scene.solver))
     for state in walk.states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
 
@@ -151,10 +152,10 @@ class Simulation:
             mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             problem = fe.Problem(scene, mesh)
-            self._newton = fe.Newton(problem, **scene.solver)
-            self._walk = fe.Walk(problem, self._newton, clock.started)
-        size = {"cells": int(len(grid.cells)), "points": int(len(grid.points))} if grid is not None else {}
-        record.note(dofs=problem.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
+            self._enforcement = fe.enforcement(problem, **scene.solver)
+            self._walk = fe.Walk(problem, self._enforcement, clock.started)
+        size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
+        record.note(dofs=problem.active_dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
         self._fields = fe.Fields(problem) if self.output.fields != "none" else None
         if self._fields is not None:
             points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
@@ -171,8 +172,10 @@ class Simulation:
                 self._keep(state.in_units(self.scene.scales), state.step == total)
                 if progress is not None:
                     progress(self.states[-1], state.step, total)
-        except NotConverged:
-            self._save_last_fields()
+        except (NotConverged, KeyboardInterrupt) as end:
+            # a signal reaches the ranks one by one: only a failure is known to all of them
+            if isinstance(end, NotConverged) or self.record.comm.size == 1:
+                self._save_last_fields()
             raise
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self._worst_audit))
@@ -196,7 +199,7 @@ class Simulation:
         """Audit a converged state and write it down."""
         self._audit(state)
         if state.step == 1:
-            self._newton.refuse_unused_options()
+            self._enforcement.refuse_unused_options()
         with self.clock.stage("write"):
             if self.output.fields == "all" or last:
                 self._write_fields(state)
@@ -233,7 +236,8 @@ class Simulation:
 
 def _backend() -> Any:
     try:
-        from indent_sim.fe import solver
+        with uninterrupted():  # a signal inside an import would look like a missing library
+            from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing
     return solver

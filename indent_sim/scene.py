@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim import sizing
 from indent_sim.errors import ConfigError
 from indent_sim.model.body import Body
-from indent_sim.model.contact import AutoContact, Contact, Penalty
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
 from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
@@ -18,13 +18,12 @@ from indent_sim.oracle import Oracle, half_space_force, oracle
 from indent_sim.reduction import Pins, Reduction, reduce
 from indent_sim.sizing import Sizes, rounded
 from indent_sim.state import Scales
-from indent_sim.theory import half_space
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
 
-PENALTY_MULTIPLE = 100.0  # epsilon_n: auto in units of E*/h_contact; 0.1 % of the force on HERTZ (docs/accuracy.md)
 LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
+MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,10 @@ class Scene:
     supports: dict[str, str]  # named surface -> free | roller | fixed; symmetry planes are rollers
     pins: Pins  # (point, component) that remove rigid modes
     material: Material
+    formulation: str  # displacement | mixed
     indenter: Indenter
     center: tuple[float, ...]
-    contact: Penalty
+    contact: ContactLaw
     gap: str  # reference | current
     deltas: tuple[float, ...]
     sizes: Sizes
@@ -72,7 +72,8 @@ def resolve(config: Config) -> Scene:
     material = _material(config)
     center = config.center or config.body.centre
     _check_scene(config.body, config.indenter, center, config.loading.path())
-    scales = Scales(config.body.height, material.E, 2 if config.body.shape == "strip" else 3)
+    E, _ = material.constants
+    scales = Scales(config.body.height, E, 2 if config.body.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
     body, tip = scaled(config.body, *unit), scaled(config.indenter, *unit)
     material = scaled(material, *unit)
@@ -85,9 +86,11 @@ def resolve(config: Config) -> Scene:
     cost = _affordable(sizes, reduction, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
     gap, gap_choice = _gap(config.contact, reduction)
+    formulation, formulation_choice = _formulation(config, material)
     choices = (
         Choice("symmetry", reduction.symmetry, reduction.why),
         Choice("kinematics", reduction.kinematics.name, "small strain: the material is linear elastic"),
+        formulation_choice,
         gap_choice,
         contact_choice,
         *_mesh_choices(config, sizes, scales, a),
@@ -97,18 +100,19 @@ def resolve(config: Config) -> Scene:
     return Scene(
         title=config.title, units=_labels(config), scales=scales, kinematics=reduction.kinematics,
         symmetry=reduction.symmetry, copies=reduction.copies, body=body, extent=reduction.extent,
-        supports=reduction.supports, pins=reduction.pins, material=material, indenter=tip, center=center,
+        supports=dict(reduction.supports), pins=reduction.pins, material=material, formulation=formulation,
+        indenter=tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver={"rtol": config.solver.rtol, "max_iterations": config.solver.max_iterations,
                 "petsc": dict(config.solver.petsc)},
-        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, gap)),
+        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, formulation)),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
     )  # fmt: skip
 
 
 def _labels(config: Config) -> dict[str, str]:
-    return {"length": config.units.length, "force": config.units.force} if config.units else {}
+    return {"length": config.units.length, "force": config.units.force}
 
 
 # ---- checks ---------------------------------------------------------------------------------------------------
@@ -119,23 +123,21 @@ def _material(config: Config) -> Material:
         material = config.material.canonical()
     except ValueError as wrong:
         raise ConfigError("material", str(wrong)) from wrong
-    nu = material.nu
-    assert nu is not None
-    if nu > 0.4999:
-        raise ConfigError("material.nu", f"displacement elements cannot carry nu = {nu:g}", "use nu <= 0.4999")
     return material
 
 
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: tuple[float, ...]) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width = 2 * min(body.rim_distance(body.centre), body.rim_distance(body.centre))
+    width = 2 * body.rim_distance(body.centre)
     if isinstance(tip, FlatPunch):
         if 2 * tip.radius > width:
             raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                               f"at most {width / 2:g}")  # fmt: skip
         if tip.edge_radius >= tip.radius:
-            raise ConfigError("indenter.edge_radius", "must be smaller than the punch's radius", f"below {tip.radius:g}")
+            raise ConfigError(
+                "indenter.edge_radius", "must be smaller than the punch's radius", f"below {tip.radius:g}"
+            )
     if max(deltas) >= body.height:
         raise ConfigError("loading", f"depth {max(deltas):g} is beyond the body's thickness {body.height:g}",
                           f"stay below {body.height:g}")  # fmt: skip
@@ -153,6 +155,19 @@ def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...]) -
 # ---- choices --------------------------------------------------------------------------------------------------
 
 
+def _formulation(config: Config, material: Material) -> tuple[str, Choice]:
+    (_, nu), wanted = material.constants, material.formulation
+    formulation = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
+    if formulation == "displacement" and nu > MOST_COMPRESSED:
+        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+    if formulation == "mixed" and nu <= 0:
+        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+    if formulation == "mixed" and config.mesh.order == 1:
+        raise ConfigError("mesh.order", "the mixed formulation needs quadratic displacement", "use order: 2")
+    why = "as given" if wanted != "auto" else f"nu = {nu:g} {'>=' if formulation == 'mixed' else '<'} {LOCKING:g}"
+    return formulation, Choice("material.formulation", formulation, why)
+
+
 def _rounded_body(body: Body) -> Body:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -162,7 +177,9 @@ def _rounded_body(body: Body) -> Body:
     return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
 
 
-def _expected_radius(theory: Oracle | None, tip: Indenter, body: Body, delta: float, center: tuple[float, ...]) -> float:
+def _expected_radius(
+    theory: Oracle | None, tip: Indenter, body: Body, delta: float, center: tuple[float, ...]
+) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
     if delta <= 0:
@@ -187,15 +204,21 @@ def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales
     return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge)
 
 
-def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) -> tuple[Penalty, Choice]:
-    E_star = half_space.E_star(material.E, material.nu)  # type: ignore[arg-type]
-    stated = isinstance(wanted, Penalty) and wanted.epsilon_n != "auto"
-    epsilon_n = wanted.epsilon_n * scales.length / scales.pressure if stated else PENALTY_MULTIPLE * E_star / sizes.h_contact  # type: ignore[union-attr, operator]
-    multiple = epsilon_n * sizes.h_contact / E_star
-    why = f"as given: {multiple:.3g} E*/h_contact" if stated else f"auto: {PENALTY_MULTIPLE:g} E*/h_contact"
-    method = "the method that needs nothing but a stiffness" if isinstance(wanted, AutoContact) else "as given"
-    dimensional = epsilon_n * scales.pressure / scales.length
-    return Penalty(epsilon_n=epsilon_n), Choice("contact", f"penalty, epsilon_n = {dimensional:.6g}", f"{method}; {why}")
+def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) -> tuple[ContactLaw, Choice]:
+    if isinstance(wanted, AutoContact):
+        kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
+    else:
+        kind, why = type(wanted), "as given"  # type: ignore[assignment]
+    name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
+    if name is None:
+        return kind(), Choice("contact", kind().method, why)
+    unit = material.E_star / sizes.h_contact
+    given = getattr(wanted, name, "auto")
+    value = kind.auto_multiple * unit if isinstance(given, str) else given * scales.length / scales.pressure
+    source = "auto" if given == "auto" else "as given"
+    law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
+    text = f"{law.method}, {name} = {value * scales.pressure / scales.length:.6g}"
+    return law, Choice("contact", text, f"{why}; {name} {source}: {value / unit:.3g} E*/h_contact")
 
 
 def _gap(wanted: Contact, reduction: Reduction) -> tuple[str, Choice]:
@@ -217,7 +240,7 @@ def _mesh_choices(config: Config, sizes: Sizes, scales: Scales, a: float) -> lis
     choices = [
         Choice("mesh.h_contact", sizes.h_contact * L, f"{chosen}; {per_radius}"),
         Choice("mesh.h_far", sizes.h_far * L, far),
-        Choice("mesh.order", sizes.order, "quadratic displacement" if sizes.order == 2 else "linear displacement, as given"),
+        Choice("mesh.order", sizes.order, "quadratic" if sizes.order == 2 else "linear, as given"),
     ]
     if sizes.h_edge is not None:
         choices.append(Choice("h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
@@ -227,7 +250,11 @@ def _mesh_choices(config: Config, sizes: Sizes, scales: Scales, a: float) -> lis
 def _pin_choices(reduction: Reduction) -> list[Choice]:
     if not reduction.pins:
         return []
-    return [Choice("pins", len(reduction.pins), "roller base and free sides leave rigid modes; reactions audited to be zero")]
+    return [
+        Choice(
+            "pins", len(reduction.pins), "roller base and free sides leave rigid modes; reactions audited to be zero"
+        )
+    ]
 
 
 # ---- what to expect -------------------------------------------------------------------------------------------
@@ -239,14 +266,14 @@ def _prediction(theory: Oracle | None, tip: Indenter, material: Material, delta:
     solution = theory.at(delta) if theory and delta > 0 else None
     if solution:
         prediction["force"] = solution.force * scales.force
-    closed = half_space_force(tip, delta, half_space.E_star(material.E, material.nu)) if scales.dim == 3 else None  # type: ignore[arg-type]
+    closed = half_space_force(tip, delta, material.E_star) if scales.dim == 3 else None
     if closed:
         prediction["force_half_space"] = closed[1] * scales.force
     return prediction
 
 
 def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], delta: float, a: float,
-              theory: Oracle | None, gap: str) -> list[str]:  # fmt: skip
+              theory: Oracle | None, formulation: str) -> list[str]:  # fmt: skip
     if delta <= 0:
         return ["the tip never reaches the body: every depth is <= 0"]
     warnings = []
@@ -259,17 +286,24 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(center):
         warnings.append("the contact comes close to the edge of the body")
-    if material.nu is not None and material.nu >= LOCKING:
-        warnings.append(f"nu = {material.nu:g} with displacement elements: pressures oscillate, forces are too high")
+    if formulation == "displacement" and material.constants[1] >= LOCKING:
+        warnings.append(
+            f"nu = {material.constants[1]:g} with displacement elements: pressures oscillate, forces are too high"
+        )
     return warnings + _half_space_warning(tip, material, delta, theory, body)
 
 
-def _half_space_warning(tip: Indenter, material: Material, delta: float, theory: Oracle | None, body: Body) -> list[str]:
+def _half_space_warning(
+    tip: Indenter, material: Material, delta: float, theory: Oracle | None, body: Body
+) -> list[str]:
     solution = theory.at(delta) if theory and body.shape != "strip" else None
-    closed = half_space_force(tip, delta, half_space.E_star(material.E, material.nu))  # type: ignore[arg-type]
+    closed = half_space_force(tip, delta, material.E_star)
     if not (solution and closed):
         return []
     low = 1 - closed[1] / solution.force
     if abs(low) < 0.01:
         return []
-    return [f"{closed[0]} does not apply: at this thickness the half-space force is {abs(low):.1%} too {'low' if low > 0 else 'high'}"]
+    return [
+        f"{closed[0]} does not apply: at this thickness the half-space force is {abs(low):.1%} too "
+        + ("low" if low > 0 else "high")
+    ]

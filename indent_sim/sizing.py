@@ -73,7 +73,9 @@ def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[fl
     r, wr = _log_grid(r_max, sizes.h_contact)
     z, wz = _log_grid(height, sizes.h_contact)
     density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
-    ring = (pi / 2 * r * _sectors(extent, center))[:, None] if dim == 3 else np.full((len(r), 1), _sides(extent, center))
+    ring = (
+        (pi / 2 * r * _sectors(extent, center))[:, None] if dim == 3 else np.full((len(r), 1), _sides(extent, center))
+    )
     cells = float((density * ring * wr[:, None] * wz[None, :]).sum()) * (2.3 if dim == 2 else 8.5)
     nodes = cells * {(2, 2): 2.0, (2, 1): 0.5, (3, 2): 1.45, (3, 1): 0.2}[dim, sizes.order]
     dofs = nodes * dim

@@ -25,9 +25,7 @@ class Surface:
 
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
-        return Surface(
-            self.x * length, self.y * length, self.u * length, self.gap * length, self.pressure * pressure
-        )
+        return Surface(self.x * length, self.y * length, self.u * length, self.gap * length, self.pressure * pressure)
 
 
 @dataclass(frozen=True)

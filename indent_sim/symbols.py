@@ -126,9 +126,7 @@ RESULTS = (
     Symbol("step", "", "number of the requested depth, from 1", "1"),
     Symbol("force", "F", "> 0 pushing, of the whole body; per length in plane strain", "force"),
     Symbol("a", "a", "contact radius; half-width in plane strain; sqrt(area/pi) in 3D", "length"),
-    Symbol(
-        "p_max", r"p_{\max}", "largest contact pressure; nominal with gap reference, else true", "pressure"
-    ),
+    Symbol("p_max", r"p_{\max}", "largest contact pressure; nominal with gap reference, else true", "pressure"),
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),

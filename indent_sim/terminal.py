@@ -93,8 +93,7 @@ def alternatives(section: str) -> str:
 
     kinds = kinds_of(hints(schema.Config)[section], schema.tags()[section])
     return "\n".join(
-        f"  {name}: {_first_line(kind)}\n{_parameters(section, kind)}".rstrip()
-        for name, kind in kinds.items()
+        f"  {name}: {_first_line(kind)}\n{_parameters(section, kind)}".rstrip() for name, kind in kinds.items()
     )
 
 
@@ -130,9 +129,7 @@ def _numbers(state: State) -> str:
 
 def _theory(theory: dict[str, Any]) -> str:
     exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
-    return (
-        f"{theory['name']}: force {theory['force']:.6g}; this run {theory['force_deviation']:+.3%} ({exact})"
-    )
+    return f"{theory['name']}: force {theory['force']:.6g}; this run {theory['force_deviation']:+.3%} ({exact})"
 
 
 def _shown(value: Any) -> str:
@@ -141,9 +138,7 @@ def _shown(value: Any) -> str:
 
 def _aligned(rows: list[list[str]], side: str = ">") -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = (
-        "  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True)) for row in rows
-    )
+    lines = ("  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True)) for row in rows)
     return "\n".join(line.rstrip() for line in lines)
 
 

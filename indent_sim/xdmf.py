@@ -76,9 +76,7 @@ class FieldWriter:
         with h5py.File(temporary, "w") as file:
             file["mesh/points"] = points.astype("<f8")
             file["mesh/cells"] = cells.astype("<i8")
-            offsets = [
-                {name: self._allocate(file, slot, name) for name in ARRAYS} for slot in range(self._slots)
-            ]
+            offsets = [{name: self._allocate(file, slot, name) for name in ARRAYS} for slot in range(self._slots)]
         os.replace(temporary, self.directory / H5)
         return offsets
 

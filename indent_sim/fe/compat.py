@@ -88,6 +88,11 @@ def interpolation_points(element: Any) -> np.ndarray:
     return points() if callable(points) else points
 
 
+def evaluate(expression: Any, mesh: Any, cells: np.ndarray) -> np.ndarray:
+    """Values of an Expression at its points in each of the cells."""
+    return np.asarray(expression.eval(cells) if VERSION < (0, 7) else expression.eval(mesh, cells))
+
+
 def create_vector(form: Any, space: Any) -> Any:
     """A ghosted PETSc vector that the form assembles into."""
     return fem_petsc.create_vector(space) if VERSION >= (0, 10) else fem_petsc.create_vector(form)

@@ -45,9 +45,11 @@ class Fields:
         dim = problem.body_mesh.dim
         geometry = compat.geometry_dofs(problem.mesh)
         values = np.zeros((len(problem.mesh.geometry.x), dim + 1))
-        vertices = compat.cell_dofs(problem.displacement_dofmap)[:, : dim + 1]  # vertices come first in a cell
-        values[geometry, :dim] = problem.local_array()[problem.component_dofs(vertices)]
-        pressure = np.zeros(len(problem.local_array()) // dim)
+        vertices = compat.cell_dofs(problem.unknowns.own_space("u").dofmap)[
+            :, : dim + 1
+        ]  # vertices come first in a cell
+        values[geometry, :dim] = problem.local_array()[problem.unknowns.displacement_places(vertices)]
+        pressure = np.zeros(vertices.max(initial=0) + 1)
         corners = problem.trace.node_points()[:dim]
         pressure[problem.trace.nodes[:, :dim]] = observe.sample(problem, corners).pressure
         values[geometry, dim] = pressure[vertices]

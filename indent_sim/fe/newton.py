@@ -28,6 +28,7 @@ class Newton:
         self.iterations = 0
         self._largest_reaction = 0.0
         self._reaction = 0.0
+        self._residual = 0.0
         self._user_options = petsc
         self.snes = self._create()
 
@@ -55,16 +56,17 @@ class Newton:
         problem.set_solution(x)
         problem.assemble_residual(problem.b)
         values = problem.b.array
-        held = values[problem.constrained]
-        self._reaction = float(np.sqrt(problem.comm.allreduce(float(held @ held))))
+        held = values[problem.supports]
+        self._reaction = _norm(problem.comm, held)
         values[problem.constrained] = 0.0  # the constrained dofs are zero and stay zero
+        self._residual = _norm(problem.comm, values * problem.row_weights)
         problem.b.copy(f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
         self.problem.assemble_tangent(P)
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
-        residual = norms[2]
+        residual = self._residual
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite(residual):
             return reasons.DIVERGED_FNORM_NAN
@@ -91,3 +93,7 @@ class Newton:
         if converged:
             self._largest_reaction = max(self._largest_reaction, self._reaction)
         return converged
+
+
+def _norm(comm: Any, values: np.ndarray) -> float:
+    return float(np.sqrt(comm.allreduce(float(values @ values))))

@@ -36,8 +36,11 @@ def sample(problem: Problem, points: np.ndarray) -> Sample:
     array = problem.local_array()
     X, u = trace.positions(points), trace.values(array[trace.dofs], points)
     gap = _gap(problem, X, u)
-    p_hat = scene.contact.trial_pressure(gap)
-    pressure = np.maximum(p_hat, 0.0)
+    lam = problem.multiplier_at(points)
+    p_hat = lam - problem.stiffness_scale * gap
+    # a multiplier is the projection of <p_hat>: the same pressure without the noise that epsilon_n g adds
+    own = scene.contact.multiplier in ("unknown", "frozen", "nodal")
+    pressure = np.maximum(lam if own else p_hat, 0.0)
     if scene.gap == "current":
         pressure = pressure / _area_ratio(problem, array, points, X, u)
     return Sample(X, u, gap, p_hat, pressure)
@@ -82,7 +85,9 @@ def contact_radius(problem: Problem) -> float:
     s = sample(problem, points)
     x = (s.X if problem.scene.gap == "reference" else s.X + s.u)[..., :-1]
     corners, p_hat = x[:, simplices], s.p_hat[:, simplices]
-    size = _positive_length(problem, corners[..., 0], p_hat) if problem.trace.dim == 2 else _positive_area(corners, p_hat)
+    size = (
+        _positive_length(problem, corners[..., 0], p_hat) if problem.trace.dim == 2 else _positive_area(corners, p_hat)
+    )
     total = problem.scene.copies * problem.comm.allreduce(size, op=MPI.SUM)
     return total / 2 if problem.scene.kinematics.name == "plane_strain" else float(np.sqrt(total / pi))
 

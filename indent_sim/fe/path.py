@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from indent_sim.fe import observe
-from indent_sim.fe.newton import Newton
+from indent_sim.fe.enforce import Enforcement
 from indent_sim.fe.problem import Problem
 from indent_sim.state import State
 
@@ -19,25 +20,25 @@ class Point:
     """A converged equilibrium on the path."""
 
     delta: float
-    x: object  # PETSc vector
+    state: list[Any]  # PETSc vectors
 
 
 class Walk:
     """Newton along the requested depths, with a linear predictor, and cutback where a step is too long."""
 
-    def __init__(self, problem: Problem, newton: Newton, started: float | None = None):
+    def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
         self.problem = problem
-        self.newton = newton
+        self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
-        self._last = Point(0.0, problem.x.copy())  # the untouched body at rest
+        self._last = Point(0.0, problem.snapshot())  # the untouched body at rest
         self._before: Point | None = None
 
     def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
         """One State per requested depth; after the first one that is not converged there is no other."""
         for step, delta in enumerate(deltas, start=1):
-            iterations = self.newton.iterations
+            iterations = self.enforcement.iterations
             substeps = self._reach(delta)
-            state = self._observe(step, delta, self.newton.iterations - iterations, substeps, wants_surface(step))
+            state = self._observe(step, delta, self.enforcement.iterations - iterations, substeps, wants_surface(step))
             yield state
             if not state.converged:
                 return
@@ -45,7 +46,7 @@ class Walk:
     def return_to_last(self) -> None:
         """Put the last equilibrium back into the problem, after a step that failed."""
         self.problem.delta.value = self._last.delta
-        self.problem.set_solution(self._last.x)
+        self.problem.restore(self._last.state)
 
     def _reach(self, target: float) -> int:
         """Step to the target, halving on failure and doubling on success; 0 when it cannot be reached."""
@@ -65,11 +66,11 @@ class Walk:
     def _attempt(self, delta: float) -> bool:
         """Solve at delta, first from the extrapolated state, then from the last one."""
         self.problem.delta.value = delta
-        if self._extrapolate(delta) and self.newton.solve():
+        if self._extrapolate(delta) and self.enforcement.solve():
             self._accept(delta)
             return True
-        self.problem.set_solution(self._last.x)
-        if self.newton.solve():
+        self.problem.restore(self._last.state)
+        if self.enforcement.solve():
             self._accept(delta)
             return True
         self.return_to_last()
@@ -82,13 +83,14 @@ class Walk:
         ratio = (delta - self._last.delta) / (self._last.delta - self._before.delta)
         if not 0 < ratio <= 2:  # further out, or turning back, a line predicts nothing
             return False
-        guess = self._last.x.copy()  # type: ignore[attr-defined]
-        guess.axpy(ratio, self._last.x - self._before.x)  # type: ignore[operator, attr-defined]
-        self.problem.set_solution(guess)
+        guess = [vector.copy() for vector in self._last.state]
+        for vector, last, before in zip(guess, self._last.state, self._before.state, strict=True):
+            vector.axpy(ratio, last - before)
+        self.problem.restore(guess)
         return True
 
     def _accept(self, delta: float) -> None:
-        self._before, self._last = self._last, Point(delta, self.problem.x.copy())
+        self._before, self._last = self._last, Point(delta, self.problem.snapshot())
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
         if substeps == 0:

@@ -1,6 +1,6 @@
 """Scene and mesh -> one potential, its residual and tangent, and what can be measured on a solution.
 
-    Pi(u, ...; delta) = int psi dOmega + int potential(g, ...) dGamma
+    Pi(u, q, lam; delta) = int psi dOmega + int potential(g, lam) dGamma
 
 residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing else here knows mechanics.
 """
@@ -8,6 +8,7 @@ residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing else here knows 
 from __future__ import annotations
 
 import dataclasses
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,19 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
+from indent_sim.fe.active_set import NodalContact
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
+from indent_sim.fe.surface import (
+    QUADRATURE_DEGREE,
+    Trace,
+    adjacent_cells,
+    facet_nodes,
+    facet_to_cell,
+    hats,
+    interior_points,
+    shapes,
+)
+from indent_sim.fe.unknowns import Unknowns
 from indent_sim.model.indenters import gap_current, gap_reference
 from indent_sim.scene import Scene
 
@@ -46,103 +58,192 @@ class Problem:
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
         self.delta = fem.Constant(self.mesh, 0.0)
-        self._build_spaces()
+        self.law = scene.contact
+        self.nodal: NodalContact | None = None
+        self.unknowns = Unknowns(self.mesh, scene.sizes.order, body_pressure=scene.formulation == "mixed",
+                                 multiplier=self.law.multiplier in ("unknown", "nodal"))  # fmt: skip
+        self.x = self.unknowns.x
+        self.trace = self._build_trace()
         self._build_constraints()
         self._build_forms()
 
-    # ---- unknowns -------------------------------------------------------------------------------------------
-
-    def _build_spaces(self) -> None:
-        dim, order = self.body_mesh.dim, self.scene.sizes.order
-        self.space = compat.function_space(self.mesh, compat.lagrange(dim, order, dim))
-        self.solution = fem.Function(self.space)
-        self.x = compat.vector(self.solution)
-        nodes = facet_nodes(self.mesh, self.space, self.body_mesh.surfaces["top"])
-        coordinates = self.space.tabulate_dof_coordinates()[:, :dim]
-        self.trace = Trace(nodes, coordinates[nodes], self.component_dofs(nodes), order)
-
-    def component_dofs(self, nodes: np.ndarray) -> np.ndarray:
-        """Indices (..., dim) into the local array of the displacement components at block dofs."""
-        dim = self.body_mesh.dim
-        return nodes[..., None] * dim + np.arange(dim)
+    def _build_trace(self) -> Trace:
+        space = self.unknowns.own_space("u")
+        nodes = facet_nodes(self.mesh, space, self.body_mesh.surfaces["top"])
+        coordinates = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim]
+        dofs = self.unknowns.displacement_places(nodes)
+        return Trace(nodes, coordinates[nodes], dofs, self.scene.sizes.order)
 
     @property
-    def displacement_dofmap(self) -> Any:
-        """Dofmap of the displacement blocks."""
-        return self.space.dofmap
+    def stiffness_scale(self) -> float:
+        """Pressure per length that compares gaps with pressures: the law's own, or E*/h_contact."""
+        return float(getattr(self.law, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
 
-    @property
-    def dofs(self) -> int:
-        """Number of unknowns, constrained ones included."""
-        return self.space.dofmap.index_map.size_global * self.space.dofmap.index_map_bs
+    @cached_property
+    def row_weights(self) -> np.ndarray:
+        """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
+        weights = np.ones(self.unknowns.owned)
+        moduli = {"q": self.scene.material.E, "lam": self.stiffness_scale}
+        for name in self.unknowns.names[1:]:
+            places = self.unknowns.places(name)
+            weights[places[places < self.unknowns.owned]] = moduli[name]
+        return weights
 
-    # ---- how the body is held -------------------------------------------------------------------------------
+    # ---- what is held ---------------------------------------------------------------------------------------
 
     def _build_constraints(self) -> None:
-        axes = self.scene.kinematics.axes
+        unknowns, axes, facet_dim = self.unknowns, self.scene.kinematics.axes, self.body_mesh.facet_dim
         held: list[tuple[int, np.ndarray]] = []
         for surface, support in self.scene.supports.items():
-            if support == "fixed":
-                held += [(component, self._facet_dofs(component, surface)) for component in range(len(axes))]
-            elif support == "roller":
-                normal = axes.index("z" if surface == "base" else surface[0])
-                held.append((normal, self._facet_dofs(normal, surface)))
-        pins = [(component, self._vertex_dofs(component, point)) for point, component in self.scene.pins]
-        self.bcs = [self._zero(component, dofs) for component, dofs in held + pins]
-        owned = self.space.dofmap.index_map.size_local * self.space.dofmap.index_map_bs
-        self.constrained = _owned([dofs for _, dofs in held + pins], owned)
-        self._z_supports = _owned([dofs for component, dofs in held if axes[component] == "z"], owned)
-        self._pinned = _owned([dofs for _, dofs in pins], owned)
-
-    def _facet_dofs(self, component: int, surface: str) -> np.ndarray:
-        facets = self.body_mesh.surfaces[surface]
-        return fem.locate_dofs_topological(self.space.sub(component), self.body_mesh.facet_dim, facets)
+            normal = axes.index("z" if surface == "base" else surface[0])
+            components = {"fixed": list(range(len(axes))), "roller": [normal]}.get(support, [])
+            facets = self.body_mesh.surfaces[surface]
+            held += [(c, unknowns.facet_dofs("u", c, facet_dim, facets)) for c in components]
+        pins = [(c, self._vertex_dofs(c, point)) for point, c in self.scene.pins]
+        self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
+        self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
+        self._z_supports = _owned([dofs for c, dofs in held if axes[c] == "z"], unknowns.owned)
+        self._pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
+        self.constrained, self.active_dofs = self.supports, unknowns.total
+        if "lam" in unknowns.names:
+            self._confine_multiplier()
 
     def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
-        return fem.locate_dofs_topological(self.space.sub(component), 0, self.body_mesh.vertices_at(point))
+        return self.unknowns.facet_dofs("u", component, 0, self.body_mesh.vertices_at(point))
 
-    def _zero(self, component: int, dofs: np.ndarray) -> Any:
-        return fem.dirichletbc(PETSc.ScalarType(0), dofs, self.space.sub(component))
+    def _confine_multiplier(self) -> None:
+        """The multiplier lives on the contact surface; its other dofs are held at zero and cost nothing."""
+        unknowns = self.unknowns
+        on_top = unknowns.facet_dofs("lam", None, self.body_mesh.facet_dim, self.body_mesh.surfaces["top"])
+        off = np.setdiff1d(unknowns.places("lam"), on_top)
+        self.bcs.append(unknowns.zero("lam", None, off))
+        self.constrained = np.union1d(self.supports, off[off < unknowns.owned])
+        idle = self.comm.allreduce(int((off < unknowns.owned).sum()), op=MPI.SUM)
+        self.active_dofs = unknowns.total - idle
 
     # ---- the potential --------------------------------------------------------------------------------------
 
     def _build_forms(self) -> None:
-        kinematics, order = self.scene.kinematics, self.scene.sizes.order
+        scene, unknowns = self.scene, self.unknowns
         X = ufl.SpatialCoordinate(self.mesh)
-        tags = self._contact_tags()
-        volume = ufl.dx(metadata={"quadrature_degree": 2 * order})
-        contact = ufl.ds(CONTACT, domain=self.mesh, subdomain_data=tags,
-                         metadata={"quadrature_degree": QUADRATURE_DEGREE[self.body_mesh.dim]})  # fmt: skip
-        material = symbolic(self.scene.material, self.mesh)
-        law = symbolic(self.scene.contact, self.mesh)
-        weight = kinematics.weight(X)
-        H = kinematics.gradient(self.solution, X)
+        volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
+        weight = scene.kinematics.weight(X)
+        self._weight, self._contact_facets = weight, self._mark_contact()
+        material = symbolic(scene.material, self.mesh)
+        H = scene.kinematics.gradient(unknowns.fields["u"], X)
+        q = unknowns.fields.get("q")
+        psi = material.energy(H) if q is None else material.mixed_energy(H, q)
+        self.stress = material.stress(H) if q is None else material.mixed_stress(H, q)
         delta = ufl.variable(self.delta)
-        contact_energy = law.potential(self._gap(X, delta))
-        Pi = material.energy(H) * weight * volume + contact_energy * weight * contact
-        residual = ufl.derivative(Pi, self.solution)
-        self.stress = material.stress(H)
+        g, normal = self._gap(X, delta)
+        self.multiplier = self._multiplier(normal)
+        strain_energy = psi * weight * volume
+        test = ufl.TestFunction(unknowns.space)
+        residual = ufl.derivative(strain_energy, unknowns.solution, test)
+        energy, force = strain_energy, None
+        if self.law.multiplier != "nodal":
+            law = symbolic(self.law, self.mesh)
+            unknown = self.law.multiplier == "unknown"
+            g_, lam_ = ufl.variable(g), ufl.variable(self.multiplier) if unknown else self.multiplier
+            potential = law.potential(g_, lam_)
+            # only what is unknown is varied: a frozen multiplier or the body's own stress (theta = 0) is not
+            slope = ufl.diff(potential, g_)
+            virtual = slope * ufl.derivative(g, unknowns.solution, test)
+            if unknown:
+                virtual += ufl.diff(potential, lam_) * ufl.derivative(self.multiplier, unknowns.solution, test)
+            residual += self.over_contact(virtual)
+            energy += self.over_contact(potential)
+            force = fem.form(self.over_contact(slope * ufl.diff(g, delta)))
+            self.pressure = -slope
+        else:
+            self.nodal = NodalContact(self, *self._gap_derivatives(X))
         self._residual = fem.form(residual)
-        self._tangent = fem.form(ufl.derivative(residual, self.solution))
-        self._energy = fem.form(Pi)
-        self._force = fem.form(ufl.diff(contact_energy, delta) * weight * contact)
-        self.b = compat.create_vector(self._residual, self.space)
+        self._tangent = fem.form(ufl.derivative(residual, unknowns.solution))
+        self._energy, self._force = fem.form(energy), force
+        self.b = compat.create_vector(self._residual, unknowns.space)
         self.A = fem_petsc.create_matrix(self._tangent)
 
-    def _contact_tags(self) -> Any:
+    def over_contact(self, integrand: Any) -> Any:
+        """The integral of an expression over the contact surface, as a UFL form."""
+        return integrand * self._weight * self._contact_facets
+
+    def _mark_contact(self) -> Any:
         facets = np.sort(self.body_mesh.surfaces["top"])
         values = np.full(len(facets), CONTACT, dtype=np.int32)
-        return dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets, values)
+        tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets, values)
+        degree = {"quadrature_degree": QUADRATURE_DEGREE[self.body_mesh.dim]}
+        return ufl.ds(CONTACT, domain=self.mesh, subdomain_data=tags, metadata=degree)
 
-    def _gap(self, X: Any, delta: Any) -> Any:
+    def _gap(self, X: Any, delta: Any) -> tuple[Any, Any]:
+        """The gap and the direction of the traction on the body (dg/dx) at the points of the contact surface."""
         kinematics, dim = self.scene.kinematics, self.body_mesh.dim
         tip = symbolic(self.scene.indenter, self.mesh)
         center = [fem.Constant(self.mesh, float(c)) for c in self.scene.center]
-        u = self.solution
+        u = self.unknowns.fields["u"]
         if self.scene.gap == "reference":
-            return gap_reference(tip, *kinematics.horizontal(X, center), u[dim - 1], delta)
-        x = X + u
-        return gap_current(tip, *kinematics.horizontal(x, center), x[dim - 1], delta)
+            down = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
+            return gap_reference(tip, *kinematics.horizontal(X, center), u[dim - 1], delta), down
+        x = self._deformed = ufl.variable(X + u)
+        g = gap_current(tip, *kinematics.horizontal(x, center), x[dim - 1], delta)
+        return g, ufl.diff(g, x)
+
+    def _gap_derivatives(self, X: Any) -> tuple[Any, Any, Any]:
+        """g, dg/dx and d2g/dx2 on the contact surface; the reference gap depends on u_z alone, and linearly."""
+        g, normal = self._gap(X, self.delta)
+        if self.scene.gap == "reference":
+            return g, normal, ufl.as_matrix(np.zeros((self.body_mesh.dim,) * 2).tolist())
+        return g, normal, ufl.diff(normal, self._deformed)
+
+    def _multiplier(self, normal: Any) -> Any:
+        """lam of the potential: zero, an unknown, a given function, or the body's own normal stress."""
+        match self.law.multiplier:
+            case "unknown":
+                return self.unknowns.fields["lam"]
+            case "frozen":
+                self.frozen = fem.Function(compat.function_space(self.mesh, compat.lagrange(
+                    self.body_mesh.dim, self.scene.sizes.order)))  # fmt: skip
+                return self.frozen
+            case "stress":
+                traction = self.scene.kinematics.in_plane(self.stress[:, 2])
+                return ufl.dot(traction, normal)
+        return ufl.as_ufl(0.0)
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray | float:
+        """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
+        facets = self.body_mesh.surfaces["top"]
+        match self.law.multiplier:
+            case "unknown":
+                nodes = facet_nodes(self.mesh, self.unknowns.own_space("lam"), facets)
+                nodal = self.local_array()[self.unknowns.places("lam")[nodes]]
+            case "nodal":
+                assert self.nodal is not None
+                return self.nodal.nodal_pressures() @ hats(points, self.scene.sizes.order).T
+            case "frozen":
+                nodal = self.frozen.x.array[facet_nodes(self.mesh, self.frozen.function_space, facets)]
+            case "stress":
+                nodal = self._stress_on_facets()
+            case _:
+                return 0.0
+        return self.trace.values(nodal[..., None], points)[..., 0]
+
+    def _stress_on_facets(self) -> np.ndarray:
+        """Nodal values (facets, n) of the normal stress, extrapolated from interior points (0/0 on the axis)."""
+        order, dim = self.scene.sizes.order, self.body_mesh.dim
+        points = interior_points(dim, order)
+        facets = self.body_mesh.surfaces["top"]
+        cells, local = adjacent_cells(self.mesh, facets)
+        values = np.zeros((len(facets), len(points)))
+        for k in np.unique(local):
+            here = np.flatnonzero(local == k)
+            expression = self._stress_expressions.setdefault(
+                k, fem.Expression(self.multiplier, facet_to_cell(points, k, dim))
+            )
+            values[here] = compat.evaluate(expression, self.mesh, cells[here]).reshape(len(here), len(points))
+        return values @ np.linalg.inv(shapes(points, order)).T
+
+    @cached_property
+    def _stress_expressions(self) -> dict[int, fem.Expression]:
+        return {}
 
     # ---- algebra for the solver -----------------------------------------------------------------------------
 
@@ -152,11 +253,16 @@ class Problem:
             local.set(0.0)
         fem_petsc.assemble_vector(b, self._residual)
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        if self.nodal is not None:
+            self.nodal.add_residual(b)
 
     def assemble_tangent(self, A: PETSc.Mat) -> None:
         """d(dPi) at the current solution, with identity rows for the constrained dofs."""
         A.zeroEntries()
         fem_petsc.assemble_matrix(A, self._tangent, self.bcs)
+        if self.nodal is not None:
+            A.assemble(PETSc.Mat.AssemblyType.FLUSH)
+            self.nodal.add_tangent(A)
         A.assemble()
 
     def set_solution(self, x: PETSc.Vec) -> None:
@@ -164,9 +270,22 @@ class Problem:
         x.copy(self.x)
         self.x.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
+    def snapshot(self) -> list[PETSc.Vec]:
+        """Copies of everything that makes a state: the solution and, where there is one, the frozen multiplier."""
+        return [vector.copy() for vector in self._state_vectors()]
+
+    def restore(self, state: list[PETSc.Vec]) -> None:
+        """Put a snapshot (or a combination of snapshots) back."""
+        for vector, values in zip(self._state_vectors(), state, strict=True):
+            values.copy(vector)
+            vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def _state_vectors(self) -> list[PETSc.Vec]:
+        return [self.x, compat.vector(self.frozen)] if self.law.multiplier == "frozen" else [self.x]
+
     def local_array(self) -> np.ndarray:
         """The solution's dofs on this rank, ghosts included."""
-        return self.solution.x.array
+        return self.unknowns.solution.x.array
 
     # ---- measurements ---------------------------------------------------------------------------------------
 
@@ -175,7 +294,8 @@ class Problem:
 
     def force(self) -> float:
         """Virtual work of pressing deeper, dPi/d(delta), of the whole body."""
-        return self.scene.copies * self._sum(self._force)
+        part = self.nodal.force() if self.nodal is not None else self._sum(self._force)
+        return self.scene.copies * part
 
     def energy(self) -> float:
         """Pi of the whole body: strain plus contact energy."""

@@ -42,13 +42,46 @@ def shape_gradients(points: np.ndarray, order: int) -> np.ndarray:
     return np.stack(gradients, axis=-1)
 
 
+def hats(points: np.ndarray, order: int) -> np.ndarray:
+    """Hat functions (points, nodes) of a facet's nodes: piecewise linear on the facet split at its midpoints."""
+    if order == 1:
+        return shapes(points, 1)
+    bary = np.column_stack([1 - points.sum(axis=1), points])
+    vertices = np.maximum(2 * bary - 1, 0.0)
+    if bary.shape[1] == 2:
+        return np.column_stack([vertices, 1 - vertices.sum(axis=1)])
+    # a midpoint's hat falls from 1 to 0 over the corner triangles of its edge and over the middle triangle
+    middle = np.all(bary <= 0.5, axis=1)
+    opposite = [(1, 2), (0, 2), (0, 1)]
+    edges = [np.where(middle, 1 - 2 * bary[:, k], 2 * np.minimum(bary[:, i], bary[:, j]))
+             for k, (i, j) in enumerate(opposite)]  # fmt: skip
+    return np.column_stack([vertices, *edges])
+
+
+@cache
+def split_quadrature(dim: int, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights on the reference facet, a rule on each of the parts on which the hats are linear."""
+    kind, degree = {2: ("interval", 12), 3: ("triangle", 6)}[dim]
+    points, weights = compat.quadrature(kind, degree)
+    if order == 1:
+        return points, weights
+    corners = np.vstack([np.zeros(dim - 1), np.eye(dim - 1)])
+    if dim == 2:
+        parts = [np.array([[0.0], [0.5]]), np.array([[0.5], [1.0]])]
+    else:
+        middle = np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
+        parts = [(corners + corner) / 2 for corner in corners] + [middle]
+    pieces = [shapes(points, 1) @ part for part in parts]
+    return np.vstack(pieces), np.concatenate([weights / len(parts)] * len(parts))
+
+
 @cache
 def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Equally spaced points on the reference facet and the small simplices between them."""
     n = SUBDIVISIONS[dim]
     if dim == 2:
         return np.linspace(0, 1, n + 1)[:, None], np.column_stack([np.arange(n), np.arange(1, n + 1)])
-    index = {}
+    index: dict[tuple[int, int], int] = {}
     for i in range(n + 1):
         for j in range(n + 1 - i):
             index[i, j] = len(index)
@@ -102,15 +135,34 @@ class Trace:
         return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in pairs)])
 
 
+def adjacent_cells(mesh: Any, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The cell behind each boundary facet, and the facet's local number in it."""
+    dim = mesh.topology.dim
+    to_cell, to_facet = mesh.topology.connectivity(dim - 1, dim), mesh.topology.connectivity(dim, dim - 1)
+    cells = np.array([to_cell.links(facet)[0] for facet in facets], dtype=np.int32)
+    pairs = zip(cells, facets, strict=True)
+    local = np.array([int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in pairs], dtype=np.int32)
+    return cells, local
+
+
 def facet_nodes(mesh: Any, space: Any, facets: np.ndarray) -> np.ndarray:
     """Block dofs (facets, n) of a Lagrange space on the closure of each facet, vertices first, then edges."""
-    topology = mesh.topology
-    dim = topology.dim
-    to_cell, to_facet = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
-    cells = np.array([to_cell.links(facet)[0] for facet in facets], dtype=np.int32)
-    local = [int(np.flatnonzero(to_facet.links(c) == f)[0]) for c, f in zip(cells, facets, strict=True)]
+    dim = mesh.topology.dim
+    cells, local = adjacent_cells(mesh, facets)
     layout = space.dofmap.dof_layout
-    closure = [np.asarray(layout.entity_closure_dofs(dim - 1, k)) for k in range(dim + 1)]
-    dofs = compat.cell_dofs(space.dofmap)
-    rows = [dofs[cell, closure[k]] for cell, k in zip(cells, local, strict=True)]
-    return np.array(rows, dtype=np.int64).reshape(len(rows), len(closure[0]))
+    closure = np.array([layout.entity_closure_dofs(dim - 1, k) for k in range(dim + 1)])
+    return compat.cell_dofs(space.dofmap)[cells[:, None], closure[local]].astype(np.int64)
+
+
+def facet_to_cell(points: np.ndarray, local: int, dim: int) -> np.ndarray:
+    """Points of the reference facet as points of the reference cell whose facet number `local` it is."""
+    corners = np.vstack([np.zeros(dim), np.eye(dim)])
+    return shapes(points, 1) @ np.delete(corners, local, axis=0)
+
+
+@cache
+def interior_points(dim: int, order: int) -> np.ndarray:
+    """As many points inside the reference facet as a polynomial of this order has coefficients there."""
+    if dim == 2:
+        return (np.polynomial.legendre.leggauss(order + 1)[0][:, None] + 1) / 2
+    return compat.quadrature("triangle", 2 if order == 1 else 4)[0]

@@ -5,9 +5,8 @@ A tip is written once; the solver differentiates it symbolically and the results
 
 from __future__ import annotations
 
+from math import pi
 from typing import Any
-
-import numpy as np
 
 
 def is_symbolic(*values: Any) -> bool:
@@ -21,6 +20,8 @@ def sqrt(x: Any) -> Any:
         import ufl
 
         return ufl.sqrt(x)
+    import numpy as np
+
     return np.sqrt(x)
 
 
@@ -30,6 +31,8 @@ def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
         import ufl
 
         return ufl.conditional(ufl.lt(a, b), then, otherwise)
+    import numpy as np
+
     return np.where(np.less(a, b), then, otherwise)
 
 
@@ -53,5 +56,7 @@ def tan(degrees: Any) -> Any:
     if is_symbolic(degrees):
         import ufl
 
-        return ufl.tan(degrees * np.pi / 180)
+        return ufl.tan(degrees * pi / 180)
+    import numpy as np
+
     return np.tan(np.radians(degrees))

@@ -11,12 +11,13 @@ its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from indent_sim.model.algebra import macaulay
 from indent_sim.model.quantities import Auto, ContactStiffness
 
 Gap = Literal["auto", "reference", "current"]
+Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
 
 
 @dataclass(frozen=True)
@@ -27,21 +28,94 @@ class AutoContact:
     gap: Gap = "auto"
 
 
+class _StiffnessLaw:
+    """What the laws with a stiffness (epsilon_n or gamma, pressure per length) have in common."""
+
+    stiffness: Any
+
+    def trial_pressure(self, g: Any, lam: Any) -> Any:
+        """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
+        return lam - self.stiffness * g
+
+    def potential(self, g: Any, lam: Any) -> Any:
+        """( <p_hat>^2 - lam^2 ) / (2 stiffness) per area [pressure length]."""
+        return (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
+
+
+class _NormalStiffness(_StiffnessLaw):
+    epsilon_n: Any
+
+    @property
+    def stiffness(self) -> Any:  # type: ignore[override]
+        """epsilon_n [pressure per length]."""
+        return self.epsilon_n
+
+
 @dataclass(frozen=True)
-class Penalty:
+class Penalty(_NormalStiffness):
     """p = epsilon_n <-g>: energy epsilon_n/2 <-g>^2 (notes 3.3-3.5); the tip penetrates by p/epsilon_n."""
 
     method: Literal["penalty"] = "penalty"
     epsilon_n: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
 
-    def trial_pressure(self, g: Any, lam: Any = 0.0) -> Any:
-        """p_hat = -epsilon_n g [pressure]."""
-        return -self.epsilon_n * g  # type: ignore[operator]
-
-    def potential(self, g: Any, lam: Any = 0.0) -> Any:
-        """Contact energy epsilon_n/2 <-g>^2 per area [pressure length]."""
-        return macaulay(self.trial_pressure(g)) ** 2 / (2 * self.epsilon_n)  # type: ignore[operator]
+    multiplier: ClassVar[Multiplier] = "none"
+    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact: 0.1 % of the force on HERTZ
 
 
-Contact = AutoContact | Penalty
+@dataclass(frozen=True)
+class AugmentedLagrangian(_NormalStiffness):
+    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only steers it."""
+
+    method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
+    epsilon_n: ContactStiffness | Auto = "auto"
+    gap: Gap = "auto"
+
+    multiplier: ClassVar[Multiplier] = "unknown"
+    auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
+
+
+@dataclass(frozen=True)
+class Uzawa(_NormalStiffness):
+    """Newton with the multiplier frozen, then lam <- <lam - epsilon_n g>, until it stands still."""
+
+    method: Literal["uzawa"] = "uzawa"
+    epsilon_n: ContactStiffness | Auto = "auto"
+    gap: Gap = "auto"
+
+    multiplier: ClassVar[Multiplier] = "frozen"
+    auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: few loops, Newton still at ease
+
+
+@dataclass(frozen=True)
+class Nitsche(_StiffnessLaw):
+    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra unknown.
+
+    The variation of sigma_n is dropped (theta = 0).
+    """
+
+    method: Literal["nitsche"] = "nitsche"
+    gamma: ContactStiffness | Auto = "auto"
+    gap: Gap = "auto"
+
+    multiplier: ClassVar[Multiplier] = "stress"
+    auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: far enough above the smallest that works
+
+    @property
+    def stiffness(self) -> Any:  # type: ignore[override]
+        """gamma [pressure per length]."""
+        return self.gamma
+
+
+@dataclass(frozen=True)
+class ActiveSet:
+    """Primal-dual active set on nodal pressures and weighted gaps: exact complementarity, no parameter."""
+
+    method: Literal["active_set"] = "active_set"
+    gap: Gap = "auto"
+
+    multiplier: ClassVar[Multiplier] = "nodal"
+
+
+ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche
+Contact = AutoContact | Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

@@ -26,6 +26,12 @@ class Axisymmetric:
         """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry [length]."""
         return point[0], 0.0
 
+    def in_plane(self, v: Any) -> Any:
+        """The components of a 3-vector along the model's own axes."""
+        import ufl
+
+        return ufl.as_vector([v[0], v[2]])
+
     def weight(self, x: Any) -> Any:
         """Circumference 2 pi r [length]: what an integral over (r, z) must be multiplied with."""
         return 2 * pi * x[0]
@@ -50,6 +56,12 @@ class PlaneStrain:
         """Horizontal position (x - c, 0) relative to the tip's axis [length]."""
         return point[0] - center[0], 0.0
 
+    def in_plane(self, v: Any) -> Any:
+        """The components of a 3-vector along the model's own axes."""
+        import ufl
+
+        return ufl.as_vector([v[0], v[2]])
+
     def weight(self, x: Any) -> Any:
         """One: per unit length."""
         return 1.0
@@ -72,6 +84,10 @@ class ThreeDimensional:
     def horizontal(self, point: Any, center: Any) -> tuple[Any, Any]:
         """Horizontal position (x - c_x, y - c_y) relative to the tip's axis [length]."""
         return point[0] - center[0], point[1] - center[1]
+
+    def in_plane(self, v: Any) -> Any:
+        """The components of a 3-vector along the model's own axes."""
+        return v
 
     def weight(self, x: Any) -> Any:
         """One."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Len
+from annotated_types import Gt, Le, Len
 
-from indent_sim.model.quantities import LENGTH, Coordinate, Length, PositiveInt
+from indent_sim.model.quantities import LENGTH, Coordinate, Length
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Loading:
     """
 
     delta: Length | None = None
-    steps: PositiveInt = 10
+    steps: Annotated[int, Gt(0), Le(100_000)] = 10
     deltas: Annotated[tuple[Coordinate, ...], Len(1), LENGTH] | None = None
 
     def path(self) -> tuple[float, ...]:

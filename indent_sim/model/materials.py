@@ -37,20 +37,53 @@ class LinearElastic:
         E, nu = young_and_poisson(given)
         return LinearElastic(E=E, nu=nu, formulation=self.formulation)
 
+    @property
+    def constants(self) -> tuple[float, float]:
+        """E [pressure] and nu of a canonical material."""
+        assert self.E is not None and self.nu is not None
+        return self.E, self.nu
+
+    @property
+    def E_star(self) -> float:
+        """Plane-strain modulus E/(1 - nu^2) [pressure] of a canonical material."""
+        E, nu = self.constants
+        return E / (1 - nu * nu)
+
+    @property
+    def shear_modulus(self) -> Any:
+        """mu = E / (2 (1 + nu)) [pressure]."""
+        return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
+
+    @property
+    def inverse_lambda(self) -> Any:
+        """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
+        return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]
+
     def energy(self, H: Any) -> Any:
         """Strain-energy density psi [pressure] of the displacement gradient H (3x3)."""
         from ufl import inner, sym, tr
 
         eps = sym(H)
-        shear = self.E / (2 * (1 + self.nu))  # type: ignore[operator]
-        return shear * inner(eps, eps) + self.E * self.nu / (2 * (1 + self.nu) * (1 - 2 * self.nu)) * tr(eps) ** 2  # type: ignore[operator]
+        return self.shear_modulus * inner(eps, eps) + tr(eps) ** 2 / (2 * self.inverse_lambda)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """psi = mu eps:eps + q tr eps - q^2/(2 lame_lambda), stationary at q = lame_lambda tr eps [pressure]."""
+        from ufl import inner, sym, tr
+
+        eps = sym(H)
+        return self.shear_modulus * inner(eps, eps) + q * tr(eps) - q * q * self.inverse_lambda / 2
 
     def stress(self, H: Any) -> Any:
         """Cauchy stress sigma = lame_lambda tr(eps) I + 2 mu eps [pressure] of the displacement gradient H (3x3)."""
-        import ufl
+        from ufl import tr
 
-        H = ufl.variable(H)
-        return ufl.diff(self.energy(H), H)
+        return self.mixed_stress(H, tr(H) / self.inverse_lambda)
+
+    def mixed_stress(self, H: Any, q: Any) -> Any:
+        """sigma = q I + 2 mu eps [pressure]."""
+        from ufl import Identity, sym
+
+        return q * Identity(3) + 2 * self.shear_modulus * sym(H)
 
 
 Material = LinearElastic
@@ -64,9 +97,14 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     """
     if len(given) != 2:
         raise ValueError(f"needs exactly two of {', '.join(ISOTROPIC_CONSTANTS)}; got {', '.join(given) or 'none'}")
-    E, nu = _from_two(given)
+    try:
+        E, nu = _from_two(given)
+    except ZeroDivisionError:
+        E, nu = math.nan, math.nan
     if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
-        raise ValueError(f"these constants give E = {E:g} and nu = {nu:g}; a stable material has E > 0 and -1 < nu <= 0.5")
+        raise ValueError(
+            f"these constants give E = {E:g} and nu = {nu:g}; a stable material has E > 0 and -1 < nu <= 0.5"
+        )
     return E, nu
 
 

@@ -68,6 +68,6 @@ def scaled(item: D, length: float, pressure: float) -> D:
             return value
         return value / (length**unit.length * pressure**unit.pressure)
 
-    units = field_units(type(item))
+    units = field_units(type(item))  # type: ignore[arg-type]
     values = {f.name: convert(getattr(item, f.name), units[f.name]) for f in dataclasses.fields(item)}  # type: ignore[arg-type]
     return dataclasses.replace(item, **values)  # type: ignore[type-var]

@@ -124,8 +124,10 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     v, wv = gauss(0.0, 1.0, 48)
     z1, w1 = CHANGE * v**4, CHANGE * 4.0 * v**3 * wv
     nodes = [z0, z1]
-    weights = [w0 * (ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0)) * np.exp(2.0 * z0),
-               w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1)]
+    weights = [
+        w0 * (ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0)) * np.exp(2.0 * z0),
+        w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1),
+    ]
     end = max(2.0 * CHANGE, 19.0 / clearance)
     edges = CHANGE * np.geomspace(1.0, end / CHANGE, 1 + math.ceil(math.log(end / CHANGE, 3.0)))
     for lo, hi in pairwise(edges):

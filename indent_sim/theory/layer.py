@@ -29,8 +29,9 @@ from .solution import MAX_SLENDERNESS, Solution, check_body, check_contact, no_c
 from .tips import Tip
 
 
-def indent(tip: Tip, delta: float, *, E: float, nu: float, h: float, base: str = "fixed",
-           wall: float | None = None) -> Solution:
+def indent(
+    tip: Tip, delta: float, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
+) -> Solution:
     """Equilibrium of a layer of thickness h [L] under `tip` pushed in by delta [L].
 
     No contact for delta <= 0. nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller"
@@ -42,8 +43,9 @@ def indent(tip: Tip, delta: float, *, E: float, nu: float, h: float, base: str =
     return curve(tip, [delta], E=E, nu=nu, h=h, base=base, wall=wall)[0]
 
 
-def curve(tip: Tip, deltas: Sequence[float], *, E: float, nu: float, h: float, base: str = "fixed",
-          wall: float | None = None) -> list[Solution]:
+def curve(
+    tip: Tip, deltas: Sequence[float], *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
+) -> list[Solution]:
     """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's contact radius."""
     check_body(E, nu, h, base, wall)
     layer = _Layer(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h))
@@ -64,8 +66,7 @@ def curve(tip: Tip, deltas: Sequence[float], *, E: float, nu: float, h: float, b
     return solutions
 
 
-def wall_error(tip: Tip, delta: float, *, E: float, nu: float, h: float, wall: float,
-               base: str = "fixed") -> float:
+def wall_error(tip: Tip, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
     """Relative force error F(wall)/F(infinite layer) - 1 made by a frictionless wall at radius `wall` [L].
 
     Positive: the wall is too stiff. Arguments and errors as `indent`.
@@ -133,8 +134,17 @@ class _Layer:
         project = factor * (B * w)
         modes = direct + project @ np.linalg.solve(np.eye(x.size) - B.T @ project, B.T @ direct)
         phi = source + at_tip.T @ modes
-        return _Linear(fine_w, g[:-1], phi[:-1, 0], phi[:-1, 1], float(phi[-1, 0]), float(phi[-1, 1]),
-                       modes[:, 0], modes[:, 1], kernel)
+        return _Linear(
+            fine_w,
+            g[:-1],
+            phi[:-1, 0],
+            phi[:-1, 1],
+            float(phi[-1, 0]),
+            float(phi[-1, 1]),
+            modes[:, 0],
+            modes[:, 1],
+            kernel,
+        )
 
     def _smooth_count(self, a: float) -> int:
         # exponential convergence: the kernel is analytic 2h off the axis, singular where the contact meets
@@ -180,7 +190,8 @@ def _layer_part(lin: _Linear, a: float, modes: np.ndarray, r: np.ndarray, chord:
     """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2 regularises it."""
     degree = 24 + math.ceil(8.0 * a)
     curvature = np.polynomial.Chebyshev.interpolate(
-        lambda t: modes @ lin.kernel.slope_over_x(t), degree, domain=[0.0, a])
+        lambda t: modes @ lin.kernel.slope_over_x(t), degree, domain=[0.0, a]
+    )
     s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * a))
     t = np.hypot(r[:, None], chord[:, None] * s)
     return -chord * (curvature(t) @ w)

@@ -78,8 +78,9 @@ def flat_punch(radius: float) -> Profile:
     return Profile(lambda x: 0.0 * x, edge=radius)
 
 
-def indent(tip: Profile, delta: float, *, E: float, nu: float, h: float, base: str = "fixed",
-           wall: float | None = None) -> Solution:
+def indent(
+    tip: Profile, delta: float, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
+) -> Solution:
     """Equilibrium of a strip of thickness h [L] under `tip` pushed in by delta [L].
 
     No contact for delta <= 0. nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller"
@@ -91,8 +92,16 @@ def indent(tip: Profile, delta: float, *, E: float, nu: float, h: float, base: s
     return curve(tip, [delta], E=E, nu=nu, h=h, base=base, wall=wall)[0]
 
 
-def curve(tip: Profile, deltas: Sequence[float], *, E: float, nu: float, h: float, base: str = "fixed",
-          wall: float | None = None) -> list[Solution]:
+def curve(
+    tip: Profile,
+    deltas: Sequence[float],
+    *,
+    E: float,
+    nu: float,
+    h: float,
+    base: str = "fixed",
+    wall: float | None = None,
+) -> list[Solution]:
     """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's half-width."""
     check_body(E, nu, h, base, wall)
     strip = _Strip(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h))
@@ -113,8 +122,7 @@ def curve(tip: Profile, deltas: Sequence[float], *, E: float, nu: float, h: floa
     return solutions
 
 
-def wall_error(tip: Profile, delta: float, *, E: float, nu: float, h: float, wall: float,
-               base: str = "fixed") -> float:
+def wall_error(tip: Profile, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
     """Relative force error F(wall)/F(infinite strip) - 1 of frictionless walls at +-wall [L].
 
     Positive: too stiff. Arguments and errors as `indent`.

@@ -105,8 +105,13 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
     return Tip(g, reach=float(r[-1]), breaks=tuple(r[1:-1].tolist()), sharp=bool(slopes[0] > 0.0))
 
 
-def profile(slope: Callable[[np.ndarray], np.ndarray], *, reach: float = math.inf,
-            breaks: Sequence[float] = (), sharp: bool = False) -> Tip:
+def profile(
+    slope: Callable[[np.ndarray], np.ndarray],
+    *,
+    reach: float = math.inf,
+    breaks: Sequence[float] = (),
+    sharp: bool = False,
+) -> Tip:
     """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by quadrature.
 
     breaks: the radii where f' jumps or kinks; between them the quadrature converges exponentially.

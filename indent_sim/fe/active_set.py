@@ -1,0 +1,152 @@
+"""The primal-dual active set: nodal pressures that are never negative, weighted gaps that are never negative.
+
+The pressure p_h = sum p_i psi_i uses the hat functions psi_i of the contact surface's nodes, piecewise linear
+between vertices and midpoints, so p_i >= 0 means p_h >= 0 everywhere. Each node carries one condition,
+
+    weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0,
+
+and the active set {p_i - c G_i / int psi_i > 0} makes it one equation a node: G_i = 0 or p_i = 0. Newton on these
+equations is the primal-dual active set method (Hintermueller, Ito & Kunisch 2002); c steers it and changes nothing.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from indent_sim.fe import compat
+from indent_sim.fe.surface import adjacent_cells, facet_nodes, facet_to_cell, hats, shapes, split_quadrature
+
+if TYPE_CHECKING:
+    from indent_sim.fe.problem import Problem
+
+
+class NodalContact:
+    """The contact term of a problem whose multiplier lives at the nodes, assembled in numpy."""
+
+    def __init__(self, problem: Problem, gap: Any, normal: Any, slope: Any):
+        """gap, normal = dg/dx and slope = d2g/dx2 are UFL expressions at the contact surface."""
+        self.problem = problem
+        facets = problem.body_mesh.surfaces["top"]
+        dim, order = problem.body_mesh.dim, problem.scene.sizes.order
+        self._points, reference_weights = split_quadrature(dim, order)
+        self._psi, self._N = hats(self._points, order), shapes(self._points, order)
+        self._fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
+        self._cells, self._local = adjacent_cells(problem.mesh, facets)
+        nodes = facet_nodes(problem.mesh, problem.unknowns.own_space("lam"), facets)
+        self.lam_places = problem.unknowns.places("lam")[nodes]
+        self._u_places = problem.trace.dofs
+        self._weights = self._measures() * reference_weights
+        self._active = np.zeros(0, dtype=bool)
+        self._work = problem.x.duplicate()
+        self._unit_weights = self._gathered(np.einsum("fp,pn->fn", self._weights, self._psi))
+
+    def _measures(self) -> np.ndarray:
+        """Area (facets, points) per reference-facet area, times the kinematics' weight."""
+        trace = self.problem.trace
+        tangents = trace.tangents(trace.X, self._points)
+        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
+        x = np.moveaxis(trace.positions(self._points), -1, 0)
+        return area * self.problem.scene.kinematics.weight(x)
+
+    @cached_property
+    def _expressions(self) -> dict[int, fem.Expression]:
+        return {}
+
+    def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
+        dim, points = self.problem.body_mesh.dim, self._points
+        values = np.zeros((len(self._cells), len(points), 1 + dim + dim * dim))
+        for k in np.unique(self._local):
+            here = np.flatnonzero(self._local == k)
+            if k not in self._expressions:
+                self._expressions[k] = fem.Expression(self._fields, facet_to_cell(points, k, dim))
+            found = compat.evaluate(self._expressions[k], self.problem.mesh, self._cells[here])
+            values[here] = found.reshape(len(here), len(points), -1)
+        return values[..., 0], values[..., 1 : 1 + dim], values[..., 1 + dim :].reshape(*values.shape[:2], dim, dim)
+
+    def _gathered(self, nodal: np.ndarray) -> np.ndarray:
+        """Sum contributions (facets, nodes) over facets and ranks, laid out as the solution's local array."""
+        with self._work.localForm() as local:
+            local.set(0.0)
+            np.add.at(local.array, self.lam_places, nodal)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with self._work.localForm() as local:
+            return local.array.copy()
+
+    def nodal_pressures(self) -> np.ndarray:
+        """p_i (facets, nodes) at the present solution."""
+        return self.problem.local_array()[self.lam_places]
+
+    def add_residual(self, b: PETSc.Vec) -> None:
+        """Add -int p_h dg to the displacement rows; -G_i or -p_i int psi_i / c to the nodes' own rows."""
+        g, normal, _ = self._evaluate()
+        p = self.nodal_pressures()
+        p_h = p @ self._psi.T
+        traction = np.einsum("fp,fpd,pn->fnd", -self._weights * p_h, normal, self._N)
+        weighted_gap = self._gathered(np.einsum("fp,fp,pn->fn", self._weights, g, self._psi))[self.lam_places]
+        share = np.einsum("fp,pn->fn", self._weights, self._psi)
+        whole = self._unit_weights[self.lam_places]
+        c = self.problem.stiffness_scale
+        self._active = p - c * weighted_gap / whole > 0
+        gap_part = np.einsum("fp,fp,pn->fn", self._weights, g, self._psi)
+        rows = np.where(self._active, -gap_part, -p * share / c)
+        with self._work.localForm() as local:
+            local.set(0.0)
+            np.add.at(local.array, self._u_places, traction)
+            np.add.at(local.array, self.lam_places, rows)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        b.axpy(1.0, self._work)
+
+    def add_tangent(self, A: PETSc.Mat) -> None:
+        """Add the derivative of `add_residual`, for the active set found there; constrained rows stay identity."""
+        _, normal, slope = self._evaluate()
+        weights, p_h = self._weights, self.nodal_pressures() @ self._psi.T
+        coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
+        coupling = coupling.reshape(len(coupling), -1, self._psi.shape[1])
+        mass = -np.einsum("fp,pn->fn", weights, self._psi) / self.problem.stiffness_scale
+        uu = -np.einsum("fp,fpde,pn,pm->fndme", weights * p_h, slope, self._N, self._N)
+        uu = uu.reshape(len(uu), coupling.shape[1], coupling.shape[1])
+        u_places = self._u_places.reshape(len(uu), -1)
+        held = self._held
+        for f in range(len(uu)):
+            u, lam, active = self._masked(u_places[f], held), self.lam_places[f].astype(np.int32), self._active[f]
+            add = PETSc.InsertMode.ADD
+            A.setValuesLocal(u, u, uu[f], addv=add)
+            A.setValuesLocal(u, lam, coupling[f], addv=add)
+            A.setValuesLocal(np.where(active, lam, np.int32(-1)), u, np.ascontiguousarray(coupling[f].T), addv=add)
+            A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
+
+    @cached_property
+    def _held(self) -> np.ndarray:
+        """Marks the local dofs (ghosts included) whose rows and columns are those of the identity."""
+        with self._work.localForm() as local:
+            local.set(0.0)
+        self._work.array[self.problem.constrained] = 1.0
+        self._work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with self._work.localForm() as local:
+            return local.array > 0
+
+    @staticmethod
+    def _masked(dofs: np.ndarray, held: np.ndarray) -> np.ndarray:
+        return np.where(held[dofs], -1, dofs).astype(np.int32)  # PETSc skips negative rows and columns
+
+    def force(self) -> float:
+        """-int p_h dg/dz dGamma of the modelled part: the vertical thrust of the pressures."""
+        _, normal, _ = self._evaluate()
+        p_h = self.nodal_pressures() @ self._psi.T
+        return self.problem.comm.allreduce(-float((self._weights * p_h * normal[..., -1]).sum()), op=MPI.SUM)
+
+
+def _flat(expression: Any, size: int) -> list[Any]:
+    if size == 1:
+        return [expression]
+    shape = expression.ufl_shape
+    return [expression[index] for index in np.ndindex(shape)]

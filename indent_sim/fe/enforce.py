@@ -1,0 +1,134 @@
+"""The contact algorithms: how each method finds the equilibrium at one depth.
+
+A method is one function from a Newton solver to success; what they share is `Newton` and the potential of
+`Problem`. Adding one is a function and an entry in ALGORITHMS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from petsc4py import PETSc
+
+from indent_sim.errors import ConfigError
+from indent_sim.fe import compat
+from indent_sim.fe.newton import PREFIX, Newton
+from indent_sim.fe.problem import Problem
+
+UZAWA_TOLERANCE = 1e-8  # last change of the multiplier, relative; the force is then good to about 1e-7
+UZAWA_LOOPS = 500
+UZAWA_PATIENCE = 60  # loops in which the change must have halved at least once
+
+
+class Enforcement:
+    """Finds the equilibrium at the problem's delta from its present state by the scene's contact method."""
+
+    def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
+        self.problem = problem
+        self.newton = Newton(problem, rtol, max_iterations, petsc)
+        self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
+        self._petsc = petsc
+
+    @property
+    def iterations(self) -> int:
+        """Linear solves so far."""
+        return self.newton.iterations
+
+    def solve(self) -> bool:
+        """True when converged; else the problem's state is as it was."""
+        return self._algorithm()
+
+    def refuse_unused_options(self) -> None:
+        """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
+        for name in compat.unused_options(PREFIX, self._petsc):
+            raise ConfigError(f"solver.petsc.{name}", "PETSc did not use this option", "check its name")
+
+
+def enforcement(problem: Problem, **solver: Any) -> Enforcement:
+    """The enforcement of a problem's contact method."""
+    return Enforcement(problem, **solver)
+
+
+def _simultaneous(newton: Newton) -> Callable[[], bool]:
+    """Penalty, augmented Lagrangian, Nitsche: one semismooth Newton for everything."""
+    return newton.solve
+
+
+def _uzawa(newton: Newton) -> Callable[[], bool]:
+    """Newton with lam frozen, then lam <- projection of <lam - epsilon_n g>, until it stands still.
+
+    At the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
+    """
+    projection = _Projection(newton.problem)
+
+    def solve() -> bool:
+        problem = newton.problem
+        before = problem.snapshot()
+        smallest, since = float("inf"), 0
+        for _ in range(UZAWA_LOOPS):
+            if not newton.solve():
+                break
+            change = projection.update()
+            if change <= UZAWA_TOLERANCE:
+                return newton.solve()
+            smallest, since = (change, 0) if change < smallest / 2 else (smallest, since + 1)
+            if since > UZAWA_PATIENCE:
+                break
+        problem.restore(before)
+        return False
+
+    return solve
+
+
+class _Projection:
+    """lam <- the L2 projection of <lam - epsilon_n g> on the contact surface."""
+
+    def __init__(self, problem: Problem):
+        self.problem = problem
+        self.lam = compat.vector(problem.frozen)
+        space = problem.frozen.function_space
+        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
+        # the volume term is zero: it only gives dofs off the surface a place on the diagonal
+        diagonal = fem.Constant(problem.mesh, 0.0) * trial * test * ufl.dx
+        mass = fem.form(problem.over_contact(trial * test) + diagonal)
+        self._load = fem.form(problem.over_contact(problem.pressure * test))
+        top = problem.body_mesh.surfaces["top"]
+        on_top = fem.locate_dofs_topological(space, problem.body_mesh.facet_dim, top)
+        off = np.setdiff1d(np.arange(len(problem.frozen.x.array)), on_top).astype(np.int32)
+        self._off = off[off < space.dofmap.index_map.size_local]
+        matrix = fem_petsc.assemble_matrix(mass, [fem.dirichletbc(PETSc.ScalarType(0), off, space)])
+        matrix.assemble()
+        self._b = compat.create_vector(self._load, space)
+        self._solver = PETSc.KSP().create(problem.comm)
+        self._solver.setOperators(matrix)
+        self._solver.setType("preonly")
+        self._solver.getPC().setType("lu")
+        self._solver.getPC().setFactorSolverType("mumps")
+
+    def update(self) -> float:
+        """Change the multiplier; returns by how much, relative to itself."""
+        with self._b.localForm() as local:
+            local.set(0.0)
+        fem_petsc.assemble_vector(self._b, self._load)
+        self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._b.array[self._off] = 0.0
+        before = self.lam.copy()
+        self._solver.solve(self._b, self.lam)
+        self.lam.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        size = max(self.lam.norm(), before.norm())
+        before.axpy(-1.0, self.lam)
+        return before.norm() / size if size > 0 else 0.0
+
+
+ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {
+    "none": _simultaneous,
+    "unknown": _simultaneous,
+    "stress": _simultaneous,
+    "frozen": _uzawa,
+    "nodal": _simultaneous,
+}
