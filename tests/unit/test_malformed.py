@@ -134,7 +134,7 @@ MALFORMED = [
     (edited("nu: 0.3", "nu: 0.3\n  mu: 1"), 8, "material", "needs exactly two of E, nu, mu"),
     (edited("  nu: 0.3\n", ""), 8, "material", "needs exactly two of E, nu, mu"),
     (edited("E: 1.0\n  nu: 0.3", "E: 1\n  mu: 0.1"), 8, "material", "a stable material has"),
-    (edited("E: 1.0\n  nu: 0.3", "mu: 1\n  lame_lambda: -1"), 8, "material", "stable is E > 0"),
+    (edited("E: 1.0\n  nu: 0.3", "mu: 1\n  lame_lambda: -1"), 8, "material", "a stable material"),
     (edited("delta: 0.01", "delta: 0.01\n  deltas: [0.1]"), 21, "loading.deltas", "contradicts delta"),
     (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
     (edited("  delta: 0.01\n", ""), 19, "loading", "says no depth"),
