@@ -51,9 +51,8 @@ def hats(points: np.ndarray, order: int) -> np.ndarray:
     if bary.shape[1] == 2:
         return np.column_stack([vertices, 1 - vertices.sum(axis=1)])
     # a midpoint's hat falls from 1 to 0 over the corner triangles of its edge and over the middle triangle
-    middle = np.all(bary <= 0.5, axis=1)
     opposite = [(1, 2), (0, 2), (0, 1)]
-    edges = [np.where(middle, 1 - 2 * bary[:, k], 2 * np.minimum(bary[:, i], bary[:, j]))
+    edges = [np.clip(np.minimum(1 - 2 * bary[:, k], 2 * np.minimum(bary[:, i], bary[:, j])), 0.0, None)
              for k, (i, j) in enumerate(opposite)]  # fmt: skip
     return np.column_stack([vertices, *edges])
 
