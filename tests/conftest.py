@@ -19,7 +19,9 @@ MPI_ENVIRONMENT = {
     "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
     "OMPI_MCA_rmaps_base_oversubscribe": "1",  # more ranks than cores, Open MPI 4
     "OMPI_MCA_mpi_yield_when_idle": "1",  # a waiting rank leaves its core to the others
+    "OMPI_MCA_hwloc_base_binding_policy": "none",  # two ranks bound to two busy cores wait for each other by turns
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",  # Open MPI 5
+    "PRTE_MCA_hwloc_default_binding_policy": "none",
 }
 PATIENCE = 180  # s; a run that takes longer than this hangs
 

@@ -1,0 +1,134 @@
+"""On several ranks: the same forces as on one, files written once, and one message when it ends badly."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import MPI_ENVIRONMENT, ROOT, Mpirun
+from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
+
+from indent_sim.config import from_mapping, to_yaml
+
+# Round-off: sums in another order and another elimination order, seen through a matrix whose condition is below 1e6
+SAME = 1e-9
+NUMBERS = ("delta", "force", "a", "p_max", "penetration", "energy", "reaction")
+
+SCENES: dict[str, dict[str, Any]] = {
+    "axisymmetric": {"body": CYLINDER, "mesh": {"h_contact": 0.02}, "loading": {"deltas": [0.005, 0.01, 0.003, -0.01]}},
+    "plane_strain": {
+        "body": STRIP | {"base": "roller", "sides": "free"},  # held by a pin that only one rank has
+        "mesh": {"h_contact": 0.03, "symmetry": "full"},
+        "loading": {"delta": 0.01, "steps": 2},
+    },
+    "current_gap": {
+        "body": CYLINDER,
+        "contact": {"method": "auto", "gap": "current"},
+        "mesh": {"h_contact": 0.02, "order": 1},
+        "loading": {"delta": 0.01, "steps": 2},
+    },
+    "penalty": {
+        "body": CYLINDER,
+        "contact": {"method": "penalty"},
+        "mesh": {"h_contact": 0.05},
+        "loading": {"delta": 0.01},
+    },
+    "box": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"delta": 0.04, "steps": 2}},
+}
+
+# Walks every scene on all ranks and prints, on rank 0, its states and how many of them the ranks disagree about
+PROGRAM = f"""
+import json, sys
+from mpi4py import MPI
+from indent_sim.config import from_mapping
+from indent_sim.run import states
+from indent_sim.scene import resolve
+
+comm = MPI.COMM_WORLD
+result = {{}}
+for name, data in json.loads(sys.argv[1]).items():
+    rows = [[getattr(state, name) for name in {NUMBERS!r}] + [state.newton_iterations, state.converged]
+            for state in states(resolve(from_mapping(data)), comm)]
+    everywhere = comm.gather(rows)
+    if comm.rank == 0:
+        result[name] = {{"rows": rows, "agreed": all(other == rows for other in everywhere)}}
+if comm.rank == 0:
+    print("RESULT" + json.dumps(result))
+"""
+
+
+def mapping(name: str) -> dict[str, Any]:
+    """The config of a scene."""
+    return {"material": ELASTIC, "indenter": PARABOLOID} | SCENES[name]
+
+
+def parsed(finished: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    """What PROGRAM printed."""
+    assert finished.returncode == 0, finished.stdout + finished.stderr
+    (line,) = [line for line in finished.stdout.splitlines() if line.startswith("RESULT")]
+    return json.loads(line.removeprefix("RESULT"))
+
+
+@pytest.fixture(scope="module")
+def alone() -> dict[str, Any]:
+    """All scenes on one rank, in a process of its own like the others."""
+    from os import environ
+
+    command = [sys.executable, "-c", PROGRAM, json.dumps({name: mapping(name) for name in SCENES})]
+    return parsed(subprocess.run(command, env=environ | MPI_ENVIRONMENT, cwd=ROOT, capture_output=True, text=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_same_curves_on_several_ranks(ranks: int, alone: dict[str, Any], mpirun: Mpirun) -> None:
+    """Every number of every step; 1e-9 of the largest of its kind, so that zero out of contact is zero."""
+    together = parsed(mpirun(ranks, "-c", PROGRAM, json.dumps({name: mapping(name) for name in SCENES})))
+    for name in SCENES:
+        assert together[name]["agreed"], "the ranks differ among themselves"
+        assert len(together[name]["rows"]) == len(alone[name]["rows"])
+        here, there = (np.array(result[name]["rows"], dtype=float) for result in (alone, together))
+        for column, what in enumerate([*NUMBERS, "newton_iterations", "converged"]):
+            scale = np.abs(here[:, column]).max()
+            assert there[:, column] == pytest.approx(here[:, column], rel=SAME, abs=SAME * scale), f"{what} of {name}"
+
+
+def test_files_are_written_once(mpirun: Mpirun, tmp_path: Path) -> None:
+    """Two ranks leave the folder that one leaves, one row a step, and speak with one voice."""
+    config = tmp_path / "scene.yaml"
+    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
+    finished = mpirun(2, "-m", "indent_sim.cli", "run", config, "--output", tmp_path / "two")
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stdout.split() == [str(tmp_path / "two")]
+    rows = (tmp_path / "two" / "force_indentation.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["step", "1", "2", "3", "4"]
+    assert json.loads((tmp_path / "two" / "run.json").read_text())["ranks"] == 2
+    present = {path.name for path in (tmp_path / "two").iterdir()}
+    assert {"force_indentation.csv", "surface.csv", "fields.xdmf", "fields.h5", "config.yaml", "run.json"} <= present
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", "two"]
+
+
+def test_config_error_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path: Path) -> None:
+    """Exit 3 of every rank is exit 3 of mpirun; nothing hangs, nothing is made."""
+    config = tmp_path / "scene.yaml"
+    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))).replace("R: 1.0", "r: 1.0"))
+    finished = mpirun(3, "-m", "indent_sim.cli", "run", config, "--output", tmp_path / "three")
+    assert finished.returncode == 3, finished.stderr
+    assert finished.stderr.count("did you mean 'R'") == 1
+    assert "Traceback" not in finished.stderr
+    assert finished.stdout.strip() == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
+
+
+def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path) -> None:
+    """Found only when the scene is resolved, on every rank at once."""
+    config = tmp_path / "scene.yaml"
+    config.write_text(to_yaml(from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}})))
+    finished = mpirun(2, "-m", "indent_sim.cli", "run", config, "--output", tmp_path / "two")
+    assert finished.returncode == 3, finished.stderr
+    assert finished.stderr.count("beyond the body's thickness") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
