@@ -97,13 +97,14 @@ class Walk:
             return self._failed(step, delta, iterations)
         problem = self.problem
         reaction, stray = problem.reactions()
+        a, p_max, penetration = observe.contact(problem)
         return State(
             step=step,
             delta=delta,
             force=problem.force(),
-            a=observe.contact_radius(problem),
-            p_max=observe.peak_pressure(problem),
-            penetration=observe.penetration(problem),
+            a=a,
+            p_max=p_max,
+            penetration=penetration,
             energy=problem.energy(),
             newton_iterations=iterations,
             wall_s=time.perf_counter() - self.started,
