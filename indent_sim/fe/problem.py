@@ -27,7 +27,6 @@ from indent_sim.fe.surface import (
     adjacent_cells,
     facet_nodes,
     facet_to_cell,
-    hats,
     interior_points,
     shapes,
 )
@@ -154,7 +153,7 @@ class Problem(Body):
                 nodal = self.local_array()[self.unknowns.places("lam")[nodes]]
             case "nodal":
                 assert self.nodal is not None
-                return self.nodal.nodal_pressures() @ hats(points, self.scene.sizes.order).T
+                return self.nodal.nodal_pressures() @ self.nodal.basis(points).T
             case "frozen":
                 nodal = self.frozen.x.array[facet_nodes(self.mesh, self.frozen.function_space, facets)]
             case "stress":
