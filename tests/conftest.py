@@ -1,0 +1,41 @@
+"""What all tests share: a way to start the program on several MPI ranks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+MPI_ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",  # containers test as root
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMPI_MCA_rmaps_base_oversubscribe": "1",  # more ranks than cores, Open MPI 4
+    "OMPI_MCA_mpi_yield_when_idle": "1",  # a waiting rank leaves its core to the others
+    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",  # Open MPI 5
+}
+PATIENCE = 180  # s; a run that takes longer than this hangs
+
+Mpirun = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def mpirun(tmp_path: Path) -> Mpirun:
+    """Run this Python on n ranks with the given arguments, in an empty directory."""
+    if shutil.which("mpirun") is None:
+        pytest.fail("mpirun is missing; it comes with the packages of packages-debian.txt")
+
+    def start(ranks: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        search = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        command = ["mpirun", "-n", str(ranks), sys.executable, *map(str, arguments)]
+        return subprocess.run(command, cwd=tmp_path, env=os.environ | MPI_ENVIRONMENT | {"PYTHONPATH": search},
+                              capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)  # fmt: skip
+
+    return start

@@ -1,0 +1,58 @@
+"""Scenes of the verification tests, and the short way from one to its states."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from indent_sim import run
+from indent_sim.config import from_mapping
+from indent_sim.model.contact import Penalty
+from indent_sim.scene import Scene, resolve
+from indent_sim.state import State
+
+CYLINDER = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "fixed", "sides": "free"}
+WALLED = CYLINDER | {"radius": 2.0, "sides": "roller"}  # a layer in a frictionless cylinder, W = 2
+STRIP = {"shape": "strip", "width": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
+BOX = {"shape": "box", "size": [2.0, 2.0, 1.0], "base": "fixed", "sides": "free"}
+
+ELASTIC = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+PARABOLOID = {"shape": "paraboloid", "R": 1.0}
+E_STAR = 1.0 / (1 - 0.3**2)  # of ELASTIC
+ONE_STEP = {"delta": 0.01, "steps": 1}
+PENALTY = {"method": "penalty"}
+
+
+def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
+    """ELASTIC under a PARABOLOID pushed in by 0.01 in one step; `sections` replace whole sections of that."""
+    given = {"body": body, "material": ELASTIC, "indenter": PARABOLOID, "loading": ONE_STEP} | sections
+    return resolve(from_mapping(given, overrides))
+
+
+def with_penalty(base: Scene, epsilon_n: float) -> Scene:
+    """The same scene by the penalty method of this stiffness [E/height of the body]."""
+    return dataclasses.replace(base, contact=Penalty(epsilon_n=epsilon_n))
+
+
+def solve(base: Scene) -> list[State]:
+    """All states of a scene, every one converged and audited, in the user's units."""
+    states = list(run.states(base))
+    assert len(states) == len(base.deltas)
+    largest = max(abs(state.force) for state in states)
+    for state in states:
+        assert state.converged, state.reason
+        assert_audited(state, largest)
+    return states
+
+
+def force(base: Scene) -> float:
+    """The force at the last depth."""
+    return solve(base)[-1].force
+
+
+def assert_audited(state: State, largest: float) -> None:
+    """What the contact gives, the supports take: 1e-8 of the force is what Newton's tolerance of 1e-10 leaves at
+    most; a body let go of has no force of its own, so there 1e-14 of the largest force met is round-off."""
+    tolerance = 1e-8 * abs(state.force) + 1e-14 * largest
+    assert abs(state.force - state.reaction) <= tolerance
+    assert state.stray_reaction <= tolerance

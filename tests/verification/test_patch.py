@@ -1,0 +1,102 @@
+"""Patch test: under a flat punch that covers it, a body in a frictionless mould is strained uniformly.
+
+With M the modulus of the layer, h its thickness and the penalty's own give 1/epsilon_n in series,
+
+    p = delta / (h/M + 1/epsilon_n),   force = p A,   energy = force delta / 2,   penetration = p / epsilon_n
+
+and the other methods give nothing of their own, 1/epsilon_n -> 0. M = E (1-nu)/((1+nu)(1-2 nu)) between rollers, E with
+free sides, E/(1-nu^2) with free sides in plane strain. Exact, and inside every Lagrange space, so that 1e-9 is the
+solver's tolerance (1e-10) times ten.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from math import hypot, pi, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import PENALTY, scene, solve
+
+from indent_sim.model.indenters import FlatPunch
+from indent_sim.scene import Scene
+
+E, NU, H, DELTA, EPSILON_N = 3.0, 0.3, 2.0, 0.05, 7.0
+CONFINED = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
+EXACT = 1e-9
+
+CYLINDER = {"shape": "cylinder", "radius": 1.5, "height": H}
+STRIP = {"shape": "strip", "width": 3.0, "height": H}
+BOX = {"shape": "box", "size": [3.0, 2.0, H]}
+AREA = {"cylinder": pi * 1.5**2, "strip": 3.0, "box": 6.0}
+RADIUS = {"cylinder": 1.5, "strip": 1.5, "box": sqrt(6.0 / pi)}
+FREE_MODULUS = {"cylinder": E, "strip": E / (1 - NU**2), "box": E}
+
+
+def covered(body: dict[str, Any], order: int, symmetry: str = "auto", method: str = "penalty") -> Scene:
+    """A body under a punch that reaches beyond its rim, which no config may ask for.
+
+    No element is smaller at the rim: nothing is singular there.
+    """
+    width = {"cylinder": 3.0, "strip": 3.0, "box": 2.0}[body["shape"]]
+    base = scene(
+        body,
+        material={"model": "linear_elastic", "E": E, "nu": NU},
+        indenter={"shape": "flat_punch", "radius": width / 2},
+        contact=PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method},
+        loading={"delta": DELTA, "steps": 1},
+        mesh={"h_contact": 0.5, "order": order, "symmetry": symmetry},
+    )
+    beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.scales.length)
+    sizes = dataclasses.replace(base.sizes, edge=None, h_edge=None)
+    return dataclasses.replace(base, indenter=beyond, sizes=sizes)
+
+
+def assert_uniform(base: Scene, body: dict[str, Any], modulus: float) -> None:
+    """Everything that is measured, against the formulas above."""
+    state = solve(base)[-1]
+    compliance = 1 / EPSILON_N if base.contact.method == "penalty" else 0.0
+    p = DELTA / (H / modulus + compliance)
+    F = p * AREA[body["shape"]]
+    assert state.force == pytest.approx(F, rel=EXACT)
+    assert state.reaction == pytest.approx(F, rel=EXACT)
+    assert state.energy == pytest.approx(F * DELTA / 2, rel=EXACT)
+    assert state.p_max == pytest.approx(p, rel=EXACT)
+    assert state.a == pytest.approx(RADIUS[body["shape"]], rel=EXACT)
+    nodes = len(state.surface.x)
+    depth = p * compliance
+    assert state.penetration == pytest.approx(depth, rel=EXACT, abs=EXACT * DELTA)
+    assert state.surface.pressure == pytest.approx(np.full(nodes, p), rel=EXACT)
+    assert state.surface.gap == pytest.approx(np.full(nodes, -depth), rel=EXACT, abs=EXACT * DELTA)
+    assert state.surface.u[:, 2] == pytest.approx(np.full(nodes, depth - DELTA), rel=EXACT)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("method", ["penalty", "augmented_lagrangian", "nitsche", "active_set"])
+@pytest.mark.parametrize("body", [CYLINDER, STRIP, BOX], ids=lambda body: body["shape"])
+def test_confined_body(body: dict[str, Any], method: str, order: int) -> None:
+    """Rollers all around: a fixed base holds nothing more, since nothing moves sideways."""
+    held = body | {"base": "fixed" if order == 1 else "roller", "sides": "roller"}
+    assert_uniform(covered(held, order, method=method), held, CONFINED)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize(
+    ("body", "symmetry"),
+    [(CYLINDER, "auto"), (STRIP, "half"), (STRIP, "full"), (BOX, "quarter"), (BOX, "half"), (BOX, "full")],
+    ids=lambda value: value if isinstance(value, str) else value["shape"],
+)
+def test_body_that_bulges_freely(body: dict[str, Any], symmetry: str, order: int) -> None:
+    """Roller base, free sides: in full models only the pins stand against the rigid modes, and they carry nothing."""
+    held = body | {"base": "roller", "sides": "free"}
+    base = covered(held, order, symmetry)
+    if symmetry == "full":
+        assert base.pins
+    assert_uniform(base, held, FREE_MODULUS[body["shape"]])
+
+
+def test_body_between_two_of_its_walls() -> None:
+    """A box held by rollers in x and free in y is in plane strain: E/(1-nu^2)."""
+    held = BOX | {"base": "roller", "sides": {"x_min": "roller", "x_max": "roller", "y_min": "free", "y_max": "free"}}
+    assert_uniform(covered(held, 2, "full"), held, E / (1 - NU**2))

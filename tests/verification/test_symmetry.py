@@ -1,0 +1,114 @@
+"""The modelled part stands for the whole: the same force, radius and energy from a quarter, a half and all of it.
+
+The mesh of the part is mirrored to make the whole's, so that the two are the same discrete problem and agree to the
+solver's tolerance; what gmsh would make of the whole by itself differs by the mesh error and is tested apart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import BOX, PARABOLOID, STRIP, force, scene, solve
+
+from indent_sim import geometry
+from indent_sim.geometry import Grid
+from indent_sim.scene import Scene
+from indent_sim.state import State
+
+SAME = 1e-8  # of the force: Newton stops at 1e-10 of the reactions
+DEEP = {"loading": {"delta": 0.04, "steps": 2}}
+NUMBERS = ("force", "a", "p_max", "penetration", "energy", "reaction")
+
+
+def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
+    """A grid and its mirror image, joined along the plane they share."""
+    image = grid.points.copy()
+    image[:, axis] = 2 * plane - image[:, axis]
+    on_plane = np.abs(grid.points[:, axis] - plane) < 1e-9
+    new = np.where(on_plane, np.arange(len(image)), len(image) + np.cumsum(~on_plane) - 1)
+    points = np.vstack([grid.points, image[~on_plane]])
+    return Grid(points, np.vstack([grid.cells, new[grid.cells]]))
+
+
+def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
+    """The states of a scene on a given grid."""
+    with monkeypatch.context() as patch:
+        patch.setattr(geometry, "build", lambda scene: grid)
+        return solve(base)
+
+
+def assert_same(part: list[State], whole: list[State]) -> None:
+    """Every number of every step."""
+    for one, other in zip(part, whole, strict=True):
+        numbers = ([getattr(state, name) for name in NUMBERS] for state in (one, other))
+        assert next(numbers) == pytest.approx(next(numbers), rel=SAME)
+
+
+@pytest.mark.parametrize("sides", ["free", "roller", "fixed"])
+@pytest.mark.parametrize("gap", ["reference", "current"])
+def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plane strain, tip in the middle."""
+    body, contact = STRIP | {"sides": sides}, {"method": "auto", "gap": gap}
+    half, full = (scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
+                  for symmetry in ("half", "full"))  # fmt: skip
+    assert (half.copies, full.copies) == (2, 1)
+    grid = geometry.build(half)
+    assert_same(on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch))
+
+
+@pytest.mark.parametrize(
+    ("base", "sides", "gap", "method"),
+    [("fixed", "free", "current", "auto"), ("roller", "free", "reference", "penalty")],
+)
+def test_box_by_its_quarter_and_half(
+    base: str, sides: str, gap: str, method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three dimensions, tip in the middle; on rollers the whole is held by its pins alone."""
+    body, contact = BOX | {"base": base, "sides": sides}, {"method": method, "gap": gap}
+    quarter, half, full = (scene(body, contact=contact, mesh={"h_contact": 0.15, "symmetry": symmetry}, **DEEP)
+                           for symmetry in ("quarter", "half", "full"))  # fmt: skip
+    assert (quarter.copies, half.copies, full.copies) == (4, 2, 1)
+    grid = geometry.build(quarter)
+    by_quarter = on_grid(quarter, grid, monkeypatch)
+    grid = mirrored(grid, 1, 1.0)
+    assert_same(by_quarter, on_grid(half, grid, monkeypatch))
+    assert_same(by_quarter, on_grid(full, mirrored(grid, 0, 1.0), monkeypatch))
+
+
+def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wall that only holds sideways is a mirror: the strip with the tip at its roller wall is half of one twice as
+    wide with the tip in the middle."""
+    wide = scene(STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"})
+    narrow = scene(STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]})
+    narrow = dataclasses.replace(narrow, sizes=wide.sizes, contact=wide.contact)
+    grid = geometry.build(narrow)
+    whole = Grid(mirrored(grid, 0, 0.0).points + np.array([2.0, 0.0]), mirrored(grid, 0, 0.0).cells)
+    beside, middle = on_grid(narrow, grid, monkeypatch)[-1], on_grid(wide, whole, monkeypatch)[-1]
+    assert 2 * beside.force == pytest.approx(middle.force, rel=SAME)
+    assert 2 * beside.energy == pytest.approx(middle.energy, rel=SAME)
+    assert 2 * beside.a == pytest.approx(middle.a, rel=SAME)  # half the width of what touches
+
+
+@pytest.mark.parametrize("body", [STRIP, BOX], ids=["plane_strain", "box"])
+def test_reduced_and_whole_on_meshes_of_their_own(body: dict[str, Any]) -> None:
+    """The error that either mesh may have: 0.5 % with three elements in the radius, 0.1 % with a dozen."""
+    h, tolerance = (0.02, 1e-3) if body is STRIP else (0.12, 5e-3)
+    part, whole = (
+        force(scene(body, mesh={"h_contact": h, "symmetry": symmetry}, loading={"delta": 0.09, "steps": 1}))
+        for symmetry in ("auto", "full")
+    )
+    assert whole == pytest.approx(part, rel=tolerance)
+
+
+def test_choice_of_the_part() -> None:
+    """Automatic: all the symmetry there is, none that the sides or the tip's place break."""
+    off = PARABOLOID | {"center": [0.9, 1.0]}
+    uneven = {"x_min": "roller", "x_max": "free", "y_min": "free", "y_max": "free"}
+    assert scene(BOX).symmetry == "quarter"
+    assert scene(BOX, indenter=off, mesh={"h_contact": 0.1}).symmetry == "half"
+    assert scene(BOX | {"sides": uneven}, mesh={"h_contact": 0.1}).symmetry == "half"
+    assert scene(STRIP).symmetry == "half"
+    assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).symmetry == "full"
