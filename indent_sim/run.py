@@ -121,9 +121,7 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     fe = _backend()
     comm = comm or MPI.COMM_SELF
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
-    problem = fe.Problem(scene, mesh)
-    walk = fe.Walk(problem, fe.enforcement(problem, **scene.solver))
-    for state in walk.states(scene.deltas, lambda step: True):
+    for state in fe.walk(scene, mesh).states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
 
 
@@ -151,12 +149,10 @@ class Simulation:
             grid = on_root(record.comm, geometry.build, scene)
             mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
-            problem = fe.Problem(scene, mesh)
-            self._enforcement = fe.enforcement(problem, **scene.solver)
-            self._walk = fe.Walk(problem, self._enforcement, clock.started)
+            self._walk = fe.walk(scene, mesh, clock.started)
         size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
-        record.note(dofs=problem.active_dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
-        self._fields = fe.Fields(problem) if self.output.fields != "none" else None
+        record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
+        self._fields = fe.Fields(self._walk.observed) if self.output.fields != "none" else None
         if self._fields is not None:
             points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
             steps = len(scene.deltas) if self.output.fields == "all" else 1
@@ -199,7 +195,7 @@ class Simulation:
         """Audit a converged state and write it down."""
         self._audit(state)
         if state.step == 1:
-            self._enforcement.refuse_unused_options()
+            self._walk.refuse_unused_options()
         with self.clock.stage("write"):
             if self.output.fields == "all" or last:
                 self._write_fields(state)
@@ -223,6 +219,7 @@ class Simulation:
         if self._fields is None:
             return
         L, P = self.scene.scales.length, self.scene.scales.pressure
+        self._walk.return_to_last()
         displacement, stress, pressure = self._fields.gather() or (None, None, None)
         if displacement is not None and stress is not None and pressure is not None:
             displacement, stress, pressure = displacement * L, stress * P, pressure * P
@@ -230,7 +227,6 @@ class Simulation:
 
     def _save_last_fields(self) -> None:
         if self.states and self.output.fields == "last":
-            self._walk.return_to_last()
             self._write_fields(self.states[-1])
 
 

@@ -87,6 +87,7 @@ def resolve(config: Config) -> Scene:
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
     gap, gap_choice = _gap(config.contact, reduction)
     formulation, formulation_choice = _formulation(config, material)
+    solver_choice = _solver(config, contact, gap)
     choices = (
         Choice("symmetry", reduction.symmetry, reduction.why),
         Choice("kinematics", reduction.kinematics.name, "small strain: the material is linear elastic"),
@@ -94,7 +95,7 @@ def resolve(config: Config) -> Scene:
         gap_choice,
         contact_choice,
         *_mesh_choices(config, sizes, scales, a),
-        Choice("solver.method", "newton", "semismooth Newton, LU by MUMPS"),
+        solver_choice,
         *_pin_choices(reduction),
     )
     return Scene(
@@ -103,8 +104,7 @@ def resolve(config: Config) -> Scene:
         supports=dict(reduction.supports), pins=reduction.pins, material=material, formulation=formulation,
         indenter=tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
-        solver={"rtol": config.solver.rtol, "max_iterations": config.solver.max_iterations,
-                "petsc": dict(config.solver.petsc)},
+        solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, formulation)),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
@@ -230,6 +230,27 @@ def _gap(wanted: Contact, reduction: Reduction) -> tuple[str, Choice]:
         )  # fmt: skip
     why = "as given" if wanted.gap != "auto" else "linear elastic: Hertz' own problem, tested at the undeformed point"
     return gap, Choice("contact.gap", gap, why)
+
+
+def _solver(config: Config, contact: ContactLaw, gap: str) -> Choice:
+    """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not."""
+    wanted = config.solver.method
+    obstacles = [
+        why
+        for applies, why in (
+            (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
+            (contact.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
+            (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
+        )
+        if applies
+    ]
+    if wanted == "condensed" and obstacles:
+        raise ConfigError("solver.method", f"'condensed' does not fit this scene: {obstacles[0]}", "use 'newton'")
+    if wanted == "auto":
+        wanted = "newton" if obstacles else "condensed"
+        why = obstacles[0] if obstacles else "linear body, reference gap: one factorisation serves every step"
+        return Choice("solver.method", wanted, why)
+    return Choice("solver.method", wanted, "as given")
 
 
 def _mesh_choices(config: Config, sizes: Sizes, scales: Scales, a: float) -> list[Choice]:

@@ -76,7 +76,9 @@ INDENTER = (
 
 CONTACT = (
     Symbol("method", "", "which algorithm; auto: the program chooses and says why", WORD),
-    Symbol("epsilon_n", r"\varepsilon_n", "contact stiffness of penalty, augmented Lagrangian and Uzawa", "pressure/length"),
+    Symbol(
+        "epsilon_n", r"\varepsilon_n", "contact stiffness of penalty, augmented Lagrangian and Uzawa", "pressure/length"
+    ),
     Symbol("gamma", r"\gamma", "stabilisation of Nitsche's method", "pressure/length"),
     Symbol(
         "contact.gap",

@@ -61,7 +61,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "gmsh": ("geometry.py", "fe/compat.py"),
     "h5py": ("xdmf.py",),
     "matplotlib": ("plots.py",),
-    "scipy": ("theory/",),
+    "scipy": ("theory/", "fe/"),
     "yaml": ("yaml_strict.py",),
     "click": ("cli.py",),
     "rich": ("terminal.py", "cli.py"),

@@ -36,16 +36,21 @@ class NodalContact:
         facets = problem.body_mesh.surfaces["top"]
         dim, order = problem.body_mesh.dim, problem.scene.sizes.order
         self._points, reference_weights = split_quadrature(dim, order)
-        self._psi, self._N = hats(self._points, order), shapes(self._points, order)
+        self._N = shapes(self._points, order)
         self._fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
         self._cells, self._local = adjacent_cells(problem.mesh, facets)
         nodes = facet_nodes(problem.mesh, problem.unknowns.own_space("lam"), facets)
         self.lam_places = problem.unknowns.places("lam")[nodes]
+        self._psi = self.basis(self._points)
         self._u_places = problem.trace.dofs
         self._weights = self._measures() * reference_weights
         self._active = np.zeros(0, dtype=bool)
         self._work = problem.x.duplicate()
         self._unit_weights = self._gathered(np.einsum("fp,pn->fn", self._weights, self._psi))
+
+    def basis(self, points: np.ndarray) -> np.ndarray:
+        """The nodal pressures' functions (points, nodes) on the reference facet."""
+        return hats(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
 
     def _measures(self) -> np.ndarray:
         """Area (facets, points) per reference-facet area, times the kinematics' weight."""

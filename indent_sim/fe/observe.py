@@ -4,15 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
 
-from indent_sim.fe.problem import Problem
-from indent_sim.fe.surface import lattice, quadrature_points
+from indent_sim.fe.surface import Trace, lattice, quadrature_points
 from indent_sim.model.indenters import gap_current, gap_reference
+from indent_sim.scene import Scene
 from indent_sim.state import Surface
+
+
+class Observed(Protocol):
+    """What must be known of a state to read these numbers off it."""
+
+    scene: Scene
+    comm: Any
+    trace: Trace
+
+    @property
+    def depth(self) -> float:
+        """delta [length]."""
+
+    @property
+    def stiffness_scale(self) -> float:
+        """Pressure per length in p_hat = lam - stiffness g."""
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement (facets, nodes, dim) [length]."""
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray | float:
+        """lam (facets, points) [pressure]."""
 
 
 @dataclass(frozen=True)
@@ -30,25 +52,25 @@ class Sample:
     pressure: np.ndarray
 
 
-def sample(problem: Problem, points: np.ndarray) -> Sample:
+def sample(body: Observed, points: np.ndarray) -> Sample:
     """Evaluate the contact fields at points (n, facet dim) of every contact facet of this rank."""
-    scene, trace = problem.scene, problem.trace
-    array = problem.local_array()
-    X, u = trace.positions(points), trace.values(array[trace.dofs], points)
-    gap = _gap(problem, X, u)
-    lam = problem.multiplier_at(points)
-    p_hat = lam - problem.stiffness_scale * gap
+    scene, trace = body.scene, body.trace
+    nodal = body.nodal_displacement()
+    X, u = trace.positions(points), trace.values(nodal, points)
+    gap = _gap(body, X, u)
+    lam = body.multiplier_at(points)
+    p_hat = lam - body.stiffness_scale * gap
     # a multiplier is the projection of <p_hat>: the same pressure without the noise that epsilon_n g adds
     own = scene.contact.multiplier in ("unknown", "frozen", "nodal")
     pressure = np.maximum(lam if own else p_hat, 0.0)
     if scene.gap == "current":
-        pressure = pressure / _area_ratio(problem, array, points, X, u)
+        pressure = pressure / _area_ratio(body, nodal, points, X, u)
     return Sample(X, u, gap, p_hat, pressure)
 
 
-def _gap(problem: Problem, X: np.ndarray, u: np.ndarray) -> np.ndarray:
-    scene, last = problem.scene, problem.trace.dim - 1
-    delta = float(problem.delta.value)
+def _gap(body: Observed, X: np.ndarray, u: np.ndarray) -> np.ndarray:
+    scene, last = body.scene, body.trace.dim - 1
+    delta = body.depth
     x = X if scene.gap == "reference" else X + u
     horizontal = scene.kinematics.horizontal(np.moveaxis(x, -1, 0), scene.center)
     if scene.gap == "reference":
@@ -56,12 +78,12 @@ def _gap(problem: Problem, X: np.ndarray, u: np.ndarray) -> np.ndarray:
     return gap_current(scene.indenter, *horizontal, x[..., last], delta)
 
 
-def _area_ratio(problem: Problem, array: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
+def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Deformed over reference area da/dA of the surface, from the trace alone."""
-    trace = problem.trace
+    trace = body.trace
     before = _measure(trace.tangents(trace.X, points))
-    after = _measure(trace.tangents(trace.X + array[trace.dofs], points))
-    if problem.scene.kinematics.name != "axisymmetric":
+    after = _measure(trace.tangents(trace.X + nodal, points))
+    if body.scene.kinematics.name != "axisymmetric":
         return after / before
     # u_r/r tends to du_r/dr on the axis, where both stretches of the surface are equal
     r = X[..., 0]
@@ -75,24 +97,37 @@ def _measure(tangents: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
 
 
-def contact_radius(problem: Problem) -> float:
-    """sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), resolved inside elements.
+def contact(body: Observed) -> tuple[float, float, float]:
+    """Contact radius [length], peak pressure [pressure] and penetration [length] of the present state.
 
-    The region is cut along p_hat = 0, linearly inside each of the small simplices of a facet. With a current
-    gap it is measured in the deformed configuration, projected on the horizontal plane.
+    a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
+    inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
+    projected on the horizontal plane. The peak is over the contact quadrature points and the nodes, the
+    penetration the largest <-g> over the contact quadrature points.
     """
-    points, simplices = lattice(problem.trace.dim)
-    s = sample(problem, points)
-    x = (s.X if problem.scene.gap == "reference" else s.X + s.u)[..., :-1]
-    corners, p_hat = x[:, simplices], s.p_hat[:, simplices]
-    size = (
-        _positive_length(problem, corners[..., 0], p_hat) if problem.trace.dim == 2 else _positive_area(corners, p_hat)
-    )
-    total = problem.scene.copies * problem.comm.allreduce(size, op=MPI.SUM)
-    return total / 2 if problem.scene.kinematics.name == "plane_strain" else float(np.sqrt(total / pi))
+    dim = body.trace.dim
+    grid, simplices = lattice(dim)
+    inner, nodes = quadrature_points(dim), body.trace.node_points()
+    s = sample(body, np.vstack([grid, inner, nodes]))
+    begin, end = len(grid), len(grid) + len(inner)
+    x = s.X if body.scene.gap == "reference" else s.X + s.u
+    size = _region(body, x[:, :begin, :-1], s.p_hat[:, :begin], simplices)
+    size = body.scene.copies * body.comm.allreduce(size, op=MPI.SUM)
+    a = size / 2 if body.scene.kinematics.name == "plane_strain" else float(np.sqrt(size / pi))
+    peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
+    depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
+    return a, peak, depth
 
 
-def _positive_length(problem: Problem, ends: np.ndarray, p_hat: np.ndarray) -> float:
+def _region(body: Observed, x: np.ndarray, p_hat: np.ndarray, simplices: np.ndarray) -> float:
+    """Area (length in plane strain) of this rank's region with p_hat > 0."""
+    if body.trace.dim == 2:
+        return _positive_length(body, x[:, simplices, 0], p_hat[:, simplices])
+    touched = np.flatnonzero((p_hat > 0).any(axis=1))
+    return _positive_area(x[touched][:, simplices], p_hat[touched][:, simplices])
+
+
+def _positive_length(body: Observed, ends: np.ndarray, p_hat: np.ndarray) -> float:
     """Length (area of the rings, when axisymmetric) of the parts of segments where the linear p_hat is positive."""
     first, last = np.moveaxis(p_hat, -1, 0)
     left, right = np.moveaxis(ends, -1, 0)
@@ -100,8 +135,8 @@ def _positive_length(problem: Problem, ends: np.ndarray, p_hat: np.ndarray) -> f
     begin = np.where(first > 0, left, crossing)
     end = np.where(last > 0, right, crossing)
     inside = (first > 0) | (last > 0)
-    span = end**2 - begin**2 if problem.scene.kinematics.name == "axisymmetric" else end - begin
-    return float(np.abs(span[inside]).sum()) * (pi if problem.scene.kinematics.name == "axisymmetric" else 1.0)
+    span = end**2 - begin**2 if body.scene.kinematics.name == "axisymmetric" else end - begin
+    return float(np.abs(span[inside]).sum()) * (pi if body.scene.kinematics.name == "axisymmetric" else 1.0)
 
 
 def _positive_area(corners: np.ndarray, p_hat: np.ndarray) -> float:
@@ -116,24 +151,12 @@ def _positive_area(corners: np.ndarray, p_hat: np.ndarray) -> float:
     return float((area * fraction).sum())
 
 
-def peak_pressure(problem: Problem) -> float:
-    """Largest pressure over the contact quadrature points and the surface's nodes."""
-    points = np.vstack([quadrature_points(problem.trace.dim), problem.trace.node_points()])
-    return problem.comm.allreduce(float(sample(problem, points).pressure.max(initial=0.0)), op=MPI.MAX)
-
-
-def penetration(problem: Problem) -> float:
-    """Largest <-g> over the contact quadrature points."""
-    gap = sample(problem, quadrature_points(problem.trace.dim)).gap
-    return problem.comm.allreduce(float(np.maximum(-gap, 0.0).max(initial=0.0)), op=MPI.MAX)
-
-
-def surface(problem: Problem) -> Surface | None:
+def surface(body: Observed) -> Surface | None:
     """The surface table at the nodes, sorted by (x, y), gathered on rank 0; None on the others."""
-    s = sample(problem, problem.trace.node_points())
-    dim = problem.trace.dim
+    s = sample(body, body.trace.node_points())
+    dim = body.trace.dim
     columns = np.concatenate([s.X, s.u, s.gap[..., None], s.pressure[..., None]], axis=-1).reshape(-1, 2 * dim + 2)
-    parts: Any = problem.comm.gather(columns, root=0)
+    parts: Any = body.comm.gather(columns, root=0)
     if parts is None:
         return None
     table = np.concatenate(parts)

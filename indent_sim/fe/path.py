@@ -27,7 +27,8 @@ class Walk:
     """Newton along the requested depths, with a linear predictor, and cutback where a step is too long."""
 
     def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
-        self.problem = problem
+        self.problem = self.observed = problem
+        self.dofs = problem.active_dofs
         self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
         self._last = Point(0.0, problem.snapshot())  # the untouched body at rest
@@ -42,6 +43,10 @@ class Walk:
             yield state
             if not state.converged:
                 return
+
+    def refuse_unused_options(self) -> None:
+        """ConfigError for a `solver.petsc` option that PETSc never asked for."""
+        self.enforcement.refuse_unused_options()
 
     def return_to_last(self) -> None:
         """Put the last equilibrium back into the problem, after a step that failed."""
@@ -94,16 +99,17 @@ class Walk:
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
         if substeps == 0:
-            return self._failed(step, delta, iterations)
+            return failed_state(step, delta, iterations, self._last.delta, self.started)
         problem = self.problem
         reaction, stray = problem.reactions()
+        a, p_max, penetration = observe.contact(problem)
         return State(
             step=step,
             delta=delta,
             force=problem.force(),
-            a=observe.contact_radius(problem),
-            p_max=observe.peak_pressure(problem),
-            penetration=observe.penetration(problem),
+            a=a,
+            p_max=p_max,
+            penetration=penetration,
             energy=problem.energy(),
             newton_iterations=iterations,
             wall_s=time.perf_counter() - self.started,
@@ -113,11 +119,13 @@ class Walk:
             surface=observe.surface(problem) if with_surface else None,
         )
 
-    def _failed(self, step: int, delta: float, iterations: int) -> State:
-        nan = float("nan")
-        reason = (
-            f"Newton did not converge at delta = {delta:.6g}, not even in substeps of {SMALLEST_CUT:.1e} of the step; "
-            f"the last equilibrium found is at delta = {self._last.delta:.6g}"
-        )
-        elapsed = time.perf_counter() - self.started
-        return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)
+
+def failed_state(step: int, delta: float, iterations: int, last: float, started: float) -> State:
+    """The State that says that and why there is none at this depth."""
+    nan = float("nan")
+    reason = (
+        f"Newton did not converge at delta = {delta:.6g}, not even in substeps of {SMALLEST_CUT:.1e} of the step; "
+        f"the last equilibrium found is at delta = {last:.6g}"
+    )
+    elapsed = time.perf_counter() - started
+    return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

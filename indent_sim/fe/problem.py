@@ -7,7 +7,6 @@ residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing else here knows 
 
 from __future__ import annotations
 
-import dataclasses
 from functools import cached_property
 from typing import Any
 
@@ -21,58 +20,36 @@ from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.active_set import NodalContact
+from indent_sim.fe.body import Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import (
     QUADRATURE_DEGREE,
-    Trace,
     adjacent_cells,
     facet_nodes,
     facet_to_cell,
-    hats,
     interior_points,
     shapes,
 )
-from indent_sim.fe.unknowns import Unknowns
 from indent_sim.model.indenters import gap_current, gap_reference
 from indent_sim.scene import Scene
 
 CONTACT = 1
 
 
-def symbolic(item: Any, mesh: Any) -> Any:
-    """The same dataclass with every number a `Constant`: a changed value never recompiles a kernel."""
-    numbers = {
-        f.name: fem.Constant(mesh, float(value))
-        for f in dataclasses.fields(item)
-        if isinstance(value := getattr(item, f.name), (int, float)) and not isinstance(value, bool)
-    }
-    return dataclasses.replace(item, **numbers)
-
-
-class Problem:
-    """The boundary value problem of a scene on a mesh: forms, constraints, solution, measurements."""
+class Problem(Body):
+    """The boundary value problem of a scene on a mesh: the body and the contact term of its method."""
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh):
-        self.scene = scene
-        self.body_mesh = body_mesh
-        self.mesh = body_mesh.mesh
-        self.comm = body_mesh.comm
-        self.delta = fem.Constant(self.mesh, 0.0)
         self.law = scene.contact
+        super().__init__(scene, body_mesh, multiplier=self.law.multiplier in ("unknown", "nodal"))
+        self.delta = fem.Constant(self.mesh, 0.0)
         self.nodal: NodalContact | None = None
-        self.unknowns = Unknowns(self.mesh, scene.sizes.order, body_pressure=scene.formulation == "mixed",
-                                 multiplier=self.law.multiplier in ("unknown", "nodal"))  # fmt: skip
-        self.x = self.unknowns.x
-        self.trace = self._build_trace()
-        self._build_constraints()
         self._build_forms()
 
-    def _build_trace(self) -> Trace:
-        space = self.unknowns.own_space("u")
-        nodes = facet_nodes(self.mesh, space, self.body_mesh.surfaces["top"])
-        coordinates = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim]
-        dofs = self.unknowns.displacement_places(nodes)
-        return Trace(nodes, coordinates[nodes], dofs, self.scene.sizes.order)
+    @property
+    def depth(self) -> float:
+        """The present depth delta [length]."""
+        return float(self.delta.value)
 
     @property
     def stiffness_scale(self) -> float:
@@ -89,58 +66,17 @@ class Problem:
             weights[places[places < self.unknowns.owned]] = moduli[name]
         return weights
 
-    # ---- what is held ---------------------------------------------------------------------------------------
-
-    def _build_constraints(self) -> None:
-        unknowns, axes, facet_dim = self.unknowns, self.scene.kinematics.axes, self.body_mesh.facet_dim
-        held: list[tuple[int, np.ndarray]] = []
-        for surface, support in self.scene.supports.items():
-            normal = axes.index("z" if surface == "base" else surface[0])
-            components = {"fixed": list(range(len(axes))), "roller": [normal]}.get(support, [])
-            facets = self.body_mesh.surfaces[surface]
-            held += [(c, unknowns.facet_dofs("u", c, facet_dim, facets)) for c in components]
-        pins = [(c, self._vertex_dofs(c, point)) for point, c in self.scene.pins]
-        self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
-        self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
-        self._z_supports = _owned([dofs for c, dofs in held if axes[c] == "z"], unknowns.owned)
-        self._pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
-        self.constrained, self.active_dofs = self.supports, unknowns.total
-        if "lam" in unknowns.names:
-            self._confine_multiplier()
-
-    def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
-        return self.unknowns.facet_dofs("u", component, 0, self.body_mesh.vertices_at(point))
-
-    def _confine_multiplier(self) -> None:
-        """The multiplier lives on the contact surface; its other dofs are held at zero and cost nothing."""
-        unknowns = self.unknowns
-        on_top = unknowns.facet_dofs("lam", None, self.body_mesh.facet_dim, self.body_mesh.surfaces["top"])
-        off = np.setdiff1d(unknowns.places("lam"), on_top)
-        self.bcs.append(unknowns.zero("lam", None, off))
-        self.constrained = np.union1d(self.supports, off[off < unknowns.owned])
-        idle = self.comm.allreduce(int((off < unknowns.owned).sum()), op=MPI.SUM)
-        self.active_dofs = unknowns.total - idle
-
     # ---- the potential --------------------------------------------------------------------------------------
 
     def _build_forms(self) -> None:
-        scene, unknowns = self.scene, self.unknowns
-        X = ufl.SpatialCoordinate(self.mesh)
-        volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
-        weight = scene.kinematics.weight(X)
-        self._weight, self._contact_facets = weight, self._mark_contact()
-        material = symbolic(scene.material, self.mesh)
-        H = scene.kinematics.gradient(unknowns.fields["u"], X)
-        q = unknowns.fields.get("q")
-        psi = material.energy(H) if q is None else material.mixed_energy(H, q)
-        self.stress = material.stress(H) if q is None else material.mixed_stress(H, q)
+        unknowns, X = self.unknowns, self.X
+        self._contact_facets = self._mark_contact()
         delta = ufl.variable(self.delta)
         g, normal = self._gap(X, delta)
         self.multiplier = self._multiplier(normal)
-        strain_energy = psi * weight * volume
         test = ufl.TestFunction(unknowns.space)
-        residual = ufl.derivative(strain_energy, unknowns.solution, test)
-        energy, force = strain_energy, None
+        residual = ufl.derivative(self.strain_energy, unknowns.solution, test)
+        energy, force = self.strain_energy, None
         if self.law.multiplier != "nodal":
             law = symbolic(self.law, self.mesh)
             unknown = self.law.multiplier == "unknown"
@@ -165,7 +101,7 @@ class Problem:
 
     def over_contact(self, integrand: Any) -> Any:
         """The integral of an expression over the contact surface, as a UFL form."""
-        return integrand * self._weight * self._contact_facets
+        return integrand * self.weight * self._contact_facets
 
     def _mark_contact(self) -> Any:
         facets = np.sort(self.body_mesh.surfaces["top"])
@@ -217,7 +153,7 @@ class Problem:
                 nodal = self.local_array()[self.unknowns.places("lam")[nodes]]
             case "nodal":
                 assert self.nodal is not None
-                return self.nodal.nodal_pressures() @ hats(points, self.scene.sizes.order).T
+                return self.nodal.nodal_pressures() @ self.nodal.basis(points).T
             case "frozen":
                 nodal = self.frozen.x.array[facet_nodes(self.mesh, self.frozen.function_space, facets)]
             case "stress":
@@ -265,11 +201,6 @@ class Problem:
             self.nodal.add_tangent(A)
         A.assemble()
 
-    def set_solution(self, x: PETSc.Vec) -> None:
-        """Take a solver's vector as the solution (owned and ghost values)."""
-        x.copy(self.x)
-        self.x.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-
     def snapshot(self) -> list[PETSc.Vec]:
         """Copies of everything that makes a state: the solution and, where there is one, the frozen multiplier."""
         return [vector.copy() for vector in self._state_vectors()]
@@ -282,10 +213,6 @@ class Problem:
 
     def _state_vectors(self) -> list[PETSc.Vec]:
         return [self.x, compat.vector(self.frozen)] if self.law.multiplier == "frozen" else [self.x]
-
-    def local_array(self) -> np.ndarray:
-        """The solution's dofs on this rank, ghosts included."""
-        return self.unknowns.solution.x.array
 
     # ---- measurements ---------------------------------------------------------------------------------------
 
@@ -305,13 +232,6 @@ class Problem:
         """z-reaction of all supports, and the largest reaction of the pins that only remove rigid modes."""
         self.assemble_residual(self.b)
         values = self.b.array_r
-        vertical = self.comm.allreduce(float(values[self._z_supports].sum()), op=MPI.SUM)
-        stray = self.comm.allreduce(float(np.abs(values[self._pinned]).max(initial=0.0)), op=MPI.MAX)
+        vertical = self.comm.allreduce(float(values[self.z_supports].sum()), op=MPI.SUM)
+        stray = self.comm.allreduce(float(np.abs(values[self.pinned]).max(initial=0.0)), op=MPI.MAX)
         return self.scene.copies * vertical, self.scene.copies * stray
-
-
-def _owned(groups: list[np.ndarray], owned: int) -> np.ndarray:
-    if not groups:
-        return np.empty(0, dtype=np.int64)
-    dofs = np.unique(np.concatenate(groups))
-    return dofs[dofs < owned]

@@ -1,11 +1,24 @@
 """The door of the solver: what a run needs from this folder."""
 
+from __future__ import annotations
+
+from indent_sim.fe.body import Body
 from indent_sim.fe.compat import versions
+from indent_sim.fe.condensed_path import CondensedWalk
 from indent_sim.fe.enforce import enforcement
 from indent_sim.fe.fields import Fields
-from indent_sim.fe.mesh import distribute
-from indent_sim.fe.newton import Newton
+from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.path import Walk
 from indent_sim.fe.problem import Problem
+from indent_sim.scene import Scene
 
-__all__ = ["Fields", "Newton", "Problem", "Walk", "distribute", "enforcement", "versions"]
+__all__ = ["Fields", "distribute", "versions", "walk"]
+
+
+def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk | CondensedWalk:
+    """The load path of a scene on its mesh, by the scene's solver."""
+    solver = dict(scene.solver)
+    if solver.pop("method") == "condensed":
+        return CondensedWalk(scene, Body(scene, mesh), started)
+    problem = Problem(scene, mesh)
+    return Walk(problem, enforcement(problem, **solver), started)

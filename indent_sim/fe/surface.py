@@ -44,32 +44,31 @@ def shape_gradients(points: np.ndarray, order: int) -> np.ndarray:
 
 def hats(points: np.ndarray, order: int) -> np.ndarray:
     """Hat functions (points, nodes) of a facet's nodes: piecewise linear on the facet split at its midpoints."""
+    bary = shapes(points, 1)
     if order == 1:
-        return shapes(points, 1)
-    bary = np.column_stack([1 - points.sum(axis=1), points])
+        return bary
     vertices = np.maximum(2 * bary - 1, 0.0)
     if bary.shape[1] == 2:
         return np.column_stack([vertices, 1 - vertices.sum(axis=1)])
     # a midpoint's hat falls from 1 to 0 over the corner triangles of its edge and over the middle triangle
     opposite = [(1, 2), (0, 2), (0, 1)]
-    edges = [np.clip(np.minimum(1 - 2 * bary[:, k], 2 * np.minimum(bary[:, i], bary[:, j])), 0.0, None)
-             for k, (i, j) in enumerate(opposite)]  # fmt: skip
+    edges = [
+        np.clip(np.minimum(1 - 2 * bary[:, k], 2 * np.minimum(bary[:, i], bary[:, j])), 0.0, None)
+        for k, (i, j) in enumerate(opposite)
+    ]
     return np.column_stack([vertices, *edges])
 
 
 @cache
 def split_quadrature(dim: int, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and weights on the reference facet, a rule on each of the parts on which the hats are linear."""
-    kind, degree = {2: ("interval", 12), 3: ("triangle", 6)}[dim]
-    points, weights = compat.quadrature(kind, degree)
+    points, weights = compat.quadrature(*{2: ("interval", 12), 3: ("triangle", 6)}[dim])
     if order == 1:
         return points, weights
     corners = np.vstack([np.zeros(dim - 1), np.eye(dim - 1)])
-    if dim == 2:
-        parts = [np.array([[0.0], [0.5]]), np.array([[0.5], [1.0]])]
-    else:
-        middle = np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
-        parts = [(corners + corner) / 2 for corner in corners] + [middle]
+    parts = [(corners + corner) / 2 for corner in corners]
+    if dim == 3:
+        parts.append(np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]]))
     pieces = [shapes(points, 1) @ part for part in parts]
     return np.vstack(pieces), np.concatenate([weights / len(parts)] * len(parts))
 
@@ -90,9 +89,14 @@ def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
+def contact_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
+    """The contact quadrature points and weights on the reference facet."""
+    return compat.quadrature({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])
+
+
 def quadrature_points(dim: int) -> np.ndarray:
     """The contact quadrature points on the reference facet."""
-    return compat.quadrature({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])[0]
+    return contact_quadrature(dim)[0]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,131 @@
+"""The body alone: unknown fields, how they are held, strain energy and what its supports feel. Contact comes on top."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from indent_sim.fe.mesh import BodyMesh
+from indent_sim.fe.surface import Trace, facet_nodes
+from indent_sim.fe.unknowns import Unknowns
+from indent_sim.scene import Scene
+
+
+def symbolic(item: Any, mesh: Any) -> Any:
+    """The same dataclass with every number a `Constant`: a changed value never recompiles a kernel."""
+    numbers = {
+        f.name: fem.Constant(mesh, float(value))
+        for f in dataclasses.fields(item)
+        if isinstance(value := getattr(item, f.name), (int, float)) and not isinstance(value, bool)
+    }
+    return dataclasses.replace(item, **numbers)
+
+
+class Body:
+    """Fields, constraints and strain energy of a scene's body on a mesh."""
+
+    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: bool = False):
+        self.scene = scene
+        self.body_mesh = body_mesh
+        self.mesh = body_mesh.mesh
+        self.comm = body_mesh.comm
+        mixed = scene.formulation == "mixed"
+        self.unknowns = Unknowns(self.mesh, scene.sizes.order, body_pressure=mixed, multiplier=multiplier)
+        self.x = self.unknowns.x
+        self.trace = self._build_trace()
+        self._constrain()
+        self._strain()
+
+    def _build_trace(self) -> Trace:
+        space = self.unknowns.own_space("u")
+        nodes = facet_nodes(self.mesh, space, self.body_mesh.surfaces["top"])
+        coordinates = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim]
+        dofs = self.unknowns.displacement_places(nodes)
+        return Trace(nodes, coordinates[nodes], dofs, self.scene.sizes.order)
+
+    # ---- what is held ------------------------------------------------------------------------------------------
+
+    def _constrain(self) -> None:
+        unknowns, axes, facet_dim = self.unknowns, self.scene.kinematics.axes, self.body_mesh.facet_dim
+        held: list[tuple[int, np.ndarray]] = []
+        for surface, support in self.scene.supports.items():
+            normal = axes.index("z" if surface == "base" else surface[0])
+            components = {"fixed": list(range(len(axes))), "roller": [normal]}.get(support, [])
+            facets = self.body_mesh.surfaces[surface]
+            held += [(c, unknowns.facet_dofs("u", c, facet_dim, facets)) for c in components]
+        pins = [(c, self._vertex_dofs(c, point)) for point, c in self.scene.pins]
+        self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
+        self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
+        self.z_supports = _owned([dofs for c, dofs in held if axes[c] == "z"], unknowns.owned)
+        self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
+        self.constrained, self.active_dofs = self.supports, unknowns.total
+        if "lam" in unknowns.names:
+            self._confine_multiplier()
+
+    def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
+        return self.unknowns.facet_dofs("u", component, 0, self.body_mesh.vertices_at(point))
+
+    def _confine_multiplier(self) -> None:
+        """The multiplier lives on the contact surface; its other dofs are held at zero and cost nothing."""
+        unknowns = self.unknowns
+        on_top = unknowns.facet_dofs("lam", None, self.body_mesh.facet_dim, self.body_mesh.surfaces["top"])
+        off = np.setdiff1d(unknowns.places("lam"), on_top)
+        self.bcs.append(unknowns.zero("lam", None, off))
+        self.constrained = np.union1d(self.supports, off[off < unknowns.owned])
+        idle = self.comm.allreduce(int((off < unknowns.owned).sum()), op=MPI.SUM)
+        self.active_dofs = unknowns.total - idle
+
+    # ---- strain energy -----------------------------------------------------------------------------------------
+
+    def _strain(self) -> None:
+        scene, unknowns = self.scene, self.unknowns
+        self.X = ufl.SpatialCoordinate(self.mesh)
+        self.weight = scene.kinematics.weight(self.X)
+        volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
+        material = symbolic(scene.material, self.mesh)
+        H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
+        psi = material.energy(H) if q is None else material.mixed_energy(H, q)
+        self.stress = material.stress(H) if q is None else material.mixed_stress(H, q)
+        self.strain_energy = psi * self.weight * volume
+
+    @cached_property
+    def stiffness(self) -> Any:
+        """Second derivative of the strain energy as a compiled form."""
+        first = ufl.derivative(self.strain_energy, self.unknowns.solution)
+        return fem.form(ufl.derivative(first, self.unknowns.solution))
+
+    def stiffness_matrix(self, held: bool) -> PETSc.Mat:
+        """The stiffness at the present solution; with identity rows for constrained dofs when `held`."""
+        matrix = fem_petsc.assemble_matrix(self.stiffness, self.bcs if held else [])
+        matrix.assemble()
+        return matrix
+
+    # ---- the state ---------------------------------------------------------------------------------------------
+
+    def set_solution(self, x: PETSc.Vec) -> None:
+        """Take a solver's vector as the solution (owned and ghost values)."""
+        x.copy(self.x)
+        self.x.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def local_array(self) -> np.ndarray:
+        """The solution's dofs on this rank, ghosts included."""
+        return self.unknowns.solution.x.array
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement (facets, nodes, dim) at the nodes of the contact facets [length]."""
+        return self.local_array()[self.trace.dofs]
+
+
+def _owned(groups: list[np.ndarray], owned: int) -> np.ndarray:
+    if not groups:
+        return np.empty(0, dtype=np.int64)
+    dofs = np.unique(np.concatenate(groups))
+    return dofs[dofs < owned]

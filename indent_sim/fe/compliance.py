@@ -1,0 +1,173 @@
+"""A linear body condensed to its contact surface: u_z = -C F, from one factorisation and one block solve.
+
+F are nodal forces pushing down (int p N_j), u_z the nodal displacements there. Everything a frictionless tip does to
+a linear body with a reference gap passes through C; every depth, tip and contact method after that is small and dense.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from indent_sim.fe.body import Body
+from indent_sim.fe.surface import Trace
+
+BLOCK = 128  # right-hand sides solved at once
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """C (n, n) [1/(pressure length)] between nodes of the contact surface, the same on all ranks.
+
+    trace: the facets between these nodes, with `nodes` numbering rows of C; support and stray (n,): what a unit force
+    at a node makes the supports and the rigid-mode pins feel.
+    """
+
+    C: np.ndarray
+    trace: Trace
+    support: np.ndarray
+    stray: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return len(self.C)
+
+
+class Condenser:
+    """Factors a linear body once and condenses it to as much of its surface as is asked for."""
+
+    def __init__(self, body: Body):
+        self.body = body
+        raw = body.stiffness_matrix(held=False)
+        self._support_rows = self._row_sum(raw, body.z_supports)
+        self._pin_rows = [self._row_sum(raw, np.array([pin])) for pin in self._all_pins()]
+        matrix = body.stiffness_matrix(held=True)
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        if "q" not in body.unknowns.names:
+            matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._pc = PETSc.PC().create(body.comm)
+        self._pc.setOperators(matrix)
+        self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
+        self._pc.setFactorSolverType("mumps")
+        self._pc.setUp()
+        self._owned_nodes, self._keys, self._X = self._surface_nodes()
+
+    def _all_pins(self) -> list[int]:
+        """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
+        counts = self.body.comm.allgather(len(self.body.pinned))
+        mine = iter(self.body.pinned)
+        return [
+            int(next(mine)) if rank == self.body.comm.rank else -1 for rank, n in enumerate(counts) for _ in range(n)
+        ]
+
+    def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray) -> np.ndarray:
+        """The sum of rows of a symmetric matrix, this rank's columns."""
+        marks, total = matrix.createVecs()
+        marks.array[rows[rows >= 0]] = 1.0
+        matrix.mult(marks, total)
+        return total.array.copy()
+
+    def _surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """This rank's own surface nodes, and the global numbers and coordinates of all of them in a fixed order."""
+        body = self.body
+        space = body.unknowns.own_space("u")
+        index_map = space.dofmap.index_map
+        local = np.unique(body.trace.nodes)
+        owned = local[local < index_map.size_local].astype(np.int32)
+        keys = np.asarray(index_map.local_to_global(owned), dtype=np.int64)
+        coordinates = space.tabulate_dof_coordinates()[owned, : body.body_mesh.dim]
+        parts = body.comm.allgather((keys, coordinates))
+        all_keys, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+        order = np.lexsort(np.round(X[:, ::-1].T, 10))
+        return owned, all_keys[order], X[order]
+
+    def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
+        """The compliance of all facets that come within `reach` [length] of the tip's axis."""
+        keys, nodes, X, order = self._facets_within(reach, center)
+        self._condensed = keys
+        C, support, stray = self._solve(keys)
+        return Compliance((C + C.T) / 2, Trace(nodes, X, nodes, order), support, stray)
+
+    def _facets_within(self, reach: float, center: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        """Global numbers of the nodes near the tip, and the facets (as rows of these, sorted by place) between them."""
+        body, trace = self.body, self.body.trace
+        index_map = body.unknowns.own_space("u").dofmap.index_map
+        numbers = np.asarray(index_map.local_to_global(trace.nodes.ravel().astype(np.int32))).reshape(trace.nodes.shape)
+        parts = body.comm.allgather((numbers, trace.X))
+        numbers, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+        axis = np.asarray(center)[: X.shape[2] - 1]
+        distance = np.linalg.norm(X[..., :-1] - axis, axis=-1).min(axis=1)
+        near = np.flatnonzero(distance <= reach)
+        middle = np.round(X[near].mean(axis=1), 10)
+        near = near[np.lexsort(middle[:, ::-1].T)]
+        wanted = np.isin(self._keys, numbers[near])
+        keys = self._keys[wanted]
+        rows = {key: row for row, key in enumerate(keys)}
+        nodes = np.array([[rows[key] for key in facet] for facet in numbers[near]], dtype=np.int64)
+        return keys, nodes.reshape(len(near), -1), X[near], trace.order
+
+    def spread(self, nodal: np.ndarray) -> np.ndarray:
+        """Values at the condensed nodes as (facets, nodes) of this rank's facets; zero at all other nodes."""
+        index_map = self.body.unknowns.own_space("u").dofmap.index_map
+        nodes = self.body.trace.nodes
+        numbers = np.asarray(index_map.local_to_global(nodes.ravel().astype(np.int32))).reshape(nodes.shape)
+        order = np.argsort(self._condensed)
+        place = np.clip(np.searchsorted(self._condensed[order], numbers), 0, len(order) - 1)
+        found = self._condensed[order][place] == numbers
+        return np.where(found, nodal[order][place], 0.0)
+
+    def _solve(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """u_z at the nodes, support and pin reactions for unit downward forces at each of the nodes."""
+        body, n = self.body, len(keys)
+        unknowns = body.unknowns
+        index_map = unknowns.own_space("u").dofmap.index_map
+        mine = np.asarray(index_map.local_to_global(self._owned_nodes), dtype=np.int64)
+        rows = {key: row for row, key in enumerate(keys)}
+        pairs = [(node, rows[key]) for node, key in zip(self._owned_nodes, mine, strict=True) if key in rows]
+        nodes = np.array([node for node, _ in pairs], dtype=np.int64)
+        columns = np.array([column for _, column in pairs], dtype=np.int64)
+        dofs = unknowns.displacement_places(nodes)[..., -1].reshape(-1)
+        free = ~np.isin(dofs, body.constrained)
+        self._placed = (dofs, columns, free)
+        C, reactions = np.zeros((n, n)), np.zeros((1 + len(self._pin_rows), n))
+        for start in range(0, n, BLOCK):
+            stop = min(start + BLOCK, n)
+            X = self._block(dofs, columns, free, start, stop)
+            C[columns, start:stop] = X[dofs]
+            reactions[0, start:stop] = self._support_rows @ X
+            reactions[1:, start:stop] = [row @ X for row in self._pin_rows] if self._pin_rows else 0.0
+        C, reactions = _summed(body.comm, C), _summed(body.comm, reactions)
+        held = _summed(body.comm, np.bincount(columns[~free], minlength=n).astype(float))
+        stray = np.abs(reactions[1:]).max(axis=0, initial=0.0)
+        return C, held - reactions[0], stray
+
+    def _block(self, dofs: np.ndarray, columns: np.ndarray, free: np.ndarray, start: int, stop: int) -> np.ndarray:
+        """Solutions (this rank's rows) for unit forces at the nodes of columns start..stop."""
+        comm, owned = self.body.comm, self.body.unknowns.owned
+        sizes = ((owned, PETSc.DETERMINE), (PETSc.DECIDE, stop - start))
+        B, X = PETSc.Mat().createDense(sizes, comm=comm), PETSc.Mat().createDense(sizes, comm=comm)
+        for matrix in (B, X):
+            matrix.setUp()
+        here = free & (columns >= start) & (columns < stop)
+        B.getDenseArray()[dofs[here], columns[here] - start] = 1.0
+        for matrix in (B, X):
+            matrix.assemble()
+        self._pc.getFactorMatrix().matSolve(B, X)
+        return X.getDenseArray().copy()
+
+    def recover(self, nodal_forces: np.ndarray) -> None:
+        """Put the whole body's response to forces at the nodes last condensed to into the body's solution."""
+        dofs, columns, free = self._placed
+        load, response = self.body.x.duplicate(), self.body.x.duplicate()
+        load.set(0.0)
+        load.array[dofs[free]] = -nodal_forces[columns[free]]
+        self._pc.apply(load, response)
+        self.body.set_solution(response)
+
+
+def _summed(comm: Any, values: np.ndarray) -> np.ndarray:
+    return values if comm.size == 1 else comm.allreduce(values)

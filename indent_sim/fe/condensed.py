@@ -1,0 +1,252 @@
+"""Contact on a condensed body: the enforcement laws of `enforce`, on a small dense compliance.
+
+With nodal forces F (pushing down) the gap at a quadrature point is g = f - delta + N C F, and every law with a
+stiffness is one equation in F alone,
+
+    F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F   (or given, or zero):
+
+the full problem's equations with displacement and multiplier eliminated, so both paths give the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from indent_sim.fe.compliance import Compliance
+from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
+from indent_sim.scene import Scene
+
+TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
+ITERATIONS = 100
+
+
+class CondensedContact:
+    """A tip on a condensed body: finds the nodal forces and pressures at any depth."""
+
+    def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
+        self.compliance = compliance
+        self.law = scene.contact
+        self.nodes = compliance.trace.nodes
+        self.iterations = iterations
+        self.F = np.zeros(compliance.size)
+        self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
+        self._scene = scene
+        self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
+        self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
+
+    def solve(self, delta: float) -> bool:
+        """Find the equilibrium at a depth; on failure the state is as it was."""
+        before = self.F, self.lam
+        for self.F, self.lam in self._guesses(delta):
+            if self._solve(delta):
+                self._path = [*self._path[-1:], (delta, self.F, self.lam)]
+                return True
+        self.F, self.lam = before
+        return False
+
+    def _guesses(self, delta: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Where to begin: on the line through the last two states, if it leads on, and at the last one."""
+        if len(self._path) < 2:
+            return [(self.F, self.lam)]
+        (first, F_0, lam_0), (last, F_1, lam_1) = self._path
+        ratio = (delta - last) / (last - first) if last != first else 0.0
+        onward = (F_1 + ratio * (F_1 - F_0), lam_1 + ratio * (lam_1 - lam_0))
+        return [onward, (F_1, lam_1)] if 0 < ratio <= 2 else [(F_1, lam_1)]
+
+    # ---- the surface ---------------------------------------------------------------------------------------------
+
+    def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted areas (facets, points) and the tip's height (facets, points) there."""
+        trace, scene = self.compliance.trace, self._scene
+        tangents = trace.tangents(trace.X, points)
+        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
+        x = np.moveaxis(trace.positions(points), -1, 0)
+        horizontal = scene.kinematics.horizontal(x, scene.center)
+        return area * weights * scene.kinematics.weight(x), scene.indenter.height(*horizontal)
+
+    @cached_property
+    def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points, weights = contact_quadrature(self.compliance.trace.dim)
+        return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
+
+    @cached_property
+    def _inverse_mass(self) -> np.ndarray:
+        N, W, _ = self._quadrature
+        return np.linalg.inv(self._matrix(np.einsum("fp,pn,pm->fnm", W, N, N)))
+
+    def _matrix(self, local: np.ndarray) -> np.ndarray:
+        """Sum facet matrices (facets, n, n) into a dense one over the nodes."""
+        size, n = self.compliance.size, self.nodes.shape[1]
+        places = self.nodes[:, :, None] * size + self.nodes[:, None, :]
+        return np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size) if n else np.zeros((0, 0))
+
+    def _vector(self, local: np.ndarray) -> np.ndarray:
+        return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
+
+    # ---- laws with a stiffness -----------------------------------------------------------------------------------
+
+    def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero."""
+        N, W, height = self._quadrature
+        epsilon_n, C = self.law.stiffness, self.compliance.C  # type: ignore[union-attr]
+        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
+        offset = -epsilon_n * (height - delta)
+        if frozen is not None:
+            offset = offset + frozen[self.nodes] @ N.T
+        F, before = self.F.copy(), None
+        for _ in range(ITERATIONS):
+            p_hat = (D @ F)[self.nodes] @ N.T + offset
+            active = p_hat > 0
+            load = self._vector((W * np.where(active, p_hat, 0.0)) @ N)
+            residual = F - load
+            # between two Newton steps with the same active points the problem is linear: the first was exact
+            settled = before is not None and np.array_equal(active, before)
+            if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0):
+                self.F = load
+                return True
+            before = active
+            F = F + self._newton_step(residual, W * active, N, D)
+            self.iterations += 1
+        return False
+
+    def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
+        """-(I - M_A D)^-1 residual; rows without an active point are those of the identity."""
+        touched = np.flatnonzero(weights.any(axis=1))
+        n = N.shape[1]
+        pairs = (N[:, :, None] * N[:, None, :]).reshape(len(N), n * n)
+        local = (weights[touched] @ pairs).reshape(-1, n, n)
+        rows = np.unique(self.nodes[touched])
+        place = np.zeros(self.compliance.size, dtype=np.int64)
+        place[rows] = np.arange(len(rows))
+        inner, m = place[self.nodes[touched]], len(rows)
+        M_A = np.bincount((inner[:, :, None] * m + inner[:, None, :]).ravel(), local.ravel(), m * m).reshape(m, m)
+        step = -residual
+        step[rows] += M_A @ (D[rows] @ step - D[np.ix_(rows, rows)] @ step[rows])
+        step[rows] = np.linalg.solve(np.eye(m) - M_A @ D[np.ix_(rows, rows)], step[rows])
+        return step
+
+    # ---- the active set ------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps."""
+        order = self.compliance.trace.order
+        points, weights = split_quadrature(self.compliance.trace.dim, order)
+        W, height = self.rule(points, weights)
+        N, psi = shapes(points, order), hats(points, order)
+        Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
+        heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
+        return Q, heights, areas, Q.T @ self.compliance.C @ Q
+
+    def active_set(self, delta: float) -> bool:
+        """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
+        Q, heights, areas, A = self._weighted
+        open_gap = heights - delta * areas
+        scale = self._scene.material.E_star / self._scene.sizes.h_contact
+        p, seen = self.lam, set()
+        active = p - scale * (open_gap + A @ p) / areas > 0
+        while active.tobytes() not in seen:
+            seen.add(active.tobytes())
+            p = np.zeros_like(p)
+            on = np.flatnonzero(active)
+            p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
+            self.iterations += 1
+            now = p - scale * (open_gap + A @ p) / areas > 0
+            if np.array_equal(now, active):
+                self.lam, self.F = p, Q @ p
+                return True
+            active = now
+        return self._by_nnls(A, open_gap, Q)
+
+    def _by_nnls(self, A: np.ndarray, open_gap: np.ndarray, Q: np.ndarray) -> bool:
+        """The same problem as a non-negative least-squares problem, which cannot cycle (Lawson & Hanson 1974)."""
+        from scipy.linalg import cholesky, solve_triangular
+        from scipy.optimize import nnls
+
+        L = cholesky(A, lower=True)
+        p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
+        self.iterations += 1
+        self.lam, self.F = p, Q @ p
+        return True
+
+    # ---- what is observed ----------------------------------------------------------------------------------------
+
+    def energy(self, delta: float) -> float:
+        """Strain plus contact energy of the modelled part."""
+        strain = 0.5 * float(self.F @ self.compliance.C @ self.F)
+        if self.law.multiplier == "nodal":
+            return strain
+        N, W, height = self._quadrature
+        lam = self.lam[self.nodes] @ N.T
+        gap = height - delta + (self.compliance.C @ self.F)[self.nodes] @ N.T
+        return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
+
+
+def _penalty(contact: CondensedContact) -> Callable[[float], bool]:
+    return lambda delta: contact.newton(delta, with_multiplier=False)
+
+
+def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
+    def solve(delta: float) -> bool:
+        if not contact.newton(delta, with_multiplier=True):
+            return False
+        contact.lam = contact._inverse_mass @ contact.F
+        return True
+
+    return solve
+
+
+def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
+    def solve(delta: float) -> bool:
+        for _ in range(UZAWA_LOOPS):
+            if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
+                return False
+            before, contact.lam = contact.lam, contact._inverse_mass @ contact.F
+            size = max(np.linalg.norm(before), np.linalg.norm(contact.lam))
+            if np.linalg.norm(contact.lam - before) <= UZAWA_TOLERANCE * size:
+                return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+        return False
+
+    return solve
+
+
+ALGORITHMS: dict[str, Callable[[CondensedContact], Callable[[float], bool]]] = {
+    "none": _penalty,
+    "unknown": _augmented_lagrangian,
+    "frozen": _uzawa,
+    "nodal": lambda contact: contact.active_set,
+}
+
+
+class CondensedState:
+    """The present state of a condensed contact, as `observe` wants to see it; the same on every rank."""
+
+    def __init__(self, contact: CondensedContact, scene: Scene, comm: Any, depth: float = 0.0):
+        self.contact, self.scene, self.comm = contact, scene, comm
+        self.trace = contact.compliance.trace
+        self.depth = depth
+
+    @property
+    def stiffness_scale(self) -> float:
+        """Pressure per length in p_hat = lam - stiffness g."""
+        return float(getattr(self.scene.contact, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
+        u = np.zeros(self.trace.X.shape)
+        u[..., -1] = -(self.contact.compliance.C @ self.contact.F)[self.trace.nodes]
+        return u
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) [pressure]."""
+        return self.contact.lam[self.trace.nodes] @ self.basis(points).T
+
+    def basis(self, points: np.ndarray) -> np.ndarray:
+        """The multiplier's functions (points, nodes) on the reference facet."""
+        order = self.trace.order
+        return hats(points, order) if self.scene.contact.multiplier == "nodal" else shapes(points, order)

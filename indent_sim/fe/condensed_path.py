@@ -1,0 +1,137 @@
+"""The load path of a condensed body: same States as `path.Walk`, from small dense solves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from indent_sim.fe import observe
+from indent_sim.fe.body import Body
+from indent_sim.fe.compliance import Condenser
+from indent_sim.fe.condensed import CondensedContact, CondensedState
+from indent_sim.fe.path import failed_state
+from indent_sim.scene import Scene
+from indent_sim.state import State
+
+MARGIN = 1.4  # candidates reach this far beyond the expected contact radius
+GROWTH = 1.6  # and this much further when the contact comes to their rim
+SMALLEST_CUT = 2.0**-10
+
+
+class CondensedWalk:
+    """Contact on the compliance of the candidate surface, which grows when the contact comes to its rim."""
+
+    def __init__(self, scene: Scene, body: Body, started: float | None = None):
+        self.scene, self.body = scene, body
+        self.dofs = body.active_dofs
+        self.started = time.perf_counter() if started is None else started
+        self.condenser = Condenser(body)
+        self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
+        self._whole *= 1.5  # the corners of a box
+        self._depth, self._solves = 0.0, 0
+        self.observed = RecoveredBody(self)
+        self._condense(min(MARGIN * scene.sizes.patch, self._whole))
+
+    def _condense(self, reach: float) -> None:
+        self._reach_of_candidates = reach
+        self.contact = CondensedContact(self.condenser.condense(reach, self.scene.center), self.scene, self._solves)
+        self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self._depth)
+
+    def refuse_unused_options(self) -> None:
+        """Nothing is passed to PETSc here."""
+
+    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
+        """One State per requested depth; after the first one that is not converged there is no other."""
+        for step, delta in enumerate(deltas, start=1):
+            before = self._solves
+            if not self._solve(delta):
+                yield failed_state(step, delta, self._solves - before, self._depth, self.started)
+                return
+            self._depth = self.view.depth = delta
+            yield self._observe(step, delta, self._solves - before, wants_surface(step))
+
+    def _solve(self, delta: float) -> bool:
+        while True:
+            solved = self.contact.solve(delta) or self._creep(delta)
+            self._solves = self.contact.iterations
+            if not solved:
+                return False
+            if self._inside():
+                return True
+            self._condense(min(GROWTH * self._reach_of_candidates, self._whole))
+
+    def _creep(self, delta: float) -> bool:
+        """Reach a depth in substeps from the last one, halving them as long as they fail."""
+        start, reached, fraction = self._depth, 0.0, 0.5
+        while reached < 1.0 and fraction >= SMALLEST_CUT:
+            fraction = min(fraction, 1.0 - reached)
+            if self.contact.solve(start + (delta - start) * (reached + fraction)):
+                reached, fraction = reached + fraction, 2 * fraction
+            else:
+                fraction /= 2
+        return reached >= 1.0
+
+    def _inside(self) -> bool:
+        """Whether the forces end before the rim of the candidates (or there is no surface beyond it)."""
+        if self._reach_of_candidates >= self._whole:
+            return True
+        trace = self.contact.compliance.trace
+        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.center)[: trace.dim - 1], axis=-1)
+        rim = distance.max() - 2 * self.scene.sizes.h_contact
+        loaded = np.abs(self.contact.F[trace.nodes]) > 0
+        return bool(distance[loaded].max(initial=0.0) < rim)
+
+    def _observe(self, step: int, delta: float, iterations: int, with_surface: bool) -> State:
+        contact, copies = self.contact, self.scene.copies
+        a, p_max, penetration = observe.contact(self.view)
+        compliance = contact.compliance
+        return State(
+            step=step,
+            delta=delta,
+            force=copies * float(contact.F.sum()),
+            a=a,
+            p_max=p_max,
+            penetration=penetration,
+            energy=copies * contact.energy(delta),
+            newton_iterations=iterations,
+            wall_s=time.perf_counter() - self.started,
+            reaction=copies * float(compliance.support @ contact.F),
+            stray_reaction=copies * float(compliance.stray @ np.abs(contact.F)),
+            surface=self._surface() if with_surface else None,
+        )
+
+    def _surface(self) -> Any:
+        self.return_to_last()
+        return observe.surface(self.observed)
+
+    def return_to_last(self) -> None:
+        """Put the whole body's displacement of the present state into the body's solution."""
+        self.condenser.recover(self.contact.F)
+
+
+class RecoveredBody:
+    """The whole body at the present state, for the surface table and the fields; see `return_to_last`."""
+
+    def __init__(self, walk: CondensedWalk):
+        body, self._walk = walk.body, walk
+        self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
+        self.mesh, self.unknowns, self.stress = body.mesh, body.unknowns, body.stress
+        self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
+
+    @property
+    def depth(self) -> float:
+        """delta [length]."""
+        return self._walk.view.depth
+
+    @property
+    def stiffness_scale(self) -> float:
+        """Pressure per length in p_hat = lam - stiffness g."""
+        return self._walk.view.stiffness_scale
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) on this rank's facets, zero beyond the candidates [pressure]."""
+        return self._walk.condenser.spread(self._walk.contact.lam) @ self._walk.view.basis(points).T
