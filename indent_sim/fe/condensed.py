@@ -42,7 +42,8 @@ class CondensedContact:
     def solve(self, delta: float) -> bool:
         """Find the equilibrium at a depth; on failure the state is as it was."""
         before = self.F, self.lam
-        for self.F, self.lam in self._guesses(delta):
+        for F, lam in self._guesses(delta):
+            self.F, self.lam = F, lam
             if self._solve(delta):
                 self._path = [*self._path[-1:], (delta, self.F, self.lam)]
                 return True
