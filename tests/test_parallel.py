@@ -32,6 +32,12 @@ SCENES: dict[str, dict[str, Any]] = {
         "mesh": {"h_contact": 0.02, "order": 1},
         "loading": {"delta": 0.01, "steps": 2},
     },
+    "newton": {
+        "body": BOX,
+        "mesh": {"h_contact": 0.2},
+        "loading": {"delta": 0.06, "steps": 1},
+        "solver": {"method": "newton"},
+    },
     "penalty": {
         "body": CYLINDER,
         "contact": {"method": "penalty"},

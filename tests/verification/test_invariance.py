@@ -30,6 +30,7 @@ SHAPES = {
     "axisymmetric": (CYLINDER, COARSE | {"loading": {"delta": 0.01, "steps": 3}}),
     "current_gap": (CYLINDER, COARSE | {"contact": {"method": "auto", "gap": "current"}}),
     "penalty": (CYLINDER, COARSE | {"contact": PENALTY}),
+    "newton": (CYLINDER, COARSE | {"solver": {"method": "newton"}}),
     "plane_strain": (STRIP, COARSE | {"loading": {"delta": 0.01, "steps": 3}}),
     "box": (BOX, COARSE_BOX),
 }
@@ -95,6 +96,23 @@ def test_one_step_or_ten(shape: str) -> None:
     once, many = (solve(scene(body, **sections | {"loading": {"delta": depth, "steps": n}}))[-1] for n in (1, 10))
     assert many.force == pytest.approx(once.force, rel=1e-8)
     assert many.energy == pytest.approx(once.energy, rel=1e-8)
+
+
+@pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "uzawa", "active_set"])
+@pytest.mark.parametrize("shape", ["axisymmetric", "plane_strain", "box"])
+def test_condensed_or_not(shape: str, method: str) -> None:
+    """A linear body condensed to its surface is the same discrete problem: 1e-8, a hundred times Newton's tolerance;
+    Uzawa stops when its multiplier moves by 1e-8, which leaves ten times that in the force."""
+    body, sections = SHAPES[shape]
+    sections = sections | {"contact": {"method": method}}
+    tolerance = 1e-7 if method == "uzawa" else 1e-8
+    newton, condensed = (
+        solve(scene(body, **sections | {"solver": {"method": solver}})) for solver in ("newton", "condensed")
+    )
+    for one, other in zip(newton, condensed, strict=True):
+        for name in NUMBERS:
+            floor = tolerance * one.delta if name == "penetration" else 0.0
+            assert getattr(other, name) == pytest.approx(getattr(one, name), rel=tolerance, abs=floor), name
 
 
 @pytest.mark.parametrize("shape", SHAPES)
