@@ -153,7 +153,7 @@ class CondensedContact:
         active = p - scale * (open_gap + A @ p) / areas > 0
         while active.tobytes() not in seen:
             seen.add(active.tobytes())
-            p = np.zeros_like(p)
+            p = np.zeros(len(areas))
             on = np.flatnonzero(active)
             p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
             self.iterations += 1

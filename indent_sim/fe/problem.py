@@ -140,7 +140,7 @@ class Problem(Body):
                     self.body_mesh.dim, self.scene.sizes.order)))  # fmt: skip
                 return self.frozen
             case "stress":
-                traction = self.scene.kinematics.in_plane(self.stress[:, 2])
+                traction = self.scene.kinematics.in_plane(self.nominal_stress[:, 2])
                 return ufl.dot(traction, normal)
         return ufl.as_ufl(0.0)
 
