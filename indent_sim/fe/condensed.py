@@ -15,9 +15,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
 from indent_sim.scene import Scene
 
@@ -204,12 +206,14 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
+        mixing = Mixing(MPI.COMM_SELF)
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, contact.lam = contact.lam, contact._inverse_mass @ contact.F
-            size = max(np.linalg.norm(before), np.linalg.norm(contact.lam))
-            if np.linalg.norm(contact.lam - before) <= UZAWA_TOLERANCE * size:
+            before, image = contact.lam, contact._inverse_mass @ contact.F
+            size = max(np.linalg.norm(before), np.linalg.norm(image))
+            contact.lam = mixing(before, image)
+            if np.linalg.norm(image - before) <= UZAWA_TOLERANCE * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
         return False
 
