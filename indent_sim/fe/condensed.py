@@ -33,6 +33,7 @@ class CondensedContact:
         self.law = scene.contact
         self.nodes = compliance.trace.nodes
         self.iterations = iterations
+        self.failure = ""  # why the last solve did not converge
         self.F = np.zeros(compliance.size)
         self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
         self._scene = scene
@@ -113,6 +114,7 @@ class CondensedContact:
             before = active
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
+        self.failure = f"no equilibrium within {ITERATIONS} iterations"
         return False
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -209,8 +211,10 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
                 return False
             before, contact.lam = contact.lam, contact._inverse_mass @ contact.F
             size = max(np.linalg.norm(before), np.linalg.norm(contact.lam))
-            if np.linalg.norm(contact.lam - before) <= UZAWA_TOLERANCE * size:
+            change = np.linalg.norm(contact.lam - before)
+            if change <= UZAWA_TOLERANCE * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+            contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False
 
     return solve
