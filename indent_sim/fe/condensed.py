@@ -35,6 +35,7 @@ class CondensedContact:
         self.law = scene.contact
         self.nodes = compliance.trace.nodes
         self.iterations = iterations
+        self.failure = ""  # why the last solve did not converge
         self.F = np.zeros(compliance.size)
         self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
         self._scene = scene
@@ -115,6 +116,7 @@ class CondensedContact:
             before = active
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
+        self.failure = f"no equilibrium within {ITERATIONS} iterations"
         return False
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -212,9 +214,11 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
                 return False
             before, image = contact.lam, contact._inverse_mass @ contact.F
             size = max(np.linalg.norm(before), np.linalg.norm(image))
+            change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)
-            if np.linalg.norm(image - before) <= UZAWA_TOLERANCE * size:
+            if change <= UZAWA_TOLERANCE * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+            contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False
 
     return solve

@@ -15,10 +15,9 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from indent_sim.errors import ConfigError
-from indent_sim.fe import compat
+from indent_sim.fe import compat, options
 from indent_sim.fe.mixing import Mixing
-from indent_sim.fe.newton import PREFIX, Newton
+from indent_sim.fe.newton import Newton
 from indent_sim.fe.problem import Problem
 
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier, relative; the force is then good to about 1e-7
@@ -41,14 +40,18 @@ class Enforcement:
         """Linear solves so far."""
         return self.newton.iterations
 
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not converge."""
+        return self.newton.failure
+
     def solve(self) -> bool:
         """True when converged; else the problem's state is as it was."""
         return self._algorithm()
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
-        for name in compat.unused_options(PREFIX, self._petsc):
-            raise ConfigError(f"solver.petsc.{name}", "PETSc did not use this option", "check its name")
+        options.refuse_unused(self._petsc)
 
 
 def enforcement(problem: Problem, **solver: Any) -> Enforcement:
@@ -78,6 +81,7 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
             if not newton.solve():
                 break
             change = projection.update(mixing)
+            newton.failure = f"the multiplier does not settle, it still changes by {change:.1e} of itself"
             if change <= UZAWA_TOLERANCE:
                 return newton.solve()
             smallest, since = (change, 0) if change < smallest / 2 else (smallest, since + 1)

@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
 from indent_sim.fe.problem import Problem
+from indent_sim.scene import Scene
 from indent_sim.state import State
 
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
@@ -107,7 +108,9 @@ class Walk:
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
         if substeps == 0:
-            return failed_state(step, delta, iterations, self._last.delta, self.started)
+            return failed_state(
+                self.problem.scene, step, delta, iterations, self._last.delta, self.started, self.enforcement.failure
+            )
         problem = self.problem
         reaction, stray = problem.reactions()
         a, p_max, penetration = observe.contact(problem)
@@ -129,23 +132,22 @@ class Walk:
 
 
 def _leading(points: list[Point], delta: float) -> list[Point]:
-    """The last points from which the path leads straight on to delta, none much closer together than the step."""
-    chosen = points[-1:]
-    step = delta - points[-1].delta
-    for point in reversed(points[:-1]):
-        behind = chosen[0].delta - point.delta
-        if not 0 < step / behind <= 2 if behind else True:  # further out, or turning back, a line predicts nothing
-            break
-        chosen = [point, *chosen]
-    return chosen
+    """The last points from which the path leads straight on to delta; one alone where a line predicts nothing."""
+    if len(points) < 2:
+        return points
+    step, behind = delta - points[-1].delta, points[-1].delta - points[-2].delta
+    leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
+    return points if leads else points[-1:]
 
 
-def failed_state(step: int, delta: float, iterations: int, last: float, started: float) -> State:
+def failed_state(
+    scene: Scene, step: int, delta: float, iterations: int, last: float, started: float, failure: str
+) -> State:
     """The State that says that and why there is none at this depth."""
-    nan = float("nan")
+    nan, L = float("nan"), scene.scales.length
     reason = (
-        f"Newton did not converge at delta = {delta:.6g}, not even in substeps of {SMALLEST_CUT:.1e} of the step; "
-        f"the last equilibrium found is at delta = {last:.6g}"
+        f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, even in "
+        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

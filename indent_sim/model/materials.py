@@ -73,7 +73,10 @@ class _TwoConstants(_Law):
 
 @dataclass(frozen=True)
 class LinearElastic(_TwoConstants):
-    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes 2.1-2.4)."""
+    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes 2.1-2.4).
+
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    """
 
     model: Literal["linear_elastic"] = "linear_elastic"
 
@@ -96,7 +99,10 @@ class LinearElastic(_TwoConstants):
 
 @dataclass(frozen=True)
 class NeoHookean(_TwoConstants):
-    """psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2."""
+    """psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2.
+
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    """
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
