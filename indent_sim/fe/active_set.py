@@ -1,7 +1,7 @@
 """The primal-dual active set: nodal pressures that are never negative, weighted gaps that are never negative.
 
-The pressure p_h = sum p_i psi_i uses the hat functions psi_i of the contact surface's nodes, piecewise linear
-between vertices and midpoints, so p_i >= 0 means p_h >= 0 everywhere. Each node carries one condition,
+The pressure p_h = sum p_i psi_i uses hat functions psi_i of the contact surface's nodes (in two dimensions vertices
+and midpoints, in three vertices alone), so p_i >= 0 means p_h >= 0 everywhere. Each node carries one condition,
 
     weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0,
 
@@ -21,7 +21,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.surface import adjacent_cells, facet_nodes, facet_to_cell, hats, shapes, split_quadrature
+from indent_sim.fe.surface import (
+    adjacent_cells,
+    facet_nodes,
+    facet_to_cell,
+    pressure_functions,
+    shapes,
+    split_quadrature,
+)
 
 if TYPE_CHECKING:
     from indent_sim.fe.problem import Problem
@@ -50,7 +57,7 @@ class NodalContact:
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The nodal pressures' functions (points, nodes) on the reference facet."""
-        return hats(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
+        return pressure_functions(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
 
     def _measures(self) -> np.ndarray:
         """Area (facets, points) per reference-facet area, times the kinematics' weight."""

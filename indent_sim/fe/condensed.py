@@ -16,11 +16,13 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
 
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
 from indent_sim.fe.mixing import Mixing
-from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
+from indent_sim.fe.surface import contact_quadrature, from_midpoints, pressure_functions, shapes, split_quadrature
 from indent_sim.scene import Scene
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
@@ -139,11 +141,14 @@ class CondensedContact:
 
     @cached_property
     def _weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps."""
+        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps.
+
+        Nodes that carry no pressure have no area.
+        """
         order = self.compliance.trace.order
         points, weights = split_quadrature(self.compliance.trace.dim, order)
         W, height = self.rule(points, weights)
-        N, psi = shapes(points, order), hats(points, order)
+        N, psi = shapes(points, order), pressure_functions(points, order)
         Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
         heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
         return Q, heights, areas, Q.T @ self.compliance.C @ Q
@@ -151,32 +156,15 @@ class CondensedContact:
     def active_set(self, delta: float) -> bool:
         """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
         Q, heights, areas, A = self._weighted
-        open_gap = heights - delta * areas
+        carriers = np.flatnonzero(areas > 0)
+        open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
         scale = self._scene.material.E_star / self._scene.sizes.h_contact
-        p, seen = self.lam, set()
-        active = p - scale * (open_gap + A @ p) / areas > 0
-        while active.tobytes() not in seen:
-            seen.add(active.tobytes())
-            p = np.zeros(len(areas))
-            on = np.flatnonzero(active)
-            p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
-            self.iterations += 1
-            now = p - scale * (open_gap + A @ p) / areas > 0
-            if np.array_equal(now, active):
-                self.lam, self.F = p, Q @ p
-                return True
-            active = now
-        return self._by_nnls(A, open_gap, Q)
-
-    def _by_nnls(self, A: np.ndarray, open_gap: np.ndarray, Q: np.ndarray) -> bool:
-        """The same problem as a non-negative least-squares problem, which cannot cycle (Lawson & Hanson 1974)."""
-        from scipy.linalg import cholesky, solve_triangular
-        from scipy.optimize import nnls
-
-        L = cholesky(A, lower=True)
-        p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
-        self.iterations += 1
-        self.lam, self.F = p, Q @ p
+        p = self.lam[carriers]
+        p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
+        self.iterations += solves
+        self.lam = np.zeros(self.compliance.size)
+        self.lam[carriers] = p
+        self.F = Q @ self.lam
         return True
 
     # ---- what is observed ----------------------------------------------------------------------------------------
@@ -190,6 +178,26 @@ class CondensedContact:
         lam = self.lam[self.nodes] @ N.T
         gap = height - delta + (self.compliance.C @ self.F)[self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
+
+
+def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
+    """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the number of solves.
+
+    Primal-dual active sets, beginning with `active`; when a set comes back they go round in a circle, and the same
+    problem is solved as one of non-negative least squares, which cannot (Lawson & Hanson 1974).
+    """
+    seen: set[bytes] = set()
+    while active.tobytes() not in seen:
+        seen.add(active.tobytes())
+        p, on = np.zeros(len(A)), np.flatnonzero(active)
+        p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
+        now = np.where(active, p, -(open_gap + A @ p)) > 0
+        if np.array_equal(now, active):
+            return p, len(seen)
+        active = now
+    L = cholesky(A, lower=True)
+    p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
+    return p, len(seen) + 1
 
 
 def _penalty(contact: CondensedContact) -> Callable[[float], bool]:
@@ -258,4 +266,18 @@ class CondensedState:
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
         order = self.trace.order
-        return hats(points, order) if self.scene.contact.multiplier == "nodal" else shapes(points, order)
+        nodal = self.scene.contact.multiplier == "nodal"
+        return pressure_functions(points, order) if nodal else shapes(points, order)
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        return self.nodal_pressure()[self.trace.nodes] @ self.basis(points).T
+
+    def nodal_pressure(self) -> np.ndarray:
+        """Values at the nodes for `pressure_at` [pressure]."""
+        lam, nodes = self.contact.lam, self.trace.nodes
+        if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
+            return lam
+        pressure = lam.copy()
+        pressure[nodes] = from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])
+        return pressure

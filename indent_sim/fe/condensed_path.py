@@ -137,3 +137,7 @@ class RecoveredBody:
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) on this rank's facets, zero beyond the candidates [pressure]."""
         return self._walk.condenser.spread(self._walk.contact.lam) @ self._walk.view.basis(points).T
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """The same without its ripples at the vertices of triangles [pressure]."""
+        return self._walk.condenser.spread(self._walk.view.nodal_pressure()) @ self._walk.view.basis(points).T
