@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from math import pi
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import sizing
 from indent_sim.errors import ConfigError
 from indent_sim.model.body import Body
-from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Nitsche, Penalty
 from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
@@ -105,7 +106,8 @@ def resolve(config: Config) -> Scene:
         indenter=tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
-        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, formulation)),
+        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, formulation)
+                       + _contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact)),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
     )  # fmt: skip
@@ -320,6 +322,18 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
             f"nu = {material.constants[1]:g} with displacement elements: pressures oscillate, forces are too high"
         )
     return warnings + _half_space_warning(tip, material, delta, theory, body)
+
+
+def _contact_warnings(contact: ContactLaw, unit: float, elements: float) -> list[str]:
+    """What a stiffness given in the config does to the answer; unit = E*/h_contact, elements in the contact radius."""
+    if isinstance(contact, Nitsche) and contact.stiffness < unit:
+        return ["gamma below E*/h_contact: Nitsche's method may settle on a wrong force"]
+    if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * unit:
+        return ["a stiffness beyond 1000 E*/h_contact: the pressures oscillate"]
+    soft = 1.5 / pi * unit / (contact.stiffness * elements) if isinstance(contact, Penalty) else 0.0
+    if soft > 0.3:
+        return ["penalty: at this epsilon_n the tip sinks into the body"]
+    return [f"penalty: the force is about {soft:.0%} too low at this epsilon_n"] if soft > 0.01 else []
 
 
 def _half_space_warning(

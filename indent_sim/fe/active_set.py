@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from indent_sim.fe.problem import Problem
 
 
+RETURNS = 2  # active sets that came back before the nodes change one by one; a nonlinear body may need the first
+
+
 class NodalContact:
     """The contact term of a problem whose multiplier lives at the nodes, assembled in numpy."""
 
@@ -52,8 +55,17 @@ class NodalContact:
         self._u_places = problem.trace.dofs
         self._weights = self._measures() * reference_weights
         self._active = np.zeros(0, dtype=bool)
+        index_map, places = problem.unknowns.space.dofmap.index_map, self.lam_places.astype(np.int32)
+        self._numbers = np.asarray(index_map.local_to_global(places.ravel())).reshape(places.shape)
+        self.begin_solve()
         self._work = problem.x.duplicate()
         self._unit_weights = self._gathered(np.einsum("fp,pn->fn", self._weights, self._psi))
+
+    def begin_solve(self) -> None:
+        """Forget the active sets that have been."""
+        self._visited: list[tuple[int, ...]] = []
+        self._returns = 0
+        self._settled: np.ndarray | None = None  # the set of the last Newton step
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The nodal pressures' functions (points, nodes) on the reference facet."""
@@ -107,7 +119,7 @@ class NodalContact:
         share = np.einsum("fp,pn->fn", self._weights, self._psi)
         whole = self._unit_weights[self.lam_places]
         c = self.problem.stiffness_scale
-        self._active = p - c * weighted_gap / whole > 0
+        self._active = self._chosen(p - c * weighted_gap / whole > 0)
         gap_part = np.einsum("fp,fp,pn->fn", self._weights, g, self._psi)
         rows = np.where(self._active, -gap_part, -p * share / c)
         with self._work.localForm() as local:
@@ -119,6 +131,7 @@ class NodalContact:
 
     def add_tangent(self, A: PETSc.Mat) -> None:
         """Add the derivative of `add_residual`, for the active set found there; constrained rows stay identity."""
+        self._visit()
         _, normal, slope = self._evaluate()
         weights, p_h = self._weights, self.nodal_pressures() @ self._psi.T
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
@@ -135,6 +148,26 @@ class NodalContact:
             A.setValuesLocal(u, lam, coupling[f], addv=add)
             A.setValuesLocal(np.where(active, lam, np.int32(-1)), u, np.ascontiguousarray(coupling[f].T), addv=add)
             A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
+
+    def _visit(self) -> None:
+        """Remember the set of this Newton step, and how often one has come back after others."""
+        mine = hash(np.unique(self._numbers[self._active]).tobytes())
+        visit = tuple(self.problem.comm.allgather(mine))
+        if self._visited and visit != self._visited[-1] and visit in self._visited:
+            self._returns += 1
+        self._visited.append(visit)
+        self._settled = self._active
+
+    def _chosen(self, wanted: np.ndarray) -> np.ndarray:
+        """The wanted active set; once sets come back, the last one with a single node changed.
+
+        Changing the node of least number alone cannot go round in a circle (Murty 1974).
+        """
+        if self._returns < RETURNS or self._settled is None:
+            return wanted
+        changed = self._numbers[wanted != self._settled]
+        first = self.problem.comm.allreduce(int(changed.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN)
+        return np.where(self._numbers == first, wanted, self._settled)
 
     @cached_property
     def _held(self) -> np.ndarray:

@@ -22,6 +22,7 @@ from scipy.optimize import nnls
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
 from indent_sim.fe.mixing import Mixing
+from indent_sim.fe.newton import softer
 from indent_sim.fe.surface import contact_quadrature, from_midpoints, pressure_functions, shapes, split_quadrature
 from indent_sim.scene import Scene
 
@@ -97,9 +98,21 @@ class CondensedContact:
     # ---- laws with a stiffness -----------------------------------------------------------------------------------
 
     def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero."""
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero.
+
+        From where it stands; if that is too far, through softer contact to the law's own.
+        """
+        start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
+        for factors in ([1.0], softer(self.law, self._scene)):
+            self.F = start
+            if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
+                return True
+        self.failure = f"no equilibrium within {ITERATIONS} iterations"
+        return False
+
+    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
         N, W, height = self._quadrature
-        epsilon_n, C = self.law.stiffness, self.compliance.C  # type: ignore[union-attr]
+        C = self.compliance.C
         D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
@@ -118,7 +131,6 @@ class CondensedContact:
             before = active
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
-        self.failure = f"no equilibrium within {ITERATIONS} iterations"
         return False
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ from indent_sim.fe.problem import Problem
 
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier, relative; the force is then good to about 1e-7
 UZAWA_NEWTON = 1e-11  # Newton's tolerance inside the loop: finer than the changes it is to show
+UZAWA_NOISE = 1e-17  # relative residual per stiffness [thickness/E]
 UZAWA_LOOPS = 500
 UZAWA_PATIENCE = 60  # loops in which the change must have halved at least once
 
@@ -71,7 +72,8 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
     projection = _Projection(newton.problem)
-    newton.rtol = min(newton.rtol, UZAWA_NEWTON)
+    noise = UZAWA_NOISE * newton.problem.stiffness_scale  # what round-off in the gaps makes of the residual
+    newton.rtol = min(newton.rtol, max(UZAWA_NEWTON, noise))
 
     def solve() -> bool:
         problem = newton.problem

@@ -89,7 +89,7 @@ class Problem(Body):
         residual = ufl.derivative(self.strain_energy, unknowns.solution, test)
         energy, force = self.strain_energy, None
         if self.law.multiplier != "nodal":
-            law = symbolic(self.law, self.mesh)
+            law = self._symbolic_law = symbolic(self.law, self.mesh)
             unknown = self.law.multiplier == "unknown"
             g_, lam_ = ufl.variable(g), ufl.variable(self.multiplier) if unknown else self.multiplier
             potential = law.potential(g_, lam_)
@@ -207,6 +207,15 @@ class Problem(Body):
     @cached_property
     def _stress_expressions(self) -> dict[int, fem.Expression]:
         return {}
+
+    def soften(self, factor: float) -> None:
+        """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
+        self._symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
+
+    def begin_solve(self) -> None:
+        """Forget what the last solve has remembered."""
+        if self.nodal is not None:
+            self.nodal.begin_solve()
 
     # ---- algebra for the solver -----------------------------------------------------------------------------
 
