@@ -86,7 +86,8 @@ def sphere_pressure(r, delta: float, R: float, E_star: float):
     v = _chord(r, a)
     r = np.minimum(np.abs(np.asarray(r, dtype=float)), a)
     u, w = np.polynomial.legendre.leggauss(64)
-    s, w = 1.0 - 0.25 * (1.0 + u) ** 2, 0.5 * (1.0 + u) * w  # graded to s = 1, where t may near R
+    s: np.ndarray = 1.0 - 0.25 * (1.0 + u) ** 2  # graded to s = 1, where t may near R
+    w = 0.5 * (1.0 + u) * w
     t = np.maximum(np.hypot(r[..., None], v[..., None] * s), 1e-300)
     smooth = v * np.sum(w * np.arctanh(np.minimum(t / R, 1.0 - 1e-16)) / t, axis=-1)
     depth = np.sqrt((R - r) * (R + r))
