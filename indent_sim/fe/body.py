@@ -21,12 +21,14 @@ from indent_sim.scene import Scene
 
 def symbolic(item: Any, mesh: Any) -> Any:
     """The same dataclass with every number a `Constant`: a changed value never recompiles a kernel."""
-    numbers = {
-        f.name: fem.Constant(mesh, float(value))
-        for f in dataclasses.fields(item)
-        if isinstance(value := getattr(item, f.name), (int, float)) and not isinstance(value, bool)
-    }
-    return dataclasses.replace(item, **numbers)
+
+    def constant(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(constant, value))
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        return fem.Constant(mesh, float(value)) if number else value
+
+    return dataclasses.replace(item, **{f.name: constant(getattr(item, f.name)) for f in dataclasses.fields(item)})
 
 
 class Body:
@@ -92,8 +94,13 @@ class Body:
         volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
         material = symbolic(scene.material, self.mesh)
         H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
+        H = ufl.variable(H)
         psi = material.energy(H) if q is None else material.mixed_energy(H, q)
-        self.stress = material.stress(H) if q is None else material.mixed_stress(H, q)
+        F = ufl.Identity(3) + H
+        self.nominal_stress = ufl.diff(psi, H)
+        self.stress = self.nominal_stress
+        if not scene.material.small_strain:
+            self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.strain_energy = psi * self.weight * volume
 
     @cached_property

@@ -15,9 +15,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
 from indent_sim.scene import Scene
 
@@ -155,7 +157,7 @@ class CondensedContact:
         active = p - scale * (open_gap + A @ p) / areas > 0
         while active.tobytes() not in seen:
             seen.add(active.tobytes())
-            p = np.zeros_like(p)
+            p = np.zeros(len(areas))
             on = np.flatnonzero(active)
             p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
             self.iterations += 1
@@ -206,12 +208,14 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
+        mixing = Mixing(MPI.COMM_SELF)
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, contact.lam = contact.lam, contact._inverse_mass @ contact.F
-            size = max(np.linalg.norm(before), np.linalg.norm(contact.lam))
-            change = np.linalg.norm(contact.lam - before)
+            before, image = contact.lam, contact._inverse_mass @ contact.F
+            size = max(np.linalg.norm(before), np.linalg.norm(image))
+            change = np.linalg.norm(image - before)
+            contact.lam = mixing(before, image)
             if change <= UZAWA_TOLERANCE * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
             contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"

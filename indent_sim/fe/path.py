@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
 from indent_sim.fe.problem import Problem
@@ -32,8 +34,11 @@ class Walk:
         self.dofs = problem.active_dofs
         self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
-        self._last = Point(0.0, problem.snapshot())  # the untouched body at rest
-        self._before: Point | None = None
+        self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
+
+    @property
+    def _last(self) -> Point:
+        return self._points[-1]
 
     def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
         """One State per requested depth; after the first one that is not converged there is no other."""
@@ -83,20 +88,23 @@ class Walk:
         return False
 
     def _extrapolate(self, delta: float) -> bool:
-        """Predict linearly from the last two states; False where there are no two, or they are too close."""
-        if self._before is None or self._last.delta == self._before.delta:
+        """Predict by the line through the last two states; False where it leads nowhere."""
+        points = _leading(self._points, delta)
+        if len(points) < 2:
             return False
-        ratio = (delta - self._last.delta) / (self._last.delta - self._before.delta)
-        if not 0 < ratio <= 2:  # further out, or turning back, a line predicts nothing
-            return False
-        guess = [vector.copy() for vector in self._last.state]
-        for vector, last, before in zip(guess, self._last.state, self._before.state, strict=True):
-            vector.axpy(ratio, last - before)
+        guess = [vector.copy() for vector in points[-1].state]
+        for vector in guess:
+            vector.set(0.0)
+        for point in points:
+            others = [other.delta for other in points if other is not point]
+            share = float(np.prod([(delta - other) / (point.delta - other) for other in others]))
+            for vector, part in zip(guess, point.state, strict=True):
+                vector.axpy(share, part)
         self.problem.restore(guess)
         return True
 
     def _accept(self, delta: float) -> None:
-        self._before, self._last = self._last, Point(delta, self.problem.snapshot())
+        self._points = [*self._points[-1:], Point(delta, self.problem.snapshot())]
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
         if substeps == 0:
@@ -121,6 +129,15 @@ class Walk:
             substeps=substeps,
             surface=observe.surface(problem) if with_surface else None,
         )
+
+
+def _leading(points: list[Point], delta: float) -> list[Point]:
+    """The last points from which the path leads straight on to delta; one alone where a line predicts nothing."""
+    if len(points) < 2:
+        return points
+    step, behind = delta - points[-1].delta, points[-1].delta - points[-2].delta
+    leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
+    return points if leads else points[-1:]
 
 
 def failed_state(
