@@ -54,8 +54,8 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     solution = scene.oracle.at(delta)
     if solution is None:
         return None
-    depths = np.linspace(0, delta, POINTS + 1)[1:]
-    curve = scene.oracle.curve(depths.tolist()) or []
+    depths = [delta * n / POINTS for n in range(1, POINTS + 1)]
+    curve = scene.oracle.curve(depths) or []
     return {
         "name": scene.oracle.name,
         "exact": scene.oracle.exact and scene.gap == "reference",

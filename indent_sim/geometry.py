@@ -79,14 +79,18 @@ def _draw(gmsh: Any, scene: Scene) -> None:
     elif isinstance(scene.body, Cylinder):
         _draw_cylinder(gmsh, scene, round(scene.body.radius, DIGITS))
     else:
-        (x0, x1), (y0, y1), (z0, z1) = np.round(scene.extent, DIGITS).tolist()
+        (x0, x1), (y0, y1), (z0, z1) = _rounded(scene.extent)
         gmsh.model.occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
         gmsh.model.occ.synchronize()
 
 
+def _rounded(extent: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
+    return [(round(low, DIGITS), round(high, DIGITS)) for low, high in extent]
+
+
 def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
     """A rectangle whose top edge is split under the tip's axis and at a punch's edge: contact may end there."""
-    (x0, x1), (z0, z1) = np.round(scene.extent, DIGITS).tolist()
+    (x0, x1), (z0, z1) = _rounded(scene.extent)
     offsets = [0.0] if scene.sizes.edge is None else [-scene.sizes.edge, 0.0, scene.sizes.edge]
     splits = sorted({round(scene.center[0] + offset, DIGITS) for offset in offsets}, reverse=True)
     top = [(x, z1) for x in splits if x0 < x < x1]

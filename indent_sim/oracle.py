@@ -53,6 +53,8 @@ def oracle(body: Body, material: Material, tip: Indenter, center: tuple[float, .
         wall, exact, why = _wall(body, center)
         if not tip.of_revolution:
             exact, why = False, "theory's tip is the cone of equal sections"
+        if not material.small_strain:
+            exact, why = False, "theory is that of small strain"
         arguments = {"E": E, "nu": nu, "h": body.height, "base": body.base, "wall": wall}
         return Oracle("layer theory", exact, why, module, theory_tip, arguments)
     return None

@@ -334,9 +334,9 @@ def _number(value: float | None) -> str:
 
 def _surface_block(step: int, surface: Surface) -> bytes:
     table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
-    text = io.StringIO()
+    text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
-    return text.getvalue().encode()
+    return text.getvalue()
 
 
 def _read_table(path: Path) -> dict[str, np.ndarray]:

@@ -194,7 +194,7 @@ class Simulation:
     def _keep(self, state: State, last: bool) -> None:
         """Audit a converged state and write it down."""
         self._audit(state)
-        if state.step == 1:
+        if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
             self._walk.refuse_unused_options()
         with self.clock.stage("write"):
             if self.output.fields == "all" or last:

@@ -93,14 +93,14 @@ def resolve(config: Config) -> Scene:
     sizes = _sizes(config, reduction, tip, a, scales, center)
     cost = _affordable(sizes, reduction, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
-    gap, gap_choice = _gap(config.contact, reduction)
+    gap, gap_choice = _gap(config.contact, reduction, material)
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
-    solver_choice = _solver(config, contact, gap)
+    solver_choice = _solver(config, material, contact, gap)
     choices = (
         Choice("symmetry", reduction.symmetry, reduction.why),
-        Choice("kinematics", reduction.kinematics.name, "small strain: the material is linear elastic"),
+        Choice("kinematics", reduction.kinematics.name, _strain_measure(material)),
         formulation_choice,
         gap_choice,
         contact_choice,
@@ -123,6 +123,10 @@ def resolve(config: Config) -> Scene:
             **({"truncation_error": truncation.error} if truncation else {}),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
     )  # fmt: skip
+
+
+def _strain_measure(material: Material) -> str:
+    return "small strain: the material is linear elastic" if material.small_strain else "finite strain: hyperelastic"
 
 
 def _labels(config: Config) -> dict[str, str]:
@@ -248,23 +252,27 @@ def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) 
     return law, Choice("contact", text, f"{why}; {name} {source}: {value / unit:.3g} E*/h_contact")
 
 
-def _gap(wanted: Contact, reduction: Reduction) -> tuple[str, Choice]:
-    gap = "reference" if wanted.gap == "auto" else wanted.gap
+def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str, Choice]:
+    auto = "reference" if material.small_strain else "current"
+    gap = auto if wanted.gap == "auto" else wanted.gap
     if gap == "current" and reduction.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
         )  # fmt: skip
-    why = "as given" if wanted.gap != "auto" else "linear elastic: Hertz' own problem, tested at the undeformed point"
+    reasons = {"reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
+               "current": "finite strain: tested at the deformed point, pressure along the tip's normal"}  # fmt: skip
+    why = "as given" if wanted.gap != "auto" else reasons[gap]
     return gap, Choice("contact.gap", gap, why)
 
 
-def _solver(config: Config, contact: ContactLaw, gap: str) -> Choice:
+def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -> Choice:
     """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not."""
     wanted = config.solver.method
     obstacles = [
         why
         for applies, why in (
+            (not material.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (contact.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
@@ -326,11 +334,11 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         return ["the tip never reaches the body: every depth is <= 0"]
     warnings = []
     R = tip.R if isinstance(tip, (Paraboloid, Sphere)) else None
-    if R and 0.2 * a / R > 0.05:
+    if material.small_strain and R and 0.2 * a / R > 0.05:
         warnings.append(f"strains near 0.2 a/R = {0.2 * a / R:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
-    if delta > 0.1 * body.height:
+    if material.small_strain and delta > 0.1 * body.height:
         warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(center):
         warnings.append("the contact comes close to the edge of the body")

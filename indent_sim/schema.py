@@ -51,7 +51,7 @@ class SolverSettings:
     """How the equations are solved; `petsc` options are passed through."""
 
     method: Literal["auto", "newton", "condensed"] = "auto"
-    rtol: Annotated[float, Gt(0), Le(1e-3)] = 1e-10
+    rtol: Annotated[float, Gt(0), Le(1e-3)] = 1e-9
     max_iterations: PositiveInt = 50
     petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
 

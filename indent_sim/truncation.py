@@ -63,10 +63,14 @@ def half_space_oracle(tip: Indenter, material: Material, size: float) -> Oracle 
     theory = layer_tip(tip)
     if theory is None:
         return None
-    why = "the half-space itself" if tip.of_revolution else "theory's tip is the cone of equal sections"
+    exact, why = True, "the half-space itself"
+    if not tip.of_revolution:
+        exact, why = False, "theory's tip is the cone of equal sections"
+    if not material.small_strain:
+        exact, why = False, "theory is that of small strain"
     # the half-space feels E and nu only as E*
     arguments = {"E": material.E_star, "nu": 0.0, "h": DEEP * size, "base": "fixed", "wall": None}
-    return Oracle("half-space theory", tip.of_revolution, why, layer, theory, arguments)
+    return Oracle("half-space theory", exact, why, layer, theory, arguments)
 
 
 def _deep(theory: tips.Tip, delta: float, size: float) -> Solution | None:

@@ -116,14 +116,26 @@ class Body:
         volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
         material = symbolic(scene.material, self.mesh)
         H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
+        H = ufl.variable(H)
         psi = material.energy(H) if q is None else material.mixed_energy(H, q)
-        self.stress = material.stress(H) if q is None else material.mixed_stress(H, q)
+        F = ufl.Identity(3) + H
+        self.nominal_stress = ufl.diff(psi, H)
+        self.stress = self.nominal_stress
+        if not scene.material.small_strain:
+            self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.strain_energy = psi * self.weight * volume
 
     def _guide_curved_wall(self, stiffness: float) -> None:
-        """u . n = 0 with the cylinder's own normal, by the energy stiffness/2 (u . n)^2 [pressure/length]."""
-        x, u = self.X, self.unknowns.fields["u"]
-        outward = (u[0] * x[0] + u[1] * x[1]) / ufl.sqrt(x[0] ** 2 + x[1] ** 2)
+        """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
+
+        n is the cylinder's own normal, stiffness in pressure/length.
+        """
+        X, u = self.X, self.unknowns.fields["u"]
+        r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
+        if self.scene.material.small_strain:
+            outward = (u[0] * X[0] + u[1] * X[1]) / r
+        else:
+            outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
         wall = self.surface_measure(WALL, 2 * self.scene.sizes.order)
         self.strain_energy += fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
 

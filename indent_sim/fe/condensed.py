@@ -15,9 +15,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
 from indent_sim.scene import Scene
 
@@ -33,6 +35,7 @@ class CondensedContact:
         self.law = scene.contact
         self.nodes = compliance.trace.nodes
         self.iterations = iterations
+        self.failure = ""  # why the last solve did not converge
         self.F = np.zeros(compliance.size)
         self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
         self._scene = scene
@@ -113,6 +116,7 @@ class CondensedContact:
             before = active
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
+        self.failure = f"no equilibrium within {ITERATIONS} iterations"
         return False
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -153,7 +157,7 @@ class CondensedContact:
         active = p - scale * (open_gap + A @ p) / areas > 0
         while active.tobytes() not in seen:
             seen.add(active.tobytes())
-            p = np.zeros_like(p)
+            p = np.zeros(len(areas))
             on = np.flatnonzero(active)
             p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
             self.iterations += 1
@@ -204,13 +208,17 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
+        mixing = Mixing(MPI.COMM_SELF)
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, contact.lam = contact.lam, contact._inverse_mass @ contact.F
-            size = max(np.linalg.norm(before), np.linalg.norm(contact.lam))
-            if np.linalg.norm(contact.lam - before) <= UZAWA_TOLERANCE * size:
+            before, image = contact.lam, contact._inverse_mass @ contact.F
+            size = max(np.linalg.norm(before), np.linalg.norm(image))
+            change = np.linalg.norm(image - before)
+            contact.lam = mixing(before, image)
+            if change <= UZAWA_TOLERANCE * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+            contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False
 
     return solve

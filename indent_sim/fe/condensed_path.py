@@ -49,7 +49,9 @@ class CondensedWalk:
         for step, delta in enumerate(deltas, start=1):
             before = self._solves
             if not self._solve(delta):
-                yield failed_state(step, delta, self._solves - before, self._depth, self.started)
+                yield failed_state(
+                    self.scene, step, delta, self._solves - before, self._depth, self.started, self.contact.failure
+                )
                 return
             self._depth = self.view.depth = delta
             yield self._observe(step, delta, self._solves - before, wants_surface(step))

@@ -57,7 +57,7 @@ class Problem(Body):
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
-        moduli = {"q": self.scene.material.E, "lam": self.stiffness_scale}
+        moduli = {"q": self.scene.material.constants[0], "lam": self.stiffness_scale}
         for name in self.unknowns.names[1:]:
             places = self.unknowns.places(name)
             weights[places[places < self.unknowns.owned]] = moduli[name]
@@ -130,7 +130,7 @@ class Problem(Body):
                     self.body_mesh.dim, self.scene.sizes.order)))  # fmt: skip
                 return self.frozen
             case "stress":
-                traction = self.scene.kinematics.in_plane(self.stress[:, 2])
+                traction = self.scene.kinematics.in_plane(self.nominal_stress[:, 2])
                 return ufl.dot(traction, normal)
         return ufl.as_ufl(0.0)
 

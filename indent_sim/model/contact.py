@@ -84,7 +84,9 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: few loops, Newton still at ease
+    auto_multiple: ClassVar[float] = (
+        100.0  # of E*/h_contact: few loops; softer ones fail in deep, incompressible bodies
+    )
 
 
 @dataclass(frozen=True)

@@ -155,14 +155,13 @@ def test_force_of_linear_elements_converges_as_h2(name: str, method: str) -> Non
 
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
-def test_contact_radius_converges_as_h(name: str, method: str) -> None:
+def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: str) -> None:
     """At the edge the pressure leaves zero like a root, so its zero is known to a fixed fraction of an element: a
-    fifth, with the augmented Lagrangian; a stiff penalty has ripples that hide it."""
+    tenth, where gap and multiplier are weighed as in `observe`; a stiff penalty has ripples that hide it."""
     if method == "penalty":
         pytest.skip("ripples of the pressure")
     found = convergence(name, 2, method)
-    assert 0.7 <= found.radius_rate <= 1.8
-    assert found.radius_error < 0.2 / QUADRATIC[-1]
+    assert found.radius_error < 0.1 / QUADRATIC[-1]
 
 
 def test_force_of_the_flat_punch_converges_as_h() -> None:
