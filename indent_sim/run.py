@@ -14,6 +14,7 @@ from indent_sim.comparison import summary
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import uninterrupted
 from indent_sim.parallel import on_root
+from indent_sim.resolved import left_open, resolved
 from indent_sim.results import ResultFolder
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
@@ -100,9 +101,11 @@ def run(config: Config, comm: Any, *, directory: Path | None = None, progress: P
     try:
         with clock.stage("resolve"):
             scene = resolve(config)
-        with Record(comm, target, to_yaml(config), surface=config.output.surface) as record:
+        decided = resolved(config, scene)
+        with Record(comm, target, to_yaml(decided), surface=config.output.surface) as record:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
-                        plan=_plan(scene), warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
+                        plan=_plan(scene) | {"auto": left_open(config, decided)},
+                        warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
             states = Simulation(config, scene, record, clock).follow(progress)
     except ConfigError as error:
         raise located(config, error) from None

@@ -100,7 +100,8 @@ def resolve(config: Config) -> Scene:
     solver_choice = _solver(config, material, contact, gap)
     choices = (
         Choice("symmetry", reduction.symmetry, reduction.why),
-        Choice("kinematics", reduction.kinematics.name, _strain_measure(material)),
+        Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
+        Choice("strain", *_strain_measure(material)),
         formulation_choice,
         gap_choice,
         contact_choice,
@@ -118,15 +119,17 @@ def resolve(config: Config) -> Scene:
         material=material, formulation=formulation, indenter=blunt.tip if blunt else tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
-        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, formulation)),
+        warnings=(*_warnings(body, material, tip, center, max(deltas), a, theory, formulation),
+                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
     )  # fmt: skip
 
 
-def _strain_measure(material: Material) -> str:
-    return "small strain: the material is linear elastic" if material.small_strain else "finite strain: hyperelastic"
+def _strain_measure(material: Material) -> tuple[str, str]:
+    """Which strains, and why."""
+    return ("small", "the material is linear elastic") if material.small_strain else ("finite", "it is hyperelastic")
 
 
 def _labels(config: Config) -> dict[str, str]:
@@ -245,11 +248,30 @@ def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) 
         return kind(), Choice("contact", kind().method, why)
     unit = material.E_star / sizes.h_contact
     given = getattr(wanted, name, "auto")
-    value = kind.auto_multiple * unit if isinstance(given, str) else given * scales.length / scales.pressure
-    source = "auto" if given == "auto" else "as given"
+    if isinstance(given, str):
+        given = auto_stiffness(kind, sizes, material, scales)
+    value = given * scales.length / scales.pressure
+    _refuse_soft(kind, name, value / unit, unit * scales.pressure / scales.length)
+    source = "auto" if getattr(wanted, name, "auto") == "auto" else "as given"
     law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
     text = f"{law.method}, {name} = {value * scales.pressure / scales.length:.6g}"
     return law, Choice("contact", text, f"{why}; {name} {source}: {value / unit:.3g} E*/h_contact")
+
+
+def auto_stiffness(kind: Any, sizes: Sizes, material: Material, scales: Scales) -> float:
+    """The epsilon_n or gamma that `auto` stands for [pressure per length of the user]."""
+    return float(kind.auto_multiple * material.E_star / sizes.h_contact * scales.pressure / scales.length)
+
+
+def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
+    """ConfigError for a stiffness with which the method converges to a wrong force."""
+    smallest = getattr(kind, "smallest_multiple", 0.0)
+    if multiple < smallest * (1 - 1e-9):
+        raise ConfigError(
+            f"contact.{name}",
+            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {kind().method} gives wrong forces",
+            f"at least {smallest * unit:.4g}, or auto ({kind.auto_multiple:g} E*/h_contact)",
+        )
 
 
 def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str, Choice]:
@@ -359,7 +381,4 @@ def _half_space_warning(
     low = 1 - closed[1] / solution.force
     if abs(low) < 0.01:
         return []
-    return [
-        f"{closed[0]} does not apply: at this thickness the half-space force is {abs(low):.1%} too "
-        + ("low" if low > 0 else "high")
-    ]
+    return [f"{closed[0]} (half-space) does not apply: for a contact this large the body is not thick enough"]

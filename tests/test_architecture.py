@@ -36,6 +36,7 @@ ROOMS: dict[str, set[str]] = {
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
     "scene": {"blunting", "config", "model", "oracle", "reduction", "sizing", "state", "truncation"},
+    "resolved": {"config", "scene"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
     "comparison": {"oracle", "scene", "state"},
@@ -43,7 +44,10 @@ ROOMS: dict[str, set[str]] = {
     "xdmf": {"folder"},
     "results": {"", "folder", "state", "xdmf"},
     "plots": {"results"},
-    "run": {"comparison", "config", "fe", "folder", "geometry", "parallel", "plots", "results", "scene", "state"},
+    "run": {
+        *("comparison", "config", "fe", "folder", "geometry", "parallel"),
+        *("plots", "resolved", "results", "scene", "state"),
+    },
     "study": {"", "config", "parallel", "plots", "results", "run", "scene", "state"},
     # what people see
     "reference": {"hints", "model", "schema", "symbols"},
