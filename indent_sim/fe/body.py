@@ -145,9 +145,9 @@ class Body:
         first = ufl.derivative(self.strain_energy, self.unknowns.solution)
         return fem.form(ufl.derivative(first, self.unknowns.solution))
 
-    def stiffness_matrix(self, held: bool) -> PETSc.Mat:
-        """The stiffness at the present solution; with identity rows for constrained dofs when `held`."""
-        matrix = fem_petsc.assemble_matrix(self.stiffness, self.bcs if held else [])
+    def stiffness_matrix(self) -> PETSc.Mat:
+        """The stiffness at the present solution, constrained dofs included."""
+        matrix = fem_petsc.assemble_matrix(self.stiffness)
         matrix.assemble()
         return matrix
 

@@ -42,10 +42,10 @@ class Condenser:
 
     def __init__(self, body: Body):
         self.body = body
-        raw = body.stiffness_matrix(held=False)
-        self._support_rows = self._row_sum(raw, body.z_supports)
-        self._pin_rows = [self._row_sum(raw, np.array([pin])) for pin in self._all_pins()]
-        matrix = body.stiffness_matrix(held=True)
+        matrix = body.stiffness_matrix()
+        self._support_rows = self._row_sum(matrix, body.z_supports)
+        self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
+        matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if "q" not in body.unknowns.names:
             matrix.setOption(PETSc.Mat.Option.SPD, True)

@@ -17,7 +17,7 @@ from indent_sim.fe.path import failed_state
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 1.4  # candidates reach this far beyond the expected contact radius
+MARGIN = 6.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
 
@@ -34,7 +34,7 @@ class CondensedWalk:
         self._whole *= 1.5  # the corners of a box
         self._depth, self._solves = 0.0, 0
         self.observed = RecoveredBody(self)
-        self._condense(min(MARGIN * scene.sizes.patch, self._whole))
+        self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
 
     def _condense(self, reach: float) -> None:
         self._reach_of_candidates = reach
