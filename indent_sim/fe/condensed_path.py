@@ -25,11 +25,11 @@ SMALLEST_CUT = 2.0**-10
 class CondensedWalk:
     """Contact on the compliance of the candidate surface, which grows when the contact comes to its rim."""
 
-    def __init__(self, scene: Scene, body: Body, started: float | None = None):
+    def __init__(self, scene: Scene, body: Body, started: float | None = None, condenser: Condenser | None = None):
         self.scene, self.body = scene, body
         self.dofs = body.active_dofs
         self.started = time.perf_counter() if started is None else started
-        self.condenser = Condenser(body)
+        self.condenser = condenser or Condenser(body)
         self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
         self._whole *= 1.5  # the corners of a box
         self._depth, self._solves = 0.0, 0
@@ -38,8 +38,13 @@ class CondensedWalk:
 
     def _condense(self, reach: float) -> None:
         self._reach_of_candidates = reach
-        self.contact = CondensedContact(self.condenser.condense(reach, self.scene.center), self.scene, self._solves)
+        compliance = self.condenser.condense(reach, self.scene.center)
+        self.contact = CondensedContact(compliance, self.scene, self._solves)
         self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self._depth)
+
+    def under(self, scene: Scene) -> CondensedWalk:
+        """The same body under another tip, path or method: nothing is factored again."""
+        return CondensedWalk(scene, self.body, condenser=self.condenser)
 
     def refuse_unused_options(self) -> None:
         """Nothing is passed to PETSc here."""
