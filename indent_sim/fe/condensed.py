@@ -20,7 +20,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
 from indent_sim.fe.compliance import Compliance
-from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.enforce import UZAWA_LOOPS, settled
 from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.newton import softer
 from indent_sim.fe.surface import contact_quadrature, from_midpoints, pressure_functions, shapes, split_quadrature
@@ -237,7 +237,7 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
             size = max(np.linalg.norm(before), np.linalg.norm(image))
             change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)
-            if change <= UZAWA_TOLERANCE * size:
+            if change <= settled(contact._scene) * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
             contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False

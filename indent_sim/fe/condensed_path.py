@@ -17,7 +17,7 @@ from indent_sim.fe.path import failed_state
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 6.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
+MARGIN = 8.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
 
