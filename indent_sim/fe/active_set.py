@@ -16,15 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from indent_sim.fe import compat
 from indent_sim.fe.surface import (
-    adjacent_cells,
+    FacetValues,
     facet_nodes,
-    facet_to_cell,
     pressure_functions,
     shapes,
     split_quadrature,
@@ -47,8 +44,8 @@ class NodalContact:
         dim, order = problem.body_mesh.dim, problem.scene.sizes.order
         self._points, reference_weights = split_quadrature(dim, order)
         self._N = shapes(self._points, order)
-        self._fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
-        self._cells, self._local = adjacent_cells(problem.mesh, facets)
+        fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
+        self._fields = FacetValues(problem.mesh, facets, fields, self._points)
         nodes = facet_nodes(problem.mesh, problem.unknowns.own_space("lam"), facets)
         self.lam_places = problem.unknowns.places("lam")[nodes]
         self._psi = self.basis(self._points)
@@ -79,20 +76,9 @@ class NodalContact:
         x = np.moveaxis(trace.positions(self._points), -1, 0)
         return area * self.problem.scene.kinematics.weight(x)
 
-    @cached_property
-    def _expressions(self) -> dict[int, fem.Expression]:
-        return {}
-
     def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
-        dim, points = self.problem.body_mesh.dim, self._points
-        values = np.zeros((len(self._cells), len(points), 1 + dim + dim * dim))
-        for k in np.unique(self._local):
-            here = np.flatnonzero(self._local == k)
-            if k not in self._expressions:
-                self._expressions[k] = fem.Expression(self._fields, facet_to_cell(points, k, dim))
-            found = compat.evaluate(self._expressions[k], self.problem.mesh, self._cells[here])
-            values[here] = found.reshape(len(here), len(points), -1)
+        dim, values = self.problem.body_mesh.dim, self._fields()
         return values[..., 0], values[..., 1 : 1 + dim], values[..., 1 + dim :].reshape(*values.shape[:2], dim, dim)
 
     def _gathered(self, nodal: np.ndarray) -> np.ndarray:

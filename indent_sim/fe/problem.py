@@ -23,9 +23,8 @@ from indent_sim.fe.body import CONTACT, Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import (
     QUADRATURE_DEGREE,
-    adjacent_cells,
+    FacetValues,
     facet_nodes,
-    facet_to_cell,
     from_midpoints,
     interior_points,
     shapes,
@@ -181,22 +180,13 @@ class Problem(Body):
 
     def _stress_on_facets(self) -> np.ndarray:
         """Nodal values (facets, n) of the normal stress, extrapolated from interior points (0/0 on the axis)."""
-        order, dim = self.scene.sizes.order, self.body_mesh.dim
-        points = interior_points(dim, order)
-        facets = self.body_mesh.surfaces["top"]
-        cells, local = adjacent_cells(self.mesh, facets)
-        values = np.zeros((len(facets), len(points)))
-        for k in np.unique(local):
-            here = np.flatnonzero(local == k)
-            expression = self._stress_expressions.setdefault(
-                k, fem.Expression(self.multiplier, facet_to_cell(points, k, dim))
-            )
-            values[here] = compat.evaluate(expression, self.mesh, cells[here]).reshape(len(here), len(points))
-        return values @ np.linalg.inv(shapes(points, order)).T
+        points = interior_points(self.body_mesh.dim, self.scene.sizes.order)
+        return self._stress_values()[..., 0] @ np.linalg.inv(shapes(points, self.scene.sizes.order)).T
 
     @cached_property
-    def _stress_expressions(self) -> dict[int, fem.Expression]:
-        return {}
+    def _stress_values(self) -> FacetValues:
+        points = interior_points(self.body_mesh.dim, self.scene.sizes.order)
+        return FacetValues(self.mesh, self.body_mesh.surfaces["top"], self.multiplier, points)
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""

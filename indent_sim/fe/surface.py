@@ -12,6 +12,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 
 from indent_sim.fe import compat
 
@@ -176,6 +177,28 @@ def facet_to_cell(points: np.ndarray, local: int, dim: int) -> np.ndarray:
     """Points of the reference facet as points of the reference cell whose facet number `local` it is."""
     corners = np.vstack([np.zeros(dim), np.eye(dim)])
     return shapes(points, 1) @ np.delete(corners, local, axis=0)
+
+
+class FacetValues:
+    """A UFL expression at points of the reference facet, on every one of this rank's facets."""
+
+    def __init__(self, mesh: Any, facets: np.ndarray, expression: Any, points: np.ndarray):
+        """Collective: all ranks compile what any of them needs, or those with few facets would leave others waiting."""
+        self._mesh = mesh
+        self._cells, self._local = adjacent_cells(mesh, facets)
+        self._points = len(points)
+        numbers = sorted(set().union(*mesh.comm.allgather(set(self._local.tolist()))))
+        self._compiled = {k: fem.Expression(expression, facet_to_cell(points, k, mesh.topology.dim)) for k in numbers}
+        self._size = int(np.prod(expression.ufl_shape, dtype=int))
+
+    def __call__(self) -> np.ndarray:
+        """Values (facets, points, components) at the present solution."""
+        values = np.zeros((len(self._cells), self._points, self._size))
+        for k in np.unique(self._local):
+            here = np.flatnonzero(self._local == k)
+            found = compat.evaluate(self._compiled[k], self._mesh, self._cells[here])
+            values[here] = found.reshape(len(here), self._points, self._size)
+        return values
 
 
 @cache
