@@ -59,7 +59,7 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     return {
         "name": scene.oracle.name,
         "exact": scene.oracle.exact and scene.gap == "reference",
-        "why": scene.oracle.why,
+        "why": _difference(scene),
         "delta": deepest.delta,
         "force": solution.force * F,
         "a": solution.a * L,
@@ -72,6 +72,14 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
             "a": [s.a * L for s in curve],
         },
     }
+
+
+def _difference(scene: Scene) -> str:
+    """What this run's problem has that theory's has not, or why they are one."""
+    gap = "the gap is tested at the deformed point, theory's at the undeformed one"
+    if scene.gap == "reference" or scene.oracle is None:
+        return scene.oracle.why if scene.oracle else ""
+    return gap if scene.oracle.exact else f"{gap}; {scene.oracle.why}"
 
 
 def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:

@@ -36,8 +36,8 @@ class CondensedContact:
         self.nodes = compliance.trace.nodes
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
-        self.F = np.zeros(compliance.size)
-        self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
+        self.F: np.ndarray = np.zeros(compliance.size)
+        self.lam: np.ndarray = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
         self._scene = scene
         self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
@@ -79,7 +79,7 @@ class CondensedContact:
         return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
 
     @cached_property
-    def _inverse_mass(self) -> np.ndarray:
+    def inverse_mass(self) -> np.ndarray:
         N, W, _ = self._quadrature
         return np.linalg.inv(self._matrix(np.einsum("fp,pn,pm->fnm", W, N, N)))
 
@@ -98,11 +98,12 @@ class CondensedContact:
         """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero."""
         N, W, height = self._quadrature
         epsilon_n, C = self.law.stiffness, self.compliance.C  # type: ignore[union-attr]
-        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
+        D = (self.inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
             offset = offset + frozen[self.nodes] @ N.T
-        F, before = self.F.copy(), None
+        F: np.ndarray = self.F.copy()
+        before: np.ndarray | None = None
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
@@ -200,7 +201,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
             return False
-        contact.lam = contact._inverse_mass @ contact.F
+        contact.lam = contact.inverse_mass @ contact.F
         return True
 
     return solve
@@ -212,7 +213,7 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, image = contact.lam, contact._inverse_mass @ contact.F
+            before, image = contact.lam, contact.inverse_mass @ contact.F
             size = max(np.linalg.norm(before), np.linalg.norm(image))
             change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)

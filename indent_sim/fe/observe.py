@@ -37,6 +37,7 @@ class Observed(Protocol):
         """lam (facets, points) [pressure]."""
 
 
+ROUNDOFF = 1e-12  # of the body's height: a coordinate below it is zero
 EDGE_MULTIPLE = 4.0  # of E*/h_contact: a within 0.5 % on HERTZ and on finite-strain spheres; 2 is high, 8 low
 
 
@@ -176,7 +177,8 @@ def surface(body: Observed) -> Surface | None:
     table = np.concatenate(parts)
     keys = np.round(table[:, : dim - 1], 10)
     _, first = np.unique(keys, axis=0, return_index=True)
-    X, u, (gap, pressure) = table[first, :dim], table[first, dim : 2 * dim], table[first, 2 * dim :].T
+    X = np.where(np.abs(table[first, :dim]) < ROUNDOFF, 0.0, table[first, :dim])  # the axis is at 0, not at 1e-18
+    u, (gap, pressure) = table[first, dim : 2 * dim], table[first, 2 * dim :].T
     zero = np.zeros(len(first))
     if dim == 2:
         return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure)

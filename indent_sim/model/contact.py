@@ -102,6 +102,11 @@ class Nitsche(_StiffnessLaw):
 
     multiplier: ClassVar[Multiplier] = "stress"
     auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: far enough above the smallest that works
+    # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured against the active
+    # set on the same mesh (HERTZ axisymmetric, strip and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a):
+    # from 1 on the force is within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %;
+    # each of them converges as willingly as the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
+    smallest_multiple: ClassVar[float] = 1.0
 
     @property
     def stiffness(self) -> Any:  # type: ignore[override]
