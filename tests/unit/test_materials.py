@@ -88,7 +88,7 @@ def rotation(seed: int) -> np.ndarray:
     return Q * np.sign(np.linalg.det(Q))
 
 
-# ---- the law of the notes' original code, exactly ---------------------------------------------------------------
+# ---- the law of the notes' original code, exactly ------------------------------------------------------------
 
 HOMOGENEOUS = 1e-9  # the printed digits of the reference
 
@@ -164,7 +164,7 @@ def test_incompressible_bar(name: str, stretch: float) -> None:
     assert found == pytest.approx(incompressible_uniaxial(name, stretch), rel=EXACT[name])
 
 
-# ---- what every law must be -----------------------------------------------------------------------------------------
+# ---- what every law must be ------------------------------------------------------------
 
 
 @each_law
@@ -238,7 +238,7 @@ def test_mixed_is_the_displacement_law_at_its_pressure(name: str) -> None:
     assert np.allclose(numbers(name, True).stress(F, q), numbers(name).stress(F), atol=1e-12)
 
 
-# ---- special cases of one law are another -----------------------------------------------------------------------------
+# ---- special cases of one law are another ------------------------------------------------------------
 
 NEO = MooneyRivlin(C10=0.5, nu=0.3)  # the isochoric neo-Hookean law, mu = 1
 SAME = {
@@ -262,6 +262,7 @@ def test_special_case(case: str) -> None:
 
 def test_gent_has_a_limit() -> None:
     """The energy grows without bound towards I1 - 3 = Jm (stretch 3.27 at Jm = 9) and is not a number beyond it."""
+
     def bar(stretch: float) -> np.ndarray:
         return np.diag([stretch, stretch**-0.5, stretch**-0.5])
 
@@ -271,7 +272,7 @@ def test_gent_has_a_limit() -> None:
     assert not np.isfinite(law.energy(bar(limit * (1 + 1e-9))))
 
 
-# ---- constants ----------------------------------------------------------------------------------------------------------
+# ---- constants ------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
