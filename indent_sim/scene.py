@@ -13,7 +13,7 @@ from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
-from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
+from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Profile, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import scaled
@@ -367,6 +367,8 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
     if material.small_strain and delta > 0.1 * body.height:
         warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
+    if isinstance(tip, Profile) and tip.radius_at(delta) >= tip.points[-1][0]:
+        warnings.append("deeper than the profile is high: where it ends the contact may end like under a punch")
     if a > 0.8 * body.rim_distance(center):
         warnings.append("the contact comes close to the edge of the body")
     if formulation == "displacement" and material.constants[1] >= LOCKING:
