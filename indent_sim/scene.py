@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
+NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -229,7 +230,7 @@ def _expected_radius(
 def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
            center: tuple[float, ...]) -> Sizes:  # fmt: skip
     mesh, dim = config.mesh, reduction.kinematics.dim
-    sharp = isinstance(tip, FlatPunch) and tip.edge_radius == 0
+    sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
     edge = rounded(tip.radius) if isinstance(tip, FlatPunch) and sharp else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
