@@ -68,7 +68,7 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     curve = scene.oracle.curve(depths) or []
     return {
         "name": scene.oracle.name,
-        "exact": scene.oracle.exact and scene.gap == "reference",
+        "exact": scene.oracle.exact and scene.gap == "reference" and scene.material.small_strain,
         "why": _difference(scene),
         "delta": deepest.delta,
         "force": solution.force * F,
@@ -86,10 +86,14 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
 
 def _difference(scene: Scene) -> str:
     """What this run's problem has that theory's has not, or why they are one."""
-    gap = "the gap is tested at the deformed point, theory's at the undeformed one"
-    if scene.gap == "reference" or scene.oracle is None:
-        return scene.oracle.why if scene.oracle else ""
-    return gap if scene.oracle.exact else f"{gap}; {scene.oracle.why}"
+    if scene.oracle is None:
+        return ""
+    here = {
+        "strain is finite, theory's small": not scene.material.small_strain,
+        "the gap is tested at the deformed point, theory's at the undeformed one": scene.gap == "current",
+    }
+    reasons = [reason for reason, applies in here.items() if applies]
+    return "; ".join([*reasons, scene.oracle.why] if not (reasons and scene.oracle.exact) else reasons)
 
 
 def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:

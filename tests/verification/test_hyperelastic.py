@@ -126,10 +126,10 @@ def test_deep(nu: float) -> None:
     assert np.all(np.diff([state.force for state in states]) > 0)
 
 
-# Against the augmented Lagrangian, at 17 elements in the contact radius. Uzawa ends where the same epsilon_n would,
-# which is a hundred times stiffer and sees other quadrature points in contact; hats for pressures move the contact edge by a
-# part of an element; the penalty is 100 E*/h, and lacks 2/100 h/a by perturbation theory for Hertz, several times that
-# where the layer is pressed together
+# Against the augmented Lagrangian, at 17 elements in the contact radius. Uzawa ends where the same epsilon_n would, a
+# hundred times stiffer, which sees other quadrature points in contact; hats for pressures move the contact edge by a
+# part of an element; the penalty is 100 E*/h, and lacks 2/100 h/a by perturbation theory for Hertz, several times
+# that where the layer is pressed together
 METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 
