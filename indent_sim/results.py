@@ -116,7 +116,8 @@ class ResultFolder:
                 self._write_surface(state.step, state.surface, sync)
             append_whole(self.path / TABLE, _row(state, self._columns), sync)
             self.rows += 1
-            self._save_report(sync)
+            if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
+                self._save_report(sync)
             if not self._claim.published:
                 self._publish()
             if sync:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,8 @@ from indent_sim import geometry
 from indent_sim.comparison import summary
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import uninterrupted
+from indent_sim.model.indenters import Indenter
+from indent_sim.model.quantities import scaled
 from indent_sim.parallel import on_root
 from indent_sim.resolved import left_open, resolved
 from indent_sim.results import ResultFolder
@@ -127,6 +129,48 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     for state in fe.walk(scene, mesh).states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
+
+
+@dataclass(frozen=True)
+class CondensedBody:
+    """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds each."""
+
+    scene: Scene
+    walk: Any
+
+    @property
+    def compliance(self) -> Any:
+        """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
+        return self.walk.contact.compliance
+
+    def states(self, indenter: Indenter | None = None, deltas: Sequence[float] | None = None) -> list[State]:
+        """Press another tip, or to other depths, all in the user's units; one State a depth, without surface tables.
+
+        The mesh stays: it must be fine enough for this contact too.
+        """
+        L, P = self.scene.scales.length, self.scene.scales.pressure
+        changes: dict[str, Any] = {}
+        if indenter is not None:
+            changes["indenter"] = scaled(indenter, L, P)
+        if deltas is not None:
+            changes["deltas"] = tuple(delta / L for delta in deltas)
+        scene = replace(self.scene, **changes)
+        walk = self.walk.under(scene)
+        return [state.in_units(scene.scales) for state in walk.states(scene.deltas, lambda step: False)]
+
+
+def condense(scene: Scene, comm: Any = None) -> CondensedBody:
+    """Factor a linear scene's body once and condense it (collective); see `CondensedBody`.
+
+    Raises ConfigError when the scene is not one that condenses.
+    """
+    from mpi4py import MPI
+
+    if scene.solver["method"] != "condensed":
+        raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
+    fe = _backend()
+    comm = comm or MPI.COMM_SELF
+    return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, geometry.build, scene), scene, comm)))
 
 
 def _plan(scene: Scene) -> dict[str, Any]:

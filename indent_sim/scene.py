@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import sizing
+from indent_sim.blunting import blunted
 from indent_sim.errors import ConfigError
-from indent_sim.model.body import Body
+from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
 from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.model.kinematics import Kinematics
@@ -18,12 +19,17 @@ from indent_sim.oracle import Oracle, half_space_force, oracle
 from indent_sim.reduction import Pins, Reduction, reduce
 from indent_sim.sizing import Sizes, rounded
 from indent_sim.state import Scales
+from indent_sim.truncation import Truncation, half_space_oracle, truncate
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
 
 LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
+WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
+
+
+WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,7 @@ class Scene:
     extent: tuple[tuple[float, float], ...]  # of the modelled part, (min, max) along each axis
     supports: dict[str, str]  # named surface -> free | roller | fixed; symmetry planes are rollers
     pins: Pins  # (point, component) that remove rigid modes
+    wall_stiffness: float  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     material: Material
     formulation: str  # displacement | mixed
     indenter: Indenter
@@ -70,22 +77,25 @@ def resolve(config: Config) -> Scene:
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
     material = _material(config)
-    center = config.center or config.body.centre
-    _check_scene(config.body, config.indenter, center, config.loading.path())
+    whole, truncation = _finite(config, material)
+    center = whole.centre if truncation else config.center or whole.centre
+    _check_scene(whole, config.indenter, center, config.loading.path())
     E, _ = material.constants
-    scales = Scales(config.body.height, E, 2 if config.body.shape == "strip" else 3)
+    scales = Scales(whole.height, E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
-    body, tip = scaled(config.body, *unit), scaled(config.indenter, *unit)
+    body, tip = scaled(whole, *unit), scaled(config.indenter, *unit)
     material = scaled(material, *unit)
     center = tuple(rounded(c / scales.length) for c in center)
     deltas = tuple(delta / scales.length for delta in config.loading.path())
-    reduction = reduce(_rounded_body(body), center, config.mesh.symmetry)
-    theory = oracle(body, material, tip, center)
+    reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
+    theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     a = _expected_radius(theory, tip, body, max(deltas), center)
     sizes = _sizes(config, reduction, tip, a, scales, center)
     cost = _affordable(sizes, reduction, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
     gap, gap_choice = _gap(config.contact, reduction, material)
+    blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
+    wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
     solver_choice = _solver(config, material, contact, gap)
     choices = (
@@ -95,6 +105,9 @@ def resolve(config: Config) -> Scene:
         formulation_choice,
         gap_choice,
         contact_choice,
+        *([Choice("body", body.shape, truncation.why)] if truncation else []),
+        *([Choice(blunt.key, blunt.radius * scales.length, blunt.why)] if blunt else []),
+        *([Choice("wall", wall * scales.pressure / scales.length, WALL_WHY)] if wall else []),
         *_mesh_choices(config, sizes, scales, a),
         solver_choice,
         *_pin_choices(reduction),
@@ -102,13 +115,14 @@ def resolve(config: Config) -> Scene:
     return Scene(
         title=config.title, units=_labels(config), scales=scales, kinematics=reduction.kinematics,
         symmetry=reduction.symmetry, copies=reduction.copies, body=body, extent=reduction.extent,
-        supports=dict(reduction.supports), pins=reduction.pins, material=material, formulation=formulation,
-        indenter=tip, center=center,
+        supports=dict(reduction.supports), pins=reduction.pins, wall_stiffness=wall,
+        material=material, formulation=formulation, indenter=blunt.tip if blunt else tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*_warnings(body, material, tip, center, max(deltas), a, theory, formulation),
                   *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
+            **({"truncation_error": truncation.error} if truncation else {}),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
     )  # fmt: skip
 
@@ -120,6 +134,18 @@ def _strain_measure(material: Material) -> tuple[str, str]:
 
 def _labels(config: Config) -> dict[str, str]:
     return {"length": config.units.length, "force": config.units.force}
+
+
+def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None]:
+    """The body as given, or the one that stands for a half-space."""
+    if not isinstance(config.body, HalfSpace):
+        return config.body, None
+    truncation = truncate(config.indenter, material, max(config.loading.path()))
+    return truncation.body, truncation
+
+
+def _guided(reduction: Reduction) -> bool:
+    return reduction.radius is not None and reduction.supports["r_max"] == "roller"
 
 
 # ---- checks ---------------------------------------------------------------------------------------------------
@@ -208,7 +234,8 @@ def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales
         raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {mesh.h_contact:g}")
     if h_contact and h_contact > height:
         raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
-    return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge)
+    return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge,
+                         round_radius=reduction.radius)  # fmt: skip
 
 
 def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) -> tuple[ContactLaw, Choice]:

@@ -11,6 +11,7 @@ import numpy as np
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {(2, 2): 10.0, (2, 1): 40.0, (3, 2): 5.0, (3, 1): 16.0}  # (dim, order)
 GRADING = {2: 0.2, 1: 0.1}  # growth of the size per unit distance, by order
+PER_WALL_RADIUS = 5.0  # elements per radius of a curved wall: its polygon encloses 0.7 % less than the circle
 PATCH = 1.15  # the fine patch reaches this far beyond the expected contact radius
 ENOUGH = {2: 3.0, 1: 10.0}  # elements per contact radius below which results are doubtful, by order
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
@@ -79,10 +80,14 @@ def rounded(value: float) -> float:
 
 
 def choose(a: float, height: float, width: float, dim: int, order: int, *, h_contact: float | None,
-           h_far: float | None, edge: float | None) -> Sizes:  # fmt: skip
-    """Sizes for an expected contact radius a in a body of the given height and width [length]."""
+           h_far: float | None, edge: float | None, round_radius: float | None = None) -> Sizes:  # fmt: skip
+    """Sizes for an expected contact radius a in a body of the given height and width [length].
+
+    round_radius: of a curved wall, which straight facets follow [length].
+    """
     fine = rounded(h_contact or min(a / PER_RADIUS[dim, order], height / 4))  # what follows must not know who chose it
-    far = h_far or max(fine, 0.25 * max(height, width) / (1 if order == 2 else 4))
+    coarse = 0.25 * max(height, width) / (1 if order == 2 else 4)
+    far = h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
     patch = PATCH * a + 2 * fine
     h_edge = rounded(fine / EDGE_RATIO[dim]) if edge is not None else None
     return Sizes(fine, rounded(far), rounded(patch), order, GRADING[order], edge, h_edge)

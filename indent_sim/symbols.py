@@ -69,8 +69,16 @@ MATERIAL = (
 
 INDENTER = (
     Symbol("R", "R", "radius of the tip: of the ball, or of the paraboloid at its apex", "length"),
-    Symbol("half_angle", r"\alpha", "angle between the axis and the flank", "degrees"),
-    Symbol("tip_radius", r"\rho", "radius of the ball that rounds the apex; 0: sharp", "length"),
+    Symbol("half_angle", r"\alpha", "angle between the axis and the flank (a pyramid: the face)", "degrees"),
+    Symbol(
+        "tip_radius",
+        r"\rho",
+        "radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: sharp",
+        "length",
+    ),
+    Symbol("faces", "", "number of faces of the pyramid, all alike", "1"),
+    Symbol("rotation", "", "turn of the pyramid about z; at 0 one face's normal points along x", "degrees"),
+    Symbol("points", "(r_i, z_i)", "the profile from the apex [0, 0] outward, [r, z] each, straight between", "length"),
     Symbol("edge_radius", r"\rho", "radius that rounds the edge of the flat punch; 0: sharp", "length"),
     Symbol(
         "center",

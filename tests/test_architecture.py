@@ -24,6 +24,8 @@ ROOMS: dict[str, set[str]] = {
     "model": set(),
     "theory": set(),
     "oracle": {"model", "theory"},
+    "blunting": {"model", "oracle"},
+    "truncation": {"model", "oracle", "theory"},
     "sizing": set(),
     "reduction": {"model"},
     # the scene file
@@ -33,9 +35,9 @@ ROOMS: dict[str, set[str]] = {
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
-    "scene": {"config", "model", "oracle", "reduction", "sizing", "state"},
+    "scene": {"blunting", "config", "model", "oracle", "reduction", "sizing", "state", "truncation"},
     "resolved": {"config", "scene"},
-    "geometry": {"scene", "sizing"},
+    "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
     "comparison": {"oracle", "scene", "state"},
     "folder": set(),

@@ -42,10 +42,10 @@ class Condenser:
 
     def __init__(self, body: Body):
         self.body = body
-        raw = body.stiffness_matrix(held=False)
-        self._support_rows = self._row_sum(raw, body.z_supports)
-        self._pin_rows = [self._row_sum(raw, np.array([pin])) for pin in self._all_pins()]
-        matrix = body.stiffness_matrix(held=True)
+        matrix = body.stiffness_matrix()
+        self._support_rows = self._row_sum(matrix, body.z_supports)
+        self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
+        matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if "q" not in body.unknowns.names:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -55,6 +55,8 @@ class Condenser:
         self._pc.setFactorSolverType("mumps")
         self._pc.setUp()
         self._owned_nodes, self._keys, self._X = self._surface_nodes()
+        self._condensed = np.zeros(0, dtype=np.int64)
+        self._last: Compliance | None = None
 
     def _all_pins(self) -> list[int]:
         """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
@@ -88,9 +90,11 @@ class Condenser:
     def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
         """The compliance of all facets that come within `reach` [length] of the tip's axis."""
         keys, nodes, X, order = self._facets_within(reach, center)
-        self._condensed = keys
-        C, support, stray = self._solve(keys)
-        return Compliance((C + C.T) / 2, Trace(nodes, X, nodes, order), support, stray)
+        if self._last is None or not np.array_equal(keys, self._condensed):
+            self._condensed = keys
+            C, support, stray = self._solve(keys)
+            self._last = Compliance((C + C.T) / 2, Trace(nodes, X, nodes, order), support, stray)
+        return self._last
 
     def _facets_within(self, reach: float, center: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         """Global numbers of the nodes near the tip, and the facets (as rows of these, sorted by place) between them."""

@@ -36,8 +36,8 @@ class CondensedContact:
         self.nodes = compliance.trace.nodes
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
-        self.F = np.zeros(compliance.size)
-        self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
+        self.F: np.ndarray = np.zeros(compliance.size)
+        self.lam: np.ndarray = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
         self._scene = scene
         self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
@@ -102,7 +102,8 @@ class CondensedContact:
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
             offset = offset + frozen[self.nodes] @ N.T
-        F, before = self.F.copy(), None
+        F: np.ndarray = self.F.copy()
+        before: np.ndarray | None = None
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0

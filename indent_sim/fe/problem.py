@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dolfinx_mesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.active_set import NodalContact
-from indent_sim.fe.body import Body, symbolic
+from indent_sim.fe.body import CONTACT, Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import (
     QUADRATURE_DEGREE,
@@ -32,8 +31,6 @@ from indent_sim.fe.surface import (
 )
 from indent_sim.model.indenters import gap_current, gap_reference
 from indent_sim.scene import Scene
-
-CONTACT = 1
 
 
 class Problem(Body):
@@ -70,7 +67,7 @@ class Problem(Body):
 
     def _build_forms(self) -> None:
         unknowns, X = self.unknowns, self.X
-        self._contact_facets = self._mark_contact()
+        self._contact_facets = self.surface_measure(CONTACT, QUADRATURE_DEGREE[self.body_mesh.dim])
         delta = ufl.variable(self.delta)
         g, normal = self._gap(X, delta)
         self.multiplier = self._multiplier(normal)
@@ -102,13 +99,6 @@ class Problem(Body):
     def over_contact(self, integrand: Any) -> Any:
         """The integral of an expression over the contact surface, as a UFL form."""
         return integrand * self.weight * self._contact_facets
-
-    def _mark_contact(self) -> Any:
-        facets = np.sort(self.body_mesh.surfaces["top"])
-        values = np.full(len(facets), CONTACT, dtype=np.int32)
-        tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets, values)
-        degree = {"quadrature_degree": QUADRATURE_DEGREE[self.body_mesh.dim]}
-        return ufl.ds(CONTACT, domain=self.mesh, subdomain_data=tags, metadata=degree)
 
     def _gap(self, X: Any, delta: Any) -> tuple[Any, Any]:
         """The gap and the direction of the traction on the body (dg/dx) at the points of the contact surface."""

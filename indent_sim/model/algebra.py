@@ -51,15 +51,29 @@ def macaulay(x: Any) -> Any:
     return where_less(0.0, x, x, 0.0 * x)
 
 
+def sin(degrees: Any) -> Any:
+    """Sine of an angle in degrees."""
+    return _of_angle("sin", degrees)
+
+
+def cos(degrees: Any) -> Any:
+    """Cosine of an angle in degrees."""
+    return _of_angle("cos", degrees)
+
+
 def tan(degrees: Any) -> Any:
     """Tangent of an angle in degrees."""
+    return _of_angle("tan", degrees)
+
+
+def _of_angle(name: str, degrees: Any) -> Any:
     if is_symbolic(degrees):
         import ufl
 
-        return ufl.tan(degrees * pi / 180)
+        return getattr(ufl, name)(degrees * pi / 180)
     import numpy as np
 
-    return np.tan(np.radians(degrees))
+    return getattr(np, name)(np.radians(degrees))
 
 
 # A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. It keeps

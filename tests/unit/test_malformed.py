@@ -51,6 +51,16 @@ def edited(old: str, new: str) -> str:
     return SCENE.replace(old, new)
 
 
+def tip(lines: str) -> str:
+    """The scene with another tip."""
+    return edited("shape: paraboloid\n  R: 1.0", lines)
+
+
+def body(lines: str) -> str:
+    """The scene with another body."""
+    return edited("shape: box\n  size: [1.0, 1.0, 1.0]\n  base: fixed\n  sides: free", lines)
+
+
 def choices(section: str, parameter: str = "") -> list[str]:
     """What a section may choose, or those of them that have this parameter."""
     kinds = kinds_of(hints(Config)[section], tags()[section])
@@ -150,6 +160,24 @@ MALFORMED = [
     (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
     (edited("  delta: 0.01\n", ""), 19, "loading", "says no depth"),
     (edited("delta: 0.01\n  steps: 10", "deltas: []"), 20, "loading.deltas", "list of numbers, got []"),
+    # tips and bodies
+    (tip("shape: pyramid\n  half_angle: 90"), 14, "indenter.half_angle", "must be > 0 and < 90, got 90"),
+    (tip("shape: pyramid\n  half_angle: 60\n  faces: 2"), 15, "indenter.faces", "must be >= 3 and <= 64, got 2"),
+    (tip("shape: pyramid\n  half_angle: 60\n  faces: 4.0"), 15, "indenter.faces", "a whole number"),
+    (tip("shape: pyramid\n  half_angle: 60\n  tip_radius: -1"), 15, "indenter.tip_radius", "must be >= 0"),
+    (tip("shape: pyramid"), 12, "indenter.half_angle", "missing; give a number > 0 and < 90"),
+    (tip("shape: cone\n  half_angle: 60\n  faces: 4"), 15, "indenter.faces", "(it belongs to pyramid)"),
+    (tip("shape: profile"), 12, "indenter.points", "missing; give a non-empty list of"),
+    (tip("shape: profile\n  points: [[0, 0]]"), 14, "indenter.points", "list"),
+    (tip("shape: profile\n  points: [[0, 0], 1]"), 14, "indenter.points[1]", "list of 2 numbers >= 0, got 1"),
+    (tip("shape: profile\n  points: [[0, 0], [1, 1, 1]]"), 14, "indenter.points[1]", "list of 2 numbers"),
+    (tip("shape: profile\n  points: [[0, 0], [1, -1]]"), 14, "indenter.points[1][1]", "must be >= 0, got -1"),
+    (tip("shape: profile\n  points: [[0, 1], [1, 2]]"), 14, "indenter.points", "the apex [0, 0]"),
+    (tip("shape: profile\n  points: [[0, 0], [1, 1], [1, 2]]"), 14, "indenter.points", "r must increase"),
+    (tip("shape: profile\n  points: [[0, 0], [1, 1], [2, 1.5]]"), 14, "indenter.points", "must be convex"),
+    (body("shape: half_space"), 12, "indenter.center", "a half-space is the same everywhere"),
+    (body("shape: half_space\n  base: fixed"), 5, "body.base", "'half_space' has no parameter 'base'"),
+    (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder)"),
     (edited("center: [0.5, 0.5]", "center: [0.5]"), 15, "indenter.center", "stands at [x, y], got 1"),
     (edited("center: [0.5, 0.5]", "center: [0.5, a]"), 15, "indenter.center[1]", "must be a number, got 'a'"),
 ]
