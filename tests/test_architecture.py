@@ -45,7 +45,7 @@ ROOMS: dict[str, set[str]] = {
     "results": {"", "folder", "state", "xdmf"},
     "plots": {"results"},
     "run": {
-        *("comparison", "config", "fe", "folder", "geometry", "parallel"),
+        *("comparison", "config", "fe", "folder", "geometry", "model", "parallel"),
         *("plots", "resolved", "results", "scene", "state"),
     },
     "study": {"", "config", "parallel", "plots", "results", "run", "scene", "state"},
