@@ -6,6 +6,7 @@ with the same exit code. Heavy imports wait inside the commands.
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -294,7 +295,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
 
     shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
     try:
-        with shown(tell) as show:
+        with shown(tell) as show, _quiet_libraries(speaks=comm.rank == 0):
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
@@ -306,6 +307,36 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
         if comm.rank == 0:
             _name_partial(directory)
         raise
+
+
+@contextmanager
+def _quiet_libraries(speaks: bool) -> Iterator[None]:
+    """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not.
+
+    Without a handler of the root logger, libraries that call `logging.info` would install one that prints it all.
+    """
+    ours, root = logging.getLogger("indent_sim"), logging.getLogger()
+    told, warned = Teller(logging.INFO), Teller(logging.WARNING)
+    before = ours.level, ours.propagate
+    ours.setLevel(logging.INFO if speaks else logging.ERROR)
+    ours.propagate = False
+    ours.addHandler(told)
+    root.addHandler(warned)
+    try:
+        yield
+    finally:
+        root.removeHandler(warned)
+        ours.removeHandler(told)
+        ours.level, ours.propagate = before
+
+
+class Teller(logging.Handler):
+    """A logger's messages on stderr, those of libraries with their name."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell one message."""
+        of = "" if record.name == "indent_sim" else f"{record.name}: "
+        tell(f"{of}{record.getMessage()}")
 
 
 def _name_partial(directory: Path) -> None:

@@ -68,8 +68,8 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     curve = scene.oracle.curve(depths) or []
     return {
         "name": scene.oracle.name,
-        "exact": scene.oracle.exact and scene.gap == "reference" and scene.material.small_strain,
-        "why": _difference(scene),
+        "exact": not _difference(scene),
+        "why": "; ".join(_difference(scene)) or scene.oracle.why,
         "delta": deepest.delta,
         "force": solution.force * F,
         "a": solution.a * L,
@@ -84,16 +84,15 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     }
 
 
-def _difference(scene: Scene) -> str:
-    """What this run's problem has that theory's has not, or why they are one."""
-    if scene.oracle is None:
-        return ""
-    here = {
-        "strain is finite, theory's small": not scene.material.small_strain,
-        "the gap is tested at the deformed point, theory's at the undeformed one": scene.gap == "current",
-    }
-    reasons = [reason for reason, applies in here.items() if applies]
-    return "; ".join([*reasons, scene.oracle.why] if not (reasons and scene.oracle.exact) else reasons)
+def _difference(scene: Scene) -> tuple[str, ...]:
+    """What this run's problem has that theory's has not; empty when they are one."""
+    assert scene.oracle is not None
+    parts = (
+        (not scene.material.small_strain, "strain is finite, theory's small"),
+        (scene.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
+        (not scene.oracle.exact, scene.oracle.why),
+    )
+    return tuple(why for applies, why in parts if applies)
 
 
 def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:

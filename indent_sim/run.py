@@ -106,6 +106,7 @@ def run(config: Config, comm: Any, *, directory: Path | None = None, progress: P
         decided = resolved(config, scene)
         with Record(comm, target, to_yaml(decided), surface=config.output.surface) as record:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
+                        center=[c * scene.scales.length for c in scene.center],
                         plan=_plan(scene) | {"auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
             states = Simulation(config, scene, record, clock).follow(progress)

@@ -395,4 +395,4 @@ def _half_space_warning(
     low = 1 - closed[1] / solution.force
     if abs(low) < 0.01:
         return []
-    return [f"{closed[0]} (half-space) does not apply: for a contact this large the body is not thick enough"]
+    return [f"{closed[0]}, half-space, does not apply: for a contact this large the body is not thick enough"]

@@ -55,7 +55,7 @@ def conclusion(outcome: Outcome) -> list[str]:
     if closed := theory.get("half_space"):
         side = "below" if closed["deviation"] < 0 else "above"
         beside = f"force {closed['force']:.6g}, {abs(closed['deviation']):.2%} {side} this run"
-        lines.append(f"{closed['name']} (half-space) at delta {theory['delta']:.6g}: {beside}")
+        lines.append(f"{closed['name']}, half-space, at delta {theory['delta']:.6g}: {beside}")
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")
