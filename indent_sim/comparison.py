@@ -14,8 +14,10 @@ from indent_sim.state import State
 POINTS = 50  # of the theory curve that is kept for the plot
 
 
-def summary(scene: Scene, states: list[State], stages: dict[str, float], worst_audit: float) -> dict[str, Any]:
-    """The closing entries of run.json: theory, audit, timings [s] and peak memory [MB]."""
+def summary(
+    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float
+) -> dict[str, Any]:
+    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
         "theory": theory_comparison(scene, states),
@@ -23,8 +25,10 @@ def summary(scene: Scene, states: list[State], stages: dict[str, float], worst_a
             "force_against_reaction": worst_audit,
             "energy_by_trapezoid": energy_balance(states),
             "newton_iterations": sum(state.newton_iterations for state in states),
+            "substeps": sum(state.substeps for state in states),
         },
         "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
+        "cpu_timings": {name: round(seconds, 4) for name, seconds in cpu.items()},
         "peak_memory_MB": round(memory, 1),
     }
 

@@ -42,7 +42,7 @@ ROOMS: dict[str, set[str]] = {
     "results": {"", "folder", "state", "xdmf"},
     "plots": {"results"},
     "run": {"comparison", "config", "fe", "folder", "geometry", "parallel", "plots", "results", "scene", "state"},
-    "study": {"", "config", "parallel", "plots", "results", "run", "scene", "state"},
+    "study": {"", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "yaml_strict"},
     # what people see
     "reference": {"hints", "model", "schema", "symbols"},
     "terminal": {"hints", "results", "run", "scene", "schema", "state", "symbols"},
@@ -60,7 +60,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "mpi4py": ("fe/", "run.py", "cli.py"),
     "gmsh": ("geometry.py", "fe/compat.py"),
     "h5py": ("xdmf.py",),
-    "matplotlib": ("plots.py",),
+    "matplotlib": ("plots.py", "study/picture.py"),
     "scipy": ("theory/", "fe/"),
     "yaml": ("yaml_strict.py",),
     "click": ("cli.py",),
