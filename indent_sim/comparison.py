@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ def summary(
     scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
         "theory": theory_comparison(scene, states),
         "audit": {
@@ -29,8 +29,22 @@ def summary(
         },
         "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
         "cpu_timings": {name: round(seconds, 4) for name, seconds in cpu.items()},
-        "peak_memory_MB": round(memory, 1),
+        "peak_memory_MB": round(peak_memory(), 1),
     }
+
+
+def peak_memory() -> float:
+    """The largest memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def memory() -> float:
+    """The memory of this process now [MB]; its peak where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return peak_memory()
+    return pages * resource.getpagesize() / 2**20
 
 
 def energy_balance(states: list[State]) -> float | None:

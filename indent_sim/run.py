@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import geometry
-from indent_sim.comparison import summary
+from indent_sim.comparison import memory, summary
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import uninterrupted
 from indent_sim.parallel import on_root
@@ -107,7 +107,8 @@ def run(
             scene = resolve(config)
         with Record(comm, target, to_yaml(config), surface=config.output.surface) as record:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
-                        plan=_plan(scene), warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
+                        plan=_plan(scene), warnings=list(scene.warnings), ranks=comm.size,
+                        memory_before_MB=round(memory(), 1))  # fmt: skip
             states = Simulation(config, scene, record, clock).follow(progress)
     except ConfigError as error:
         raise located(config, error) from None

@@ -98,7 +98,7 @@ class _Builder:
             unit = self._unit(point)
             point = tuple((key, _times(value, unit), place) for key, value, place in point)
         config = self._config(point)
-        scene = _resolved(config)
+        scene = _resolved(config, point)
         return Case(index, {key: value for key, value, _ in point}, config, scene, identity(scene))
 
     def _config(self, point: Point) -> Config:
@@ -110,7 +110,7 @@ class _Builder:
         name = inline([[key, value] for key, value, _ in others])
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
-            scene = _resolved(self._config((*others, auto)))
+            scene = _resolved(self._config((*others, auto)), point)
             self._units[name] = stiffness_unit(scene) * scene.scales.pressure / scene.scales.length
         return self._units[name]
 
@@ -119,10 +119,16 @@ def _times(value: Any, unit: float) -> Any:
     return float(f"{value.factor * unit:.15g}") if isinstance(value, Multiple) else value
 
 
-def _resolved(config: Config) -> Scene:
+def _resolved(config: Config, point: Point) -> Scene:
+    """The scene of a point; an error about a section says which value varied there, and where that stands."""
     try:
         return resolve(config)
     except ConfigError as error:
+        section = error.key.split(".")[0]
+        for key, value, (file, line) in point:
+            if key.split(".")[0] == section:
+                told = f"{error.problem} (with {key}={short(value)})"
+                raise dataclasses.replace(error, problem=told, file=file, line=line) from None
         raise located(config, error) from None
 
 

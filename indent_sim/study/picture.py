@@ -50,7 +50,7 @@ def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
         x, y = [row["cpu_s"] for row in rows], [_error(row) for row in rows]
         axes.plot(x, y, ls="", **_mark(i), label=name or "runs")
-    _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows])
+    _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
 
 
 def _front(axes: Axes, front: Sequence[Row]) -> None:
@@ -129,17 +129,19 @@ def _mark(i: int) -> dict[str, Any]:
     return {"color": colour, "marker": plots.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
 
 
-def _log_axes(axes: Axes, x: str, values: Sequence[float]) -> None:
+def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
     """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
     from matplotlib.ticker import LogLocator
 
     axes.set(yscale="log", xlabel=x, ylabel="|relative error of the force|")
-    if min(values) > 0 and max(values) > SPAN * min(values):
+    if min(values) > 0 and max(values) > span * min(values):
         axes.set_xscale("log")
-        if max(values) < 100 * min(values):
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        if (ratio := max(values) / min(values)) < 100:
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter("")
     axes.axhline(ONE_PERCENT, color=plots.GREY, lw=0.6, ls=":", zorder=1)
+    axes.annotate("1 %", (1, ONE_PERCENT), xycoords=("axes fraction", "data"), ha="right", va="bottom",
+                  fontsize=8, color=plots.GREY)  # fmt: skip
     axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
     axes.margins(0.08)

@@ -17,6 +17,7 @@ from indent_sim.study.cases import Case
 from indent_sim.study.file import StudyFile
 
 SAME_DEPTH = 1e-9  # relative
+MOST_DEPTHS = 200  # at which theory is asked
 RADII = 200  # at which theory's pressure is looked at for its peak
 NAN = math.nan
 
@@ -90,9 +91,10 @@ class Comparison:
 
 
 def of_theory(case: Case) -> Answer | None:
-    """Layer theory at every depth of a case; None where there is none."""
+    """Layer theory at the depths of a case, of very many at some; None where there is none."""
     scene = case.scene
     depths = [delta for delta in scene.deltas if delta > 0]
+    depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
     curve = scene.oracle.curve(depths) if scene.oracle and depths else None
     if not curve:
         return None

@@ -16,7 +16,7 @@ from indent_sim.study.reference import Answer, Comparison
 from indent_sim.yaml_strict import inline
 
 STAGES = ("resolve", "mesh", "assemble", "solve", "write")
-COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "peak_memory_MB")
+COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
 OUTCOME = ("status", "exit_code", "reason", "steps_done", "force", "a", "p_max", "penetration")
 ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
@@ -61,11 +61,16 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
 
 
 def _costs(report: Mapping[str, Any]) -> Row:
-    """CPU seconds per stage and in sum (what a process does once, loading libraries, left out), and memory."""
+    """CPU seconds per stage and in sum (what a process does once, loading libraries, left out), and memory.
+
+    memory_MB is what the run itself needed, peak_memory_MB what its process held, with what earlier runs left.
+    """
     cpu, wall = report.get("cpu_timings", {}), report.get("timings", {})
     row: Row = {f"cpu_{stage}": cpu.get(stage) for stage in STAGES}
     row["cpu_s"] = _sum(cpu)
-    return row | {"wall_s": _sum(wall), "peak_memory_MB": report.get("peak_memory_MB")}
+    peak, before = report.get("peak_memory_MB"), report.get("memory_before_MB")
+    own = round(peak - before, 1) if peak is not None and before is not None else None
+    return row | {"wall_s": _sum(wall), "memory_MB": own, "peak_memory_MB": peak}
 
 
 def _sum(timings: Mapping[str, float]) -> float | None:

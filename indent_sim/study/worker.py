@@ -88,14 +88,10 @@ def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _die_with(parent)
+    _warm_up()
     with suppress(EOFError, OSError):
-        warm = False
         while True:
-            config, directory = pipe.recv()
-            if not warm:
-                _warm_up()
-                warm = True
-            pipe.send(_ending(config, directory))
+            pipe.send(_ending(*pipe.recv()))
 
 
 def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
@@ -112,8 +108,11 @@ def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
 
 
 def _warm_up() -> None:
+    """Load the libraries, and let a crash be one: PETSc would have MPI end it, which a forked process may wait for."""
     with suppress(Exception):  # the run will say what is wrong
         chain.warm_up()
+    for crash in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT):
+        signal.signal(crash, signal.SIG_DFL)
 
 
 def _die_with(parent: int) -> None:
