@@ -42,7 +42,8 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
         _front(panels["work"], front)
         if number:
             _against(panels["number"], groups, number)
-        _names(panels["names"], panels["work"], front, keys)
+        telling = [key for key in keys if len({short(row[key]) for row in shown}) > 1] or list(keys)
+        _names(panels["names"], panels["work"], front, telling)
         plots.save(figure, path)
 
 
@@ -74,10 +75,9 @@ def _names(axes: Axes, work: Axes, front: Sequence[Row], keys: Sequence[str]) ->
     axes.axis("off")
     handles, labels = work.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
-    telling = [key for key in keys if len({short(row[key]) for row in front}) > 1] or list(keys)
     lines = ["Pareto front"]
     for number, row in enumerate(front[:MOST_NAMED], start=1):
-        lines.append(f"{number}  {_brief(row, telling)}")
+        lines.append(f"{number}  {_brief(row, keys)}")
         lines.append(f"    {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}")
     if len(front) > MOST_NAMED:
         lines.append(f"and {len(front) - MOST_NAMED} more")

@@ -21,6 +21,7 @@ OUTCOME = ("status", "exit_code", "reason", "steps_done", "force", "a", "p_max",
 ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS)
+ROUNDING = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
 TARGETS = (0.05, 0.01, 0.001)
 
 Row = dict[str, Any]
@@ -117,7 +118,7 @@ def pareto(table: Iterable[Row]) -> list[Row]:
     """The rows that no other beats in both CPU seconds and force error, the quickest first."""
     front: list[Row] = []
     for row in sorted(measured(table), key=lambda row: (row["cpu_s"], abs(row["force_error_vs"]))):
-        if not front or abs(row["force_error_vs"]) < abs(front[-1]["force_error_vs"]):
+        if not front or abs(row["force_error_vs"]) < ROUNDING * abs(front[-1]["force_error_vs"]):
             front.append(row)
     return front
 

@@ -247,9 +247,7 @@ class TestRuns:
         assert [row["index"] for row in rows] == [str(i) for i in range(1, 10)]
         assert list(rows[0])[:4] == ["index", "run", "contact.method", "mesh.h_contact"]
         assert {row["status"] for row in rows} == {"done"} and {row["exit_code"] for row in rows} == {"0"}
-        assert all(
-            abs(float(row["force_error_vs"])) < 0.03 for row in rows
-        )  # the discretisation's; measured 1.4 % at most
+        assert all(abs(float(row["force_error_vs"])) < 0.03 for row in rows)  # measured 1.4 %
         assert all(abs(float(row["p_error_vs"])) < 0.2 and abs(float(row["a_error_vs"])) < 0.2 for row in rows)
         assert [row["run"] for row in rows[:3]] == [row["run"] for row in rows[3:6]]  # identical physics: solved once
         assert len(list((tmp_path / "out" / "runs").iterdir())) == 6 and done.stderr.count("force 0.00") == 6
