@@ -38,8 +38,8 @@ lint: setup ## ruff and mypy only
 verify: setup ## accuracy against closed forms and converged references
 	$(VENV)/python -m pytest -q -m verify --durations=15
 
-bench: setup ## speed against accuracy
-	$(VENV)/python -m pytest -q -s -m bench
+bench: setup ## speed against accuracy, into docs/accuracy.md
+	$(VENV)/python scripts/bench
 
 stress: setup ## extremes of geometry, material and size
 	$(VENV)/python -m pytest -q -m stress --durations=15

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import resource
 from pathlib import Path
 from typing import Any
@@ -34,17 +35,21 @@ def summary(
 
 
 def peak_memory() -> float:
-    """The largest memory of this process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    """Largest memory of this process so far [MB]; the kernel's ru_maxrss would include that of whoever started it."""
+    return _memory("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def memory() -> float:
     """The memory of this process now [MB]; its peak where the system does not say."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
-    except (OSError, ValueError, IndexError):
-        return peak_memory()
-    return pages * resource.getpagesize() / 2**20
+    return _memory("VmRSS:") or peak_memory()
+
+
+def _memory(name: str) -> float | None:
+    with contextlib.suppress(OSError, ValueError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith(name):
+                return int(line.split()[1]) / 1024
+    return None
 
 
 def energy_balance(states: list[State]) -> float | None:
@@ -72,12 +77,12 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     solution = scene.oracle.at(delta)
     if solution is None:
         return None
-    depths = np.linspace(0, delta, POINTS + 1)[1:]
-    curve = scene.oracle.curve(depths.tolist()) or []
+    depths = [delta * n / POINTS for n in range(1, POINTS + 1)]
+    curve = scene.oracle.curve(depths) or []
     return {
         "name": scene.oracle.name,
         "exact": scene.oracle.exact and scene.gap == "reference",
-        "why": scene.oracle.why,
+        "why": _difference(scene),
         "delta": deepest.delta,
         "force": solution.force * F,
         "a": solution.a * L,
@@ -90,6 +95,14 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
             "a": [s.a * L for s in curve],
         },
     }
+
+
+def _difference(scene: Scene) -> str:
+    """What this run's problem has that theory's has not, or why they are one."""
+    gap = "the gap is tested at the deformed point, theory's at the undeformed one"
+    if scene.gap == "reference" or scene.oracle is None:
+        return scene.oracle.why if scene.oracle else ""
+    return gap if scene.oracle.exact else f"{gap}; {scene.oracle.why}"
 
 
 def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:

@@ -7,11 +7,13 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from indent_sim.errors import BackendError, MeshError
+from indent_sim.model.body import Cylinder
 from indent_sim.scene import Scene
 from indent_sim.sizing import Sizes
 
@@ -80,15 +82,21 @@ def _gmsh_session() -> Iterator[Any]:
 def _draw(gmsh: Any, scene: Scene) -> None:
     if scene.kinematics.dim == 2:
         _draw_rectangle(gmsh, scene)
+    elif isinstance(scene.body, Cylinder):
+        _draw_cylinder(gmsh, scene, round(scene.body.radius, DIGITS))
     else:
-        (x0, x1), (y0, y1), (z0, z1) = np.round(scene.extent, DIGITS).tolist()
+        (x0, x1), (y0, y1), (z0, z1) = _rounded(scene.extent)
         gmsh.model.occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
         gmsh.model.occ.synchronize()
 
 
+def _rounded(extent: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
+    return [(round(low, DIGITS), round(high, DIGITS)) for low, high in extent]
+
+
 def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
     """A rectangle whose top edge is split under the tip's axis and at a punch's edge: contact may end there."""
-    (x0, x1), (z0, z1) = np.round(scene.extent, DIGITS).tolist()
+    (x0, x1), (z0, z1) = _rounded(scene.extent)
     offsets = [0.0] if scene.sizes.edge is None else [-scene.sizes.edge, 0.0, scene.sizes.edge]
     splits = sorted({round(scene.center[0] + offset, DIGITS) for offset in offsets}, reverse=True)
     top = [(x, z1) for x in splits if x0 < x < x1]
@@ -97,6 +105,24 @@ def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
     points = [geo.addPoint(x, z, 0.0) for x, z in corners]
     lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
     geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    geo.synchronize()
+
+
+def _draw_cylinder(gmsh: Any, scene: Scene, radius: float) -> None:
+    """The cylinder, or the half or quarter of it on one side of the mirror planes, from arcs of a quarter turn."""
+    (x0, _), (y0, _), (z0, z1) = np.round(scene.extent, DIGITS).tolist()
+    first = -1 if x0 == 0 and y0 < 0 else 0
+    quarters = (2 if x0 < 0 else 1) * (2 if y0 < 0 else 1)
+    geo = gmsh.model.geo
+    middle = geo.addPoint(0.0, 0.0, z0)
+    turns = [[(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)][k % 4] for k in range(first, first + quarters + 1)]
+    rim = [geo.addPoint(c * radius, s * radius, z0) for c, s in turns[: quarters + (quarters < 4)]]
+    ends = rim + rim[:1] if quarters == 4 else rim
+    lines = [geo.addCircleArc(a, middle, b) for a, b in pairwise(ends)]
+    if quarters < 4:
+        lines += [geo.addLine(rim[-1], middle), geo.addLine(middle, rim[0])]
+    base = geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    geo.extrude([(2, base)], 0.0, 0.0, z1 - z0)
     geo.synchronize()
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.body import Body
-from indent_sim.model.indenters import Cone, FlatPunch, Indenter, Paraboloid, Sphere
+from indent_sim.model.indenters import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
 from indent_sim.model.materials import Material
 from indent_sim.theory import half_space, layer, plane_strain, tips
 from indent_sim.theory.solution import Solution
@@ -51,6 +51,10 @@ def oracle(body: Body, material: Material, tip: Indenter, center: tuple[float, .
         if theory_tip is None or nu < 0:
             return None
         wall, exact, why = _wall(body, center)
+        if not tip.of_revolution:
+            exact, why = False, "theory's tip is the cone of equal sections"
+        if not material.small_strain:
+            exact, why = False, "theory is that of small strain"
         arguments = {"E": E, "nu": nu, "h": body.height, "base": body.base, "wall": wall}
         return Oracle("layer theory", exact, why, module, theory_tip, arguments)
     return None
@@ -68,18 +72,37 @@ def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, st
 
 
 def _theory_tip(tip: Indenter, module: Any) -> Any:
-    known = tips if module is layer else plane_strain
+    return layer_tip(tip) if module is layer else _strip_tip(tip)
+
+
+def layer_tip(tip: Indenter) -> tips.Tip | None:
+    """The tip as layer theory sees it; a pyramid as the cone of equal sections."""
     match tip:
         case Paraboloid(R=R):
-            return known.paraboloid(R)
+            return tips.paraboloid(R)
         case Sphere(R=R):
-            return known.sphere(R)
-        case Cone(half_angle=angle, tip_radius=radius) if module is layer:
+            return tips.sphere(R)
+        case Cone(half_angle=angle, tip_radius=radius):
             return tips.cone(angle, radius)
+        case FlatPunch(radius=radius, edge_radius=edge):
+            return tips.flat_punch(radius, edge)
+        case Pyramid(half_angle=angle, tip_radius=radius):
+            return tips.cone(float(np.degrees(np.arctan(tip.roundness * np.tan(np.radians(angle))))), radius)
+        case Profile(points=points, tip_radius=0.0):
+            return tips.piecewise_linear(points)
+        case Profile(points=points):
+            breaks = {round(edge, 15) for c, w, _ in tip.corners() for edge in (c - w, c + w)}
+            return tips.profile(tip.slope, reach=points[-1][0], breaks=sorted(b for b in breaks if b > 0))
+
+
+def _strip_tip(tip: Indenter) -> Any:
+    match tip:
+        case Paraboloid(R=R):
+            return plane_strain.paraboloid(R)
+        case Sphere(R=R):
+            return plane_strain.sphere(R)
         case Cone(half_angle=angle, tip_radius=0.0):
             return plane_strain.cone(angle)
-        case FlatPunch(radius=radius, edge_radius=edge) if module is layer:
-            return tips.flat_punch(radius, edge)
         case FlatPunch(radius=radius, edge_radius=0.0):
             return plane_strain.flat_punch(radius)
     return None
@@ -98,4 +121,6 @@ def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, f
             return "Sneddon (cone)", half_space.cone_force(delta, angle, E_star)
         case FlatPunch(radius=radius, edge_radius=0.0):
             return "Sneddon (flat punch)", half_space.flat_punch_force(delta, radius, E_star)
+        case Pyramid(half_angle=angle, faces=4, tip_radius=0.0):
+            return "a square pyramid on a half-space", half_space.square_pyramid_force(delta, angle, E_star)
     return None

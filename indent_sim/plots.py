@@ -144,7 +144,7 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         axes.plot(x, y, **THEORY, label=_theory_label(theory))
     closed = (theory or {}).get("half_space")
     if theory and closed:
-        label = f"{closed['name']}, half-space:{_percent(closed.get('deviation'))}"
+        label = f"{closed['name']}, half-space{_against_run(closed.get('deviation'))}"
         axes.plot(depth([theory["delta"]]), force([closed["force"]]), **_hollow("D", GREY), label=label)
     _name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
@@ -300,8 +300,8 @@ def _theory_label(theory: Mapping[str, Any]) -> str:
     return f"{theory.get('name', 'theory')}{beside}"
 
 
-def _percent(deviation: float | None) -> str:
-    return "" if deviation is None else f" {deviation:+.1%}"
+def _against_run(deviation: float | None) -> str:
+    return "" if deviation is None else f": {abs(deviation):.1%} {'below' if deviation < 0 else 'above'} this run"
 
 
 def _choice(report: Mapping[str, Any], key: str) -> str | None:

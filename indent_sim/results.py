@@ -116,7 +116,8 @@ class ResultFolder:
                 self._write_surface(state.step, state.surface, sync)
             append_whole(self.path / TABLE, _row(state, self._columns), sync)
             self.rows += 1
-            self._save_report(sync)
+            if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
+                self._save_report(sync)
             if not self._claim.published:
                 self._publish()
             if sync:
@@ -334,9 +335,9 @@ def _number(value: float | None) -> str:
 
 def _surface_block(step: int, surface: Surface) -> bytes:
     table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
-    text = io.StringIO()
+    text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
-    return text.getvalue().encode()
+    return text.getvalue()
 
 
 def _read_table(path: Path) -> dict[str, np.ndarray]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,10 @@ from indent_sim import geometry
 from indent_sim.comparison import memory, summary
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import uninterrupted
+from indent_sim.model.indenters import Indenter
+from indent_sim.model.quantities import scaled
 from indent_sim.parallel import on_root
+from indent_sim.resolved import left_open, resolved
 from indent_sim.results import ResultFolder
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
@@ -105,9 +108,11 @@ def run(
     try:
         with clock.stage("resolve"):
             scene = resolve(config)
-        with Record(comm, target, to_yaml(config), surface=config.output.surface) as record:
+        decided = resolved(config, scene)
+        with Record(comm, target, to_yaml(decided), surface=config.output.surface) as record:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
-                        plan=_plan(scene), warnings=list(scene.warnings), ranks=comm.size,
+                        plan=_plan(scene) | {"auto": left_open(config, decided)},
+                        warnings=list(scene.warnings), ranks=comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             states = Simulation(config, scene, record, clock).follow(progress)
     except ConfigError as error:
@@ -127,6 +132,48 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     for state in fe.walk(scene, mesh).states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
+
+
+@dataclass(frozen=True)
+class CondensedBody:
+    """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds each."""
+
+    scene: Scene
+    walk: Any
+
+    @property
+    def compliance(self) -> Any:
+        """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
+        return self.walk.contact.compliance
+
+    def states(self, indenter: Indenter | None = None, deltas: Sequence[float] | None = None) -> list[State]:
+        """Press another tip, or to other depths, all in the user's units; one State a depth, without surface tables.
+
+        The mesh stays: it must be fine enough for this contact too.
+        """
+        L, P = self.scene.scales.length, self.scene.scales.pressure
+        changes: dict[str, Any] = {}
+        if indenter is not None:
+            changes["indenter"] = scaled(indenter, L, P)
+        if deltas is not None:
+            changes["deltas"] = tuple(delta / L for delta in deltas)
+        scene = replace(self.scene, **changes)
+        walk = self.walk.under(scene)
+        return [state.in_units(scene.scales) for state in walk.states(scene.deltas, lambda step: False)]
+
+
+def condense(scene: Scene, comm: Any = None) -> CondensedBody:
+    """Factor a linear scene's body once and condense it (collective); see `CondensedBody`.
+
+    Raises ConfigError when the scene is not one that condenses.
+    """
+    from mpi4py import MPI
+
+    if scene.solver["method"] != "condensed":
+        raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
+    fe = _backend()
+    comm = comm or MPI.COMM_SELF
+    return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, geometry.build, scene), scene, comm)))
 
 
 def _plan(scene: Scene) -> dict[str, Any]:
@@ -198,7 +245,7 @@ class Simulation:
     def _keep(self, state: State, last: bool) -> None:
         """Audit a converged state and write it down."""
         self._audit(state)
-        if state.step == 1:
+        if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
             self._walk.refuse_unused_options()
         with self.clock.stage("write"):
             if self.output.fields == "all" or last:

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import sizing
+from indent_sim.blunting import blunted
+from indent_sim.costing import Cost, Work, machine_memory
+from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.model.body import Body
+from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
-from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
+from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Profile, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import scaled
@@ -18,12 +21,18 @@ from indent_sim.oracle import Oracle, half_space_force, oracle
 from indent_sim.reduction import Pins, Reduction, reduce
 from indent_sim.sizing import Sizes, rounded
 from indent_sim.state import Scales
+from indent_sim.truncation import Truncation, half_space_oracle, truncate
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
 
 LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
+WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
+NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
+
+
+WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,7 @@ class Scene:
     extent: tuple[tuple[float, float], ...]  # of the modelled part, (min, max) along each axis
     supports: dict[str, str]  # named surface -> free | roller | fixed; symmetry planes are rollers
     pins: Pins  # (point, component) that remove rigid modes
+    wall_stiffness: float  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     material: Material
     formulation: str  # displacement | mixed
     indenter: Indenter
@@ -70,30 +80,39 @@ def resolve(config: Config) -> Scene:
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
     material = _material(config)
-    center = config.center or config.body.centre
-    _check_scene(config.body, config.indenter, center, config.loading.path())
+    whole, truncation = _finite(config, material)
+    center = whole.centre if truncation else config.center or whole.centre
+    _check_scene(whole, config.indenter, center, config.loading.path())
     E, _ = material.constants
-    scales = Scales(config.body.height, E, 2 if config.body.shape == "strip" else 3)
+    scales = Scales(whole.height, E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
-    body, tip = scaled(config.body, *unit), scaled(config.indenter, *unit)
+    body, tip = scaled(whole, *unit), scaled(config.indenter, *unit)
     material = scaled(material, *unit)
     center = tuple(rounded(c / scales.length) for c in center)
     deltas = tuple(delta / scales.length for delta in config.loading.path())
-    reduction = reduce(_rounded_body(body), center, config.mesh.symmetry)
-    theory = oracle(body, material, tip, center)
+    reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
+    theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     a = _expected_radius(theory, tip, body, max(deltas), center)
     sizes = _sizes(config, reduction, tip, a, scales, center)
-    cost = _affordable(sizes, reduction, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
-    gap, gap_choice = _gap(config.contact, reduction)
+    gap, gap_choice = _gap(config.contact, reduction, material)
+    blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
+    wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
-    solver_choice = _solver(config, contact, gap)
+    solver_choice = _solver(config, material, contact, gap)
+    work = Work(str(solver_choice.value), formulation == "mixed", len(deltas), gap == "current" or not
+                material.small_strain)  # fmt: skip
+    cost = _affordable(sizes, reduction, center, work)
     choices = (
+        *([Choice("body", f"{body.shape}, height {whole.height:.4g}", truncation.why)] if truncation else []),
         Choice("symmetry", reduction.symmetry, reduction.why),
-        Choice("kinematics", reduction.kinematics.name, "small strain: the material is linear elastic"),
+        Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
+        Choice("strain", *_strain_measure(material)),
         formulation_choice,
         gap_choice,
         contact_choice,
+        *([Choice(blunt.key, blunt.radius * scales.length, blunt.why)] if blunt else []),
+        *([Choice("wall", wall * scales.pressure / scales.length, WALL_WHY)] if wall else []),
         *_mesh_choices(config, sizes, scales, a),
         solver_choice,
         *_pin_choices(reduction),
@@ -101,18 +120,38 @@ def resolve(config: Config) -> Scene:
     return Scene(
         title=config.title, units=_labels(config), scales=scales, kinematics=reduction.kinematics,
         symmetry=reduction.symmetry, copies=reduction.copies, body=body, extent=reduction.extent,
-        supports=dict(reduction.supports), pins=reduction.pins, material=material, formulation=formulation,
-        indenter=tip, center=center,
+        supports=dict(reduction.supports), pins=reduction.pins, wall_stiffness=wall,
+        material=material, formulation=formulation, indenter=blunt.tip if blunt else tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
-        warnings=tuple(_warnings(body, material, tip, center, max(deltas), a, theory, formulation)),
+        warnings=(*_warnings(body, material, tip, center, max(deltas), a, theory, formulation),
+                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
-            "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
+            **({"truncation_error": truncation.error} if truncation else {}),
+            "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
+            "seconds": float(f"{cost.seconds:.2g}")},
     )  # fmt: skip
+
+
+def _strain_measure(material: Material) -> tuple[str, str]:
+    """Which strains, and why."""
+    return ("small", "the material is linear elastic") if material.small_strain else ("finite", "it is hyperelastic")
 
 
 def _labels(config: Config) -> dict[str, str]:
     return {"length": config.units.length, "force": config.units.force}
+
+
+def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None]:
+    """The body as given, or the one that stands for a half-space."""
+    if not isinstance(config.body, HalfSpace):
+        return config.body, None
+    truncation = truncate(config.indenter, material, max(config.loading.path()))
+    return truncation.body, truncation
+
+
+def _guided(reduction: Reduction) -> bool:
+    return reduction.radius is not None and reduction.supports["r_max"] == "roller"
 
 
 # ---- checks ---------------------------------------------------------------------------------------------------
@@ -143,13 +182,13 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: t
                           f"stay below {body.height:g}")  # fmt: skip
 
 
-def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...]) -> sizing.Cost:
-    cost = sizing.cost(sizes, reduction.extent, center)
-    available = sizing.machine_memory()
-    if cost.memory > available:
-        raise ConfigError("mesh.h_contact", f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this "
+def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...], work: Work) -> Cost:
+    found = cost_of(sizes, reduction.extent, center, work, is_round=reduction.radius is not None)
+    available = machine_memory()
+    if found.memory > available:
+        raise ConfigError("mesh.h_contact", f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
                           f"machine has {available / 1e9:.3g} GB", "use a larger h_contact, or symmetry")  # fmt: skip
-    return cost
+    return found
 
 
 # ---- choices --------------------------------------------------------------------------------------------------
@@ -191,7 +230,7 @@ def _expected_radius(
 def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
            center: tuple[float, ...]) -> Sizes:  # fmt: skip
     mesh, dim = config.mesh, reduction.kinematics.dim
-    sharp = isinstance(tip, FlatPunch) and tip.edge_radius == 0
+    sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
     edge = rounded(tip.radius) if isinstance(tip, FlatPunch) and sharp else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
@@ -201,7 +240,8 @@ def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales
         raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {mesh.h_contact:g}")
     if h_contact and h_contact > height:
         raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
-    return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge)
+    return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge,
+                         round_radius=reduction.radius)  # fmt: skip
 
 
 def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) -> tuple[ContactLaw, Choice]:
@@ -214,30 +254,53 @@ def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) 
         return kind(), Choice("contact", kind().method, why)
     unit = material.E_star / sizes.h_contact
     given = getattr(wanted, name, "auto")
-    value = kind.auto_multiple * unit if isinstance(given, str) else given * scales.length / scales.pressure
-    source = "auto" if given == "auto" else "as given"
+    if isinstance(given, str):
+        given = auto_stiffness(kind, sizes, material, scales)
+    value = given * scales.length / scales.pressure
+    _refuse_soft(kind, name, value / unit, unit * scales.pressure / scales.length)
+    source = "auto" if getattr(wanted, name, "auto") == "auto" else "as given"
     law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
     text = f"{law.method}, {name} = {value * scales.pressure / scales.length:.6g}"
     return law, Choice("contact", text, f"{why}; {name} {source}: {value / unit:.3g} E*/h_contact")
 
 
-def _gap(wanted: Contact, reduction: Reduction) -> tuple[str, Choice]:
-    gap = "reference" if wanted.gap == "auto" else wanted.gap
+def auto_stiffness(kind: Any, sizes: Sizes, material: Material, scales: Scales) -> float:
+    """The epsilon_n or gamma that `auto` stands for [pressure per length of the user]."""
+    return float(kind.auto_multiple * material.E_star / sizes.h_contact * scales.pressure / scales.length)
+
+
+def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
+    """ConfigError for a stiffness with which the method converges to a wrong force."""
+    smallest = getattr(kind, "smallest_multiple", 0.0)
+    if multiple < smallest * (1 - 1e-9):
+        raise ConfigError(
+            f"contact.{name}",
+            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {kind().method} gives wrong forces",
+            f"at least {smallest * unit:.4g}, or auto ({kind.auto_multiple:g} E*/h_contact)",
+        )
+
+
+def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str, Choice]:
+    auto = "reference" if material.small_strain else "current"
+    gap = auto if wanted.gap == "auto" else wanted.gap
     if gap == "current" and reduction.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
         )  # fmt: skip
-    why = "as given" if wanted.gap != "auto" else "linear elastic: Hertz' own problem, tested at the undeformed point"
+    reasons = {"reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
+               "current": "finite strain: tested at the deformed point, pressure along the tip's normal"}  # fmt: skip
+    why = "as given" if wanted.gap != "auto" else reasons[gap]
     return gap, Choice("contact.gap", gap, why)
 
 
-def _solver(config: Config, contact: ContactLaw, gap: str) -> Choice:
+def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -> Choice:
     """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not."""
     wanted = config.solver.method
     obstacles = [
         why
         for applies, why in (
+            (not material.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (contact.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
@@ -299,12 +362,14 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         return ["the tip never reaches the body: every depth is <= 0"]
     warnings = []
     R = tip.R if isinstance(tip, (Paraboloid, Sphere)) else None
-    if R and 0.2 * a / R > 0.05:
+    if material.small_strain and R and 0.2 * a / R > 0.05:
         warnings.append(f"strains near 0.2 a/R = {0.2 * a / R:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
-    if delta > 0.1 * body.height:
+    if material.small_strain and delta > 0.1 * body.height:
         warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
+    if isinstance(tip, Profile) and tip.radius_at(delta) >= tip.points[-1][0]:
+        warnings.append("deeper than the profile is high: where it ends the contact may end like under a punch")
     if a > 0.8 * body.rim_distance(center):
         warnings.append("the contact comes close to the edge of the body")
     if formulation == "displacement" and material.constants[1] >= LOCKING:
@@ -324,7 +389,4 @@ def _half_space_warning(
     low = 1 - closed[1] / solution.force
     if abs(low) < 0.01:
         return []
-    return [
-        f"{closed[0]} does not apply: at this thickness the half-space force is {abs(low):.1%} too "
-        + ("low" if low > 0 else "high")
-    ]
+    return [f"{closed[0]} (half-space) does not apply: for a contact this large the body is not thick enough"]

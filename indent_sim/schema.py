@@ -17,9 +17,9 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.errors import ConfigError, ConfigErrors
 from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
-from indent_sim.model.body import Body
+from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
-from indent_sim.model.indenters import Indenter
+from indent_sim.model.indenters import Indenter, Profile
 from indent_sim.model.loading import Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, PositiveInt
@@ -51,7 +51,7 @@ class SolverSettings:
     """How the equations are solved; `petsc` options are passed through."""
 
     method: Literal["auto", "newton", "condensed"] = "auto"
-    rtol: Annotated[float, Gt(0), Le(1e-3)] = 1e-10
+    rtol: Annotated[float, Gt(0), Le(1e-3)] = 1e-9
     max_iterations: PositiveInt = 50
     petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
 
@@ -93,7 +93,7 @@ class Config(BaseModel):
 
     title: str = ""
     units: Units = Units()
-    body: Annotated[Body, TaggedBy("shape")]
+    body: Annotated[AnyBody, TaggedBy("shape")]
     material: Annotated[Material, TaggedBy("model")]
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
@@ -112,7 +112,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        if problems := [*_constants(self), *_path(self), *_axis(self)]:
+        if problems := [*_constants(self), *_path(self), *_axis(self), *_tip(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
 
@@ -139,11 +139,25 @@ def _path(config: Config) -> list[ConfigError]:
 
 def _axis(config: Config) -> list[ConfigError]:
     center, needed = config.center, len(config.body.centre)
+    if isinstance(config.body, HalfSpace) and center is not None and any(center):
+        return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
     if center is None or len(center) == needed:
         return []
     form = "[x]" if needed == 1 else "[x, y]"
     problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
     return [ConfigError("indenter.center", problem, f"give {needed}")]
+
+
+def _tip(config: Config) -> list[ConfigError]:
+    tip = config.indenter
+    if isinstance(config.body, Strip) and not tip.of_revolution:
+        return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
+    try:
+        if isinstance(tip, Profile):
+            tip.check()
+    except ValueError as error:
+        return [ConfigError("indenter.points", str(error))]
+    return []
 
 
 @cache

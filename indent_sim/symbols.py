@@ -55,6 +55,13 @@ MATERIAL = (
     Symbol("nu", r"\nu", "Poisson's ratio", "1"),
     Symbol("mu", r"\mu", "shear modulus (never a friction coefficient)", "pressure"),
     Symbol("kappa", r"\kappa", "bulk modulus", "pressure"),
+    Symbol("C10", "C_{10}", "first invariant's coefficient (Mooney-Rivlin, Yeoh)", "pressure"),
+    Symbol("C01", "C_{01}", "second invariant's coefficient (Mooney-Rivlin)", "pressure"),
+    Symbol("C20", "C_{20}", "coefficient of (I1 - 3)^2 (Yeoh)", "pressure"),
+    Symbol("C30", "C_{30}", "coefficient of (I1 - 3)^3 (Yeoh)", "pressure"),
+    Symbol("alpha", r"\alpha_i", "exponents of the stretches (Ogden)", "1"),
+    Symbol("Jm", "J_m", "limit of I1 - 3 (Gent)", "1"),
+    Symbol("lambda_m", r"\lambda_m", "limiting chain stretch (Arruda-Boyce)", "1"),
     Symbol("lame_lambda", r"\lambda", "first Lamé constant, kappa - 2 mu / 3", "pressure"),
     Symbol("formulation", "", "displacement alone, or mixed with a pressure for nu near 0.5", WORD),
     Symbol("E_star", "E^*", "plane-strain modulus E / (1 - nu^2)", "pressure"),
@@ -62,8 +69,16 @@ MATERIAL = (
 
 INDENTER = (
     Symbol("R", "R", "radius of the tip: of the ball, or of the paraboloid at its apex", "length"),
-    Symbol("half_angle", r"\alpha", "angle between the axis and the flank", "degrees"),
-    Symbol("tip_radius", r"\rho", "radius of the ball that rounds the apex; 0: sharp", "length"),
+    Symbol("half_angle", r"\alpha", "angle between the axis and the flank (a pyramid: the face)", "degrees"),
+    Symbol(
+        "tip_radius",
+        r"\rho",
+        "radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: sharp",
+        "length",
+    ),
+    Symbol("faces", "", "number of faces of the pyramid, all alike", "1"),
+    Symbol("rotation", "", "turn of the pyramid about z; at 0 one face's normal points along x", "degrees"),
+    Symbol("points", "(r_i, z_i)", "the profile from the apex [0, 0] outward, [r, z] each, straight between", "length"),
     Symbol("edge_radius", r"\rho", "radius that rounds the edge of the flat punch; 0: sharp", "length"),
     Symbol(
         "center",

@@ -53,8 +53,9 @@ def conclusion(outcome: Outcome) -> list[str]:
     if theory:
         lines.append(_theory(theory))
     if closed := theory.get("half_space"):
-        beside = f"force {closed['force']:.6g}, {closed['deviation']:+.2%} of this run"
-        lines.append(f"{closed['name']} (half-space): {beside}")
+        side = "below" if closed["deviation"] < 0 else "above"
+        beside = f"force {closed['force']:.6g}, {abs(closed['deviation']):.2%} {side} this run"
+        lines.append(f"{closed['name']} (half-space) at delta {theory['delta']:.6g}: {beside}")
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")
@@ -129,7 +130,8 @@ def _numbers(state: State) -> str:
 
 def _theory(theory: dict[str, Any]) -> str:
     exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
-    return f"{theory['name']}: force {theory['force']:.6g}; this run {theory['force_deviation']:+.3%} ({exact})"
+    beside = f"force {theory['force']:.6g}; this run {theory['force_deviation']:+.3%} ({exact})"
+    return f"{theory['name']} at delta {theory['delta']:.6g}: {beside}"
 
 
 def _shown(value: Any) -> str:

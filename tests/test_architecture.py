@@ -24,7 +24,10 @@ ROOMS: dict[str, set[str]] = {
     "model": set(),
     "theory": set(),
     "oracle": {"model", "theory"},
+    "blunting": {"model", "oracle"},
+    "truncation": {"model", "oracle", "theory"},
     "sizing": set(),
+    "costing": {"sizing"},
     "reduction": {"model"},
     # the scene file
     "yaml_strict": set(),
@@ -33,15 +36,19 @@ ROOMS: dict[str, set[str]] = {
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
-    "scene": {"config", "model", "oracle", "reduction", "sizing", "state"},
-    "geometry": {"scene", "sizing"},
+    "scene": {"blunting", "config", "costing", "model", "oracle", "reduction", "sizing", "state", "truncation"},
+    "resolved": {"config", "scene"},
+    "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
     "comparison": {"oracle", "scene", "state"},
     "folder": set(),
     "xdmf": {"folder"},
     "results": {"", "folder", "state", "xdmf"},
     "plots": {"results"},
-    "run": {"comparison", "config", "fe", "folder", "geometry", "parallel", "plots", "results", "scene", "state"},
+    "run": {
+        *("comparison", "config", "fe", "folder", "geometry", "model", "parallel"),
+        *("plots", "resolved", "results", "scene", "state"),
+    },
     "study": {"", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "yaml_strict"},
     # what people see
     "reference": {"hints", "model", "schema", "symbols"},

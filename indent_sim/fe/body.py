@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx import mesh as dolfinx_mesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,15 +19,21 @@ from indent_sim.fe.surface import Trace, facet_nodes
 from indent_sim.fe.unknowns import Unknowns
 from indent_sim.scene import Scene
 
+CONTACT, WALL = 1, 2  # facet tags: the top surface, the curved wall of a cylinder in three dimensions
+
 
 def symbolic(item: Any, mesh: Any) -> Any:
-    """The same dataclass with every number a `Constant`: a changed value never recompiles a kernel."""
-    numbers = {
-        f.name: fem.Constant(mesh, float(value))
-        for f in dataclasses.fields(item)
-        if isinstance(value := getattr(item, f.name), (int, float)) and not isinstance(value, bool)
-    }
-    return dataclasses.replace(item, **numbers)
+    """The same dataclass with every real number a `Constant`: a changed value never recompiles a kernel.
+
+    Whole numbers count something (faces of a pyramid) and decide the formula itself.
+    """
+
+    def constant(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(constant, value))
+        return fem.Constant(mesh, value) if isinstance(value, float) else value
+
+    return dataclasses.replace(item, **{f.name: constant(getattr(item, f.name)) for f in dataclasses.fields(item)})
 
 
 class Body:
@@ -41,8 +48,24 @@ class Body:
         self.unknowns = Unknowns(self.mesh, scene.sizes.order, body_pressure=mixed, multiplier=multiplier)
         self.x = self.unknowns.x
         self.trace = self._build_trace()
+        self._tag_facets()
         self._constrain()
         self._strain()
+        if scene.wall_stiffness:
+            self._guide_curved_wall(scene.wall_stiffness)
+
+    def _tag_facets(self) -> None:
+        empty = np.empty(0, dtype=np.int32)
+        parts = {tag: self.body_mesh.surfaces.get(name, empty) for tag, name in ((CONTACT, "top"), (WALL, "r_max"))}
+        facets = np.concatenate(list(parts.values()))
+        tags = np.repeat(np.array(list(parts), dtype=np.int32), [len(part) for part in parts.values()])
+        order = np.argsort(facets)
+        self._facet_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets[order], tags[order])
+
+    def surface_measure(self, tag: int, degree: int) -> Any:
+        """The measure of the surface CONTACT or WALL with a quadrature degree."""
+        metadata = {"quadrature_degree": degree}
+        return ufl.ds(tag, domain=self.mesh, subdomain_data=self._facet_tags, metadata=metadata)
 
     def _build_trace(self) -> Trace:
         space = self.unknowns.own_space("u")
@@ -57,8 +80,9 @@ class Body:
         unknowns, axes, facet_dim = self.unknowns, self.scene.kinematics.axes, self.body_mesh.facet_dim
         held: list[tuple[int, np.ndarray]] = []
         for surface, support in self.scene.supports.items():
-            normal = axes.index("z" if surface == "base" else surface[0])
-            components = {"fixed": list(range(len(axes))), "roller": [normal]}.get(support, [])
+            axis = "z" if surface == "base" else surface[0]
+            normal = [axes.index(axis)] if axis in axes else []  # a curved wall is guided weakly
+            components = {"fixed": list(range(len(axes))), "roller": normal}.get(support, [])
             facets = self.body_mesh.surfaces[surface]
             held += [(c, unknowns.facet_dofs("u", c, facet_dim, facets)) for c in components]
         pins = [(c, self._vertex_dofs(c, point)) for point, c in self.scene.pins]
@@ -92,9 +116,28 @@ class Body:
         volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
         material = symbolic(scene.material, self.mesh)
         H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
+        H = ufl.variable(H)
         psi = material.energy(H) if q is None else material.mixed_energy(H, q)
-        self.stress = material.stress(H) if q is None else material.mixed_stress(H, q)
+        F = ufl.Identity(3) + H
+        self.nominal_stress = ufl.diff(psi, H)
+        self.stress = self.nominal_stress
+        if not scene.material.small_strain:
+            self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.strain_energy = psi * self.weight * volume
+
+    def _guide_curved_wall(self, stiffness: float) -> None:
+        """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
+
+        n is the cylinder's own normal, stiffness in pressure/length.
+        """
+        X, u = self.X, self.unknowns.fields["u"]
+        r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
+        if self.scene.material.small_strain:
+            outward = (u[0] * X[0] + u[1] * X[1]) / r
+        else:
+            outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
+        wall = self.surface_measure(WALL, 2 * self.scene.sizes.order)
+        self.strain_energy += fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
 
     @cached_property
     def stiffness(self) -> Any:
@@ -102,9 +145,9 @@ class Body:
         first = ufl.derivative(self.strain_energy, self.unknowns.solution)
         return fem.form(ufl.derivative(first, self.unknowns.solution))
 
-    def stiffness_matrix(self, held: bool) -> PETSc.Mat:
-        """The stiffness at the present solution; with identity rows for constrained dofs when `held`."""
-        matrix = fem_petsc.assemble_matrix(self.stiffness, self.bcs if held else [])
+    def stiffness_matrix(self) -> PETSc.Mat:
+        """The stiffness at the present solution, constrained dofs included."""
+        matrix = fem_petsc.assemble_matrix(self.stiffness)
         matrix.assemble()
         return matrix
 

@@ -112,7 +112,7 @@ def unused_options(prefix: str, names: Iterable[str]) -> list[str]:
     used = ctypes.c_int()
     unused = []
     for name in names:
-        library.PetscOptionsUsed(None, f"-{prefix}{name}".encode(), ctypes.byref(used))
+        library.PetscOptionsUsed(None, f"{prefix}{name}".encode(), ctypes.byref(used))  # the name without its "-"
         if not used.value:
             unused.append(name)
     return unused

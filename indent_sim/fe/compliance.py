@@ -42,10 +42,10 @@ class Condenser:
 
     def __init__(self, body: Body):
         self.body = body
-        raw = body.stiffness_matrix(held=False)
-        self._support_rows = self._row_sum(raw, body.z_supports)
-        self._pin_rows = [self._row_sum(raw, np.array([pin])) for pin in self._all_pins()]
-        matrix = body.stiffness_matrix(held=True)
+        matrix = body.stiffness_matrix()
+        self._support_rows = self._row_sum(matrix, body.z_supports)
+        self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
+        matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if "q" not in body.unknowns.names:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -54,7 +54,9 @@ class Condenser:
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
         self._pc.setUp()
-        self._owned_nodes, self._keys, self._X = self._surface_nodes()
+        self._owned_nodes, self._keys = self._surface_nodes()
+        self._condensed = np.zeros(0, dtype=np.int64)
+        self._last: Compliance | None = None
 
     def _all_pins(self) -> list[int]:
         """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
@@ -71,8 +73,8 @@ class Condenser:
         matrix.mult(marks, total)
         return total.array.copy()
 
-    def _surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """This rank's own surface nodes, and the global numbers and coordinates of all of them in a fixed order."""
+    def _surface_nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """This rank's own surface nodes, and the global numbers of all of them in an order given by their places."""
         body = self.body
         space = body.unknowns.own_space("u")
         index_map = space.dofmap.index_map
@@ -83,14 +85,16 @@ class Condenser:
         parts = body.comm.allgather((keys, coordinates))
         all_keys, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
         order = np.lexsort(np.round(X[:, ::-1].T, 10))
-        return owned, all_keys[order], X[order]
+        return owned, all_keys[order]
 
     def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
         """The compliance of all facets that come within `reach` [length] of the tip's axis."""
         keys, nodes, X, order = self._facets_within(reach, center)
-        self._condensed = keys
-        C, support, stray = self._solve(keys)
-        return Compliance((C + C.T) / 2, Trace(nodes, X, nodes, order), support, stray)
+        if self._last is None or not np.array_equal(keys, self._condensed):
+            self._condensed = keys
+            C, support, stray = self._solve(keys)
+            self._last = Compliance((C + C.T) / 2, Trace(nodes, X, nodes, order), support, stray)
+        return self._last
 
     def _facets_within(self, reach: float, center: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         """Global numbers of the nodes near the tip, and the facets (as rows of these, sorted by place) between them."""

@@ -15,9 +15,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
 from indent_sim.scene import Scene
 
@@ -33,8 +35,9 @@ class CondensedContact:
         self.law = scene.contact
         self.nodes = compliance.trace.nodes
         self.iterations = iterations
-        self.F = np.zeros(compliance.size)
-        self.lam = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
+        self.failure = ""  # why the last solve did not converge
+        self.F: np.ndarray = np.zeros(compliance.size)
+        self.lam: np.ndarray = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
         self._scene = scene
         self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
@@ -76,7 +79,8 @@ class CondensedContact:
         return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
 
     @cached_property
-    def _inverse_mass(self) -> np.ndarray:
+    def inverse_mass(self) -> np.ndarray:
+        """M^-1 (n, n) [1/area] of the mass matrix of the contact surface: lam = M^-1 F."""
         N, W, _ = self._quadrature
         return np.linalg.inv(self._matrix(np.einsum("fp,pn,pm->fnm", W, N, N)))
 
@@ -95,11 +99,12 @@ class CondensedContact:
         """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero."""
         N, W, height = self._quadrature
         epsilon_n, C = self.law.stiffness, self.compliance.C  # type: ignore[union-attr]
-        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
+        D = (self.inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
             offset = offset + frozen[self.nodes] @ N.T
-        F, before = self.F.copy(), None
+        F: np.ndarray = self.F.copy()
+        before: np.ndarray | None = None
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
@@ -113,6 +118,7 @@ class CondensedContact:
             before = active
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
+        self.failure = f"no equilibrium within {ITERATIONS} iterations"
         return False
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -153,7 +159,7 @@ class CondensedContact:
         active = p - scale * (open_gap + A @ p) / areas > 0
         while active.tobytes() not in seen:
             seen.add(active.tobytes())
-            p = np.zeros_like(p)
+            p = np.zeros(len(areas))
             on = np.flatnonzero(active)
             p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
             self.iterations += 1
@@ -196,7 +202,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
             return False
-        contact.lam = contact._inverse_mass @ contact.F
+        contact.lam = contact.inverse_mass @ contact.F
         return True
 
     return solve
@@ -204,13 +210,17 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
+        mixing = Mixing(MPI.COMM_SELF)
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, contact.lam = contact.lam, contact._inverse_mass @ contact.F
-            size = max(np.linalg.norm(before), np.linalg.norm(contact.lam))
-            if np.linalg.norm(contact.lam - before) <= UZAWA_TOLERANCE * size:
+            before, image = contact.lam, contact.inverse_mass @ contact.F
+            size = max(np.linalg.norm(before), np.linalg.norm(image))
+            change = np.linalg.norm(image - before)
+            contact.lam = mixing(before, image)
+            if change <= UZAWA_TOLERANCE * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+            contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False
 
     return solve

@@ -17,7 +17,7 @@ from indent_sim.fe.path import failed_state
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 1.4  # candidates reach this far beyond the expected contact radius
+MARGIN = 6.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
 
@@ -25,21 +25,26 @@ SMALLEST_CUT = 2.0**-10
 class CondensedWalk:
     """Contact on the compliance of the candidate surface, which grows when the contact comes to its rim."""
 
-    def __init__(self, scene: Scene, body: Body, started: float | None = None):
+    def __init__(self, scene: Scene, body: Body, started: float | None = None, condenser: Condenser | None = None):
         self.scene, self.body = scene, body
         self.dofs = body.active_dofs
         self.started = time.perf_counter() if started is None else started
-        self.condenser = Condenser(body)
+        self.condenser = condenser or Condenser(body)
         self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
         self._whole *= 1.5  # the corners of a box
         self._depth, self._solves = 0.0, 0
         self.observed = RecoveredBody(self)
-        self._condense(min(MARGIN * scene.sizes.patch, self._whole))
+        self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
 
     def _condense(self, reach: float) -> None:
         self._reach_of_candidates = reach
-        self.contact = CondensedContact(self.condenser.condense(reach, self.scene.center), self.scene, self._solves)
+        compliance = self.condenser.condense(reach, self.scene.center)
+        self.contact = CondensedContact(compliance, self.scene, self._solves)
         self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self._depth)
+
+    def under(self, scene: Scene) -> CondensedWalk:
+        """The same body under another tip, path or method: nothing is factored again."""
+        return CondensedWalk(scene, self.body, condenser=self.condenser)
 
     def refuse_unused_options(self) -> None:
         """Nothing is passed to PETSc here."""
@@ -49,7 +54,9 @@ class CondensedWalk:
         for step, delta in enumerate(deltas, start=1):
             before = self._solves
             if not self._solve(delta):
-                yield failed_state(step, delta, self._solves - before, self._depth, self.started)
+                yield failed_state(
+                    self.scene, step, delta, self._solves - before, self._depth, self.started, self.contact.failure
+                )
                 return
             self._depth = self.view.depth = delta
             yield self._observe(step, delta, self._solves - before, wants_surface(step))

@@ -15,12 +15,13 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from indent_sim.errors import ConfigError
-from indent_sim.fe import compat
-from indent_sim.fe.newton import PREFIX, Newton
+from indent_sim.fe import compat, options
+from indent_sim.fe.mixing import Mixing
+from indent_sim.fe.newton import Newton
 from indent_sim.fe.problem import Problem
 
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier, relative; the force is then good to about 1e-7
+UZAWA_NEWTON = 1e-11  # Newton's tolerance inside the loop: finer than the changes it is to show
 UZAWA_LOOPS = 500
 UZAWA_PATIENCE = 60  # loops in which the change must have halved at least once
 
@@ -39,14 +40,18 @@ class Enforcement:
         """Linear solves so far."""
         return self.newton.iterations
 
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not converge."""
+        return self.newton.failure
+
     def solve(self) -> bool:
         """True when converged; else the problem's state is as it was."""
         return self._algorithm()
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
-        for name in compat.unused_options(PREFIX, self._petsc):
-            raise ConfigError(f"solver.petsc.{name}", "PETSc did not use this option", "check its name")
+        options.refuse_unused(self._petsc)
 
 
 def enforcement(problem: Problem, **solver: Any) -> Enforcement:
@@ -62,18 +67,21 @@ def _simultaneous(newton: Newton) -> Callable[[], bool]:
 def _uzawa(newton: Newton) -> Callable[[], bool]:
     """Newton with lam frozen, then lam <- projection of <lam - epsilon_n g>, until it stands still.
 
-    At the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
+    The updates are mixed with earlier ones (`mixing`), which changes their number and not where they end:
+    at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
     projection = _Projection(newton.problem)
+    newton.rtol = min(newton.rtol, UZAWA_NEWTON)
 
     def solve() -> bool:
         problem = newton.problem
         before = problem.snapshot()
-        smallest, since = float("inf"), 0
+        smallest, since, mixing = float("inf"), 0, Mixing(problem.comm)
         for _ in range(UZAWA_LOOPS):
             if not newton.solve():
                 break
-            change = projection.update()
+            change = projection.update(mixing)
+            newton.failure = f"the multiplier does not settle, it still changes by {change:.1e} of itself"
             if change <= UZAWA_TOLERANCE:
                 return newton.solve()
             smallest, since = (change, 0) if change < smallest / 2 else (smallest, since + 1)
@@ -110,18 +118,19 @@ class _Projection:
         self._solver.getPC().setType("lu")
         self._solver.getPC().setFactorSolverType("mumps")
 
-    def update(self) -> float:
-        """Change the multiplier; returns by how much, relative to itself."""
+    def update(self, mixing: Mixing) -> float:
+        """Change the multiplier; returns how far it was from its projection, relative to itself."""
         with self._b.localForm() as local:
             local.set(0.0)
         fem_petsc.assemble_vector(self._b, self._load)
         self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         self._b.array[self._off] = 0.0
-        before = self.lam.copy()
-        self._solver.solve(self._b, self.lam)
+        before, image = self.lam.copy(), self.lam.duplicate()
+        self._solver.solve(self._b, image)
+        size = max(image.norm(), before.norm())
+        self.lam.array[:] = mixing(before.array_r, image.array_r)
         self.lam.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-        size = max(self.lam.norm(), before.norm())
-        before.axpy(-1.0, self.lam)
+        before.axpy(-1.0, image)
         return before.norm() / size if size > 0 else 0.0
 
 

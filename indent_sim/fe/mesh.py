@@ -11,6 +11,7 @@ import numpy as np
 
 from indent_sim.fe import compat
 from indent_sim.geometry import Grid
+from indent_sim.model.body import Cylinder
 from indent_sim.scene import Scene
 
 ON_PLANE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
@@ -61,7 +62,7 @@ def distribute(grid: Grid | None, scene: Scene, comm: Any) -> BodyMesh:
 
 
 def _surfaces(mesh: Any, scene: Scene) -> dict[str, np.ndarray]:
-    """Facets on each face of the modelled block: x_min, x_max, (y_min, y_max,) base, top."""
+    """Facets on each face of the modelled block: x_min, x_max, (y_min, y_max,) base, top; the curved wall r_max."""
     surfaces = {}
     for axis, (name, bounds) in enumerate(zip(scene.kinematics.axes, scene.extent, strict=True)):
         ends = ("base", "top") if name == "z" else (f"{name}_min", f"{name}_max")
@@ -71,4 +72,16 @@ def _surfaces(mesh: Any, scene: Scene) -> dict[str, np.ndarray]:
                 return np.abs(x[axis] - value) < ON_PLANE
 
             surfaces[end] = dolfinx.mesh.locate_entities_boundary(mesh, mesh.topology.dim - 1, on_plane)
+    if isinstance(scene.body, Cylinder) and scene.kinematics.dim == 3:
+        planes = np.concatenate(list(surfaces.values()))
+        surfaces["r_max"] = np.setdiff1d(_curved_wall(mesh, scene.body.radius), planes)
     return surfaces
+
+
+def _curved_wall(mesh: Any, radius: float) -> np.ndarray:
+    """Facets with every corner on r = radius; between corners they lie inside it by their sagitta."""
+
+    def on_wall(x: np.ndarray) -> np.ndarray:
+        return np.abs(np.hypot(x[0], x[1]) - radius) < ON_PLANE * max(radius, 1.0)
+
+    return dolfinx.mesh.locate_entities_boundary(mesh, mesh.topology.dim - 1, on_wall)

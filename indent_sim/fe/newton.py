@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from indent_sim.errors import ConfigError
-from indent_sim.fe import compat
+from indent_sim.fe import options
 from indent_sim.fe.problem import Problem
 
-PREFIX = "indent_sim_"
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 
 
@@ -29,26 +27,20 @@ class Newton:
         self._largest_reaction = 0.0
         self._reaction = 0.0
         self._residual = 0.0
+        self.failure = ""  # why the last solve did not converge
         self._user_options = petsc
         self.snes = self._create()
 
     def _create(self) -> PETSc.SNES:
-        options = PETSc.Options(PREFIX)
-        defaults: dict[str, Any] = {
-            "snes_linesearch_type": "basic",
-            "ksp_type": "preonly",
-            "pc_type": "lu",
-            "pc_factor_mat_solver_type": "mumps",
-        }
-        for name, value in (defaults | self._user_options).items():
-            options.setValue(name, value)
+        options.install(self._user_options)
         snes = PETSc.SNES().create(self.problem.comm)
-        snes.setOptionsPrefix(PREFIX)
+        snes.setOptionsPrefix(options.PREFIX)
         snes.setFunction(self._function, self.problem.b.duplicate())
         snes.setJacobian(self._jacobian, self.problem.A)
         snes.setTolerances(max_it=self.max_iterations)
         snes.setConvergenceTest(self._converged)
-        snes.setFromOptions()
+        with options.blamed(self._user_options):
+            snes.setFromOptions()
         return snes
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -74,11 +66,6 @@ class Newton:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.ITERATING
 
-    def refuse_unused_options(self) -> None:
-        """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
-        for name in compat.unused_options(PREFIX, self._user_options):
-            raise ConfigError(f"solver.petsc.{name}", "PETSc did not use this option", "check its name")
-
     def solve(self) -> bool:
         """Find the equilibrium at the problem's delta from its current solution; True when converged.
 
@@ -86,13 +73,27 @@ class Newton:
         """
         start = self.problem.x.copy()
         guess = self.problem.x.copy()
-        self.snes.solve(None, guess)
+        with options.blamed(self._user_options):
+            self.snes.solve(None, guess)
         self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
         converged = self.snes.getConvergedReason() > 0
+        self.failure = "" if converged else self._why_not()
         self.problem.set_solution(guess if converged else start)
         if converged:
             self._largest_reaction = max(self._largest_reaction, self._reaction)
         return converged
+
+    def _why_not(self) -> str:
+        """What ended the last solve, in words."""
+        reasons, reason = PETSc.SNES.ConvergedReason, self.snes.getConvergedReason()
+        if reason == reasons.DIVERGED_LINEAR_SOLVE:
+            of = " (solver.petsc chose it)" if self._user_options else ""
+            return f"the linear solver failed{of}"
+        if reason == reasons.DIVERGED_MAX_IT:
+            return f"no equilibrium within {self.max_iterations} iterations"
+        if reason == reasons.DIVERGED_FNORM_NAN:
+            return "the residual is not a number"
+        return f"SNES reason {reason}"
 
 
 def _norm(comm: Any, values: np.ndarray) -> float:

@@ -7,9 +7,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
 from indent_sim.fe.problem import Problem
+from indent_sim.scene import Scene
 from indent_sim.state import State
 
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
@@ -31,8 +34,11 @@ class Walk:
         self.dofs = problem.active_dofs
         self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
-        self._last = Point(0.0, problem.snapshot())  # the untouched body at rest
-        self._before: Point | None = None
+        self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
+
+    @property
+    def _last(self) -> Point:
+        return self._points[-1]
 
     def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
         """One State per requested depth; after the first one that is not converged there is no other."""
@@ -82,24 +88,29 @@ class Walk:
         return False
 
     def _extrapolate(self, delta: float) -> bool:
-        """Predict linearly from the last two states; False where there are no two, or they are too close."""
-        if self._before is None or self._last.delta == self._before.delta:
+        """Predict by the line through the last two states; False where it leads nowhere."""
+        points = _leading(self._points, delta)
+        if len(points) < 2:
             return False
-        ratio = (delta - self._last.delta) / (self._last.delta - self._before.delta)
-        if not 0 < ratio <= 2:  # further out, or turning back, a line predicts nothing
-            return False
-        guess = [vector.copy() for vector in self._last.state]
-        for vector, last, before in zip(guess, self._last.state, self._before.state, strict=True):
-            vector.axpy(ratio, last - before)
+        guess = [vector.copy() for vector in points[-1].state]
+        for vector in guess:
+            vector.set(0.0)
+        for point in points:
+            others = [other.delta for other in points if other is not point]
+            share = float(np.prod([(delta - other) / (point.delta - other) for other in others]))
+            for vector, part in zip(guess, point.state, strict=True):
+                vector.axpy(share, part)
         self.problem.restore(guess)
         return True
 
     def _accept(self, delta: float) -> None:
-        self._before, self._last = self._last, Point(delta, self.problem.snapshot())
+        self._points = [*self._points[-1:], Point(delta, self.problem.snapshot())]
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
         if substeps == 0:
-            return failed_state(step, delta, iterations, self._last.delta, self.started)
+            return failed_state(
+                self.problem.scene, step, delta, iterations, self._last.delta, self.started, self.enforcement.failure
+            )
         problem = self.problem
         reaction, stray = problem.reactions()
         a, p_max, penetration = observe.contact(problem)
@@ -120,12 +131,23 @@ class Walk:
         )
 
 
-def failed_state(step: int, delta: float, iterations: int, last: float, started: float) -> State:
+def _leading(points: list[Point], delta: float) -> list[Point]:
+    """The last points from which the path leads straight on to delta; one alone where a line predicts nothing."""
+    if len(points) < 2:
+        return points
+    step, behind = delta - points[-1].delta, points[-1].delta - points[-2].delta
+    leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
+    return points if leads else points[-1:]
+
+
+def failed_state(
+    scene: Scene, step: int, delta: float, iterations: int, last: float, started: float, failure: str
+) -> State:
     """The State that says that and why there is none at this depth."""
-    nan = float("nan")
+    nan, L = float("nan"), scene.scales.length
     reason = (
-        f"Newton did not converge at delta = {delta:.6g}, not even in substeps of {SMALLEST_CUT:.1e} of the step; "
-        f"the last equilibrium found is at delta = {last:.6g}"
+        f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, even in "
+        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

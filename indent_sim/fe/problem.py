@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx import mesh as dolfinx_mesh
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.active_set import NodalContact
-from indent_sim.fe.body import Body, symbolic
+from indent_sim.fe.body import CONTACT, Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import (
     QUADRATURE_DEGREE,
@@ -32,8 +31,6 @@ from indent_sim.fe.surface import (
 )
 from indent_sim.model.indenters import gap_current, gap_reference
 from indent_sim.scene import Scene
-
-CONTACT = 1
 
 
 class Problem(Body):
@@ -60,7 +57,7 @@ class Problem(Body):
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
-        moduli = {"q": self.scene.material.E, "lam": self.stiffness_scale}
+        moduli = {"q": self.scene.material.constants[0], "lam": self.stiffness_scale}
         for name in self.unknowns.names[1:]:
             places = self.unknowns.places(name)
             weights[places[places < self.unknowns.owned]] = moduli[name]
@@ -70,7 +67,7 @@ class Problem(Body):
 
     def _build_forms(self) -> None:
         unknowns, X = self.unknowns, self.X
-        self._contact_facets = self._mark_contact()
+        self._contact_facets = self.surface_measure(CONTACT, QUADRATURE_DEGREE[self.body_mesh.dim])
         delta = ufl.variable(self.delta)
         g, normal = self._gap(X, delta)
         self.multiplier = self._multiplier(normal)
@@ -103,13 +100,6 @@ class Problem(Body):
         """The integral of an expression over the contact surface, as a UFL form."""
         return integrand * self.weight * self._contact_facets
 
-    def _mark_contact(self) -> Any:
-        facets = np.sort(self.body_mesh.surfaces["top"])
-        values = np.full(len(facets), CONTACT, dtype=np.int32)
-        tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets, values)
-        degree = {"quadrature_degree": QUADRATURE_DEGREE[self.body_mesh.dim]}
-        return ufl.ds(CONTACT, domain=self.mesh, subdomain_data=tags, metadata=degree)
-
     def _gap(self, X: Any, delta: Any) -> tuple[Any, Any]:
         """The gap and the direction of the traction on the body (dg/dx) at the points of the contact surface."""
         kinematics, dim = self.scene.kinematics, self.body_mesh.dim
@@ -140,7 +130,7 @@ class Problem(Body):
                     self.body_mesh.dim, self.scene.sizes.order)))  # fmt: skip
                 return self.frozen
             case "stress":
-                traction = self.scene.kinematics.in_plane(self.stress[:, 2])
+                traction = self.scene.kinematics.in_plane(self.nominal_stress[:, 2])
                 return ufl.dot(traction, normal)
         return ufl.as_ufl(0.0)
 

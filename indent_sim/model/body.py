@@ -97,4 +97,17 @@ class Box:
         return min(x, self.size[0] - x, y, self.size[1] - y)
 
 
+@dataclass(frozen=True)
+class HalfSpace:
+    """z <= 0 without end. A simulation replaces it by a finite body that is large enough."""
+
+    shape: Literal["half_space"] = "half_space"
+
+    @property
+    def centre(self) -> tuple[float, ...]:
+        """Where the tip stands; every place is equal."""
+        return (0.0, 0.0)
+
+
 Body = Cylinder | Strip | Box
+AnyBody = Body | HalfSpace

@@ -84,7 +84,9 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: few loops, Newton still at ease
+    auto_multiple: ClassVar[float] = (
+        100.0  # of E*/h_contact: few loops; softer ones fail in deep, incompressible bodies
+    )
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,11 @@ class Nitsche(_StiffnessLaw):
 
     multiplier: ClassVar[Multiplier] = "stress"
     auto_multiple: ClassVar[float] = 10.0  # of E*/h_contact: far enough above the smallest that works
+    # Without the variation of sigma_n nothing holds the tip back below about E*/h_contact. Measured against the active
+    # set on the same mesh (HERTZ axisymmetric, strip and cube; nu 0.3, 0.48, and 0.4999 mixed; 4 to 20 elements in a):
+    # from 1 on the force is within 0.2 %, at 0.3 it is up to 1.3 % too high, at 0.1 up to 9 %, at 0.01 up to 37 %;
+    # each of them converges as willingly as the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
+    smallest_multiple: ClassVar[float] = 1.0
 
     @property
     def stiffness(self) -> Any:  # type: ignore[override]

@@ -8,15 +8,25 @@ floats, numpy arrays or UFL expressions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import reduce
+from itertools import pairwise
+from math import pi
+from typing import Annotated, Any, ClassVar, Literal
 
-from indent_sim.model.algebra import maximum, minimum, sqrt, tan, where_less
-from indent_sim.model.quantities import HalfAngle, Length, LengthOrZero
+from annotated_types import Ge, Le, Len
+
+from indent_sim.model.algebra import cos, maximum, minimum, sin, sqrt, tan, where_less
+from indent_sim.model.quantities import LENGTH, HalfAngle, Length, LengthOrZero
 
 # A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii away there:
 # far enough never to touch, small enough to stay finite in derivatives.
 FAR = 1e3
+
+Faces = Annotated[int, Ge(3), Le(64)]
+Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
+Points = Annotated[tuple[Point, ...], Len(2), LENGTH]
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,8 @@ class Paraboloid:
 
     R: Length
     shape: Literal["paraboloid"] = "paraboloid"
+
+    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length]."""
@@ -45,6 +57,8 @@ class Sphere:
 
     R: Length
     shape: Literal["sphere"] = "sphere"
+
+    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length], in the form that keeps its digits for r << R."""
@@ -75,6 +89,8 @@ class Cone:
     tip_radius: LengthOrZero = 0.0
     shape: Literal["cone"] = "cone"
 
+    of_revolution: ClassVar[bool] = True
+
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length]."""
         r = sqrt(x * x + y * y)
@@ -101,8 +117,11 @@ class Cone:
         return where_less(r, slope * maximum(rho - depth, 0.0 * depth), cap, flank)
 
     def radius_at(self, depth: float) -> float:
-        """Radius of the tip's section `depth` above its apex [length] (sharp flank)."""
-        return float(depth * tan(self.half_angle)) + self.tip_radius
+        """Radius of the tip's section `depth` above its apex [length]."""
+        rho = self.tip_radius
+        if depth < rho * (1 - sin(self.half_angle)):
+            return float(sqrt(depth * (2 * rho - depth)))
+        return float((depth + rho * (1 / sin(self.half_angle) - 1)) * tan(self.half_angle))
 
 
 @dataclass(frozen=True)
@@ -112,6 +131,8 @@ class FlatPunch:
     radius: Length
     edge_radius: LengthOrZero = 0.0
     shape: Literal["flat_punch"] = "flat_punch"
+
+    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length]."""
@@ -135,7 +156,169 @@ class FlatPunch:
         return self.radius
 
 
-Indenter = Paraboloid | Sphere | Cone | FlatPunch
+@dataclass(frozen=True)
+class Pyramid:
+    """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
+
+    The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0 the pyramid is
+    what a ball of that radius can reach from within: apex a spherical cap, edges cylinders, all meeting smoothly.
+    """
+
+    half_angle: HalfAngle
+    faces: Faces = 4
+    rotation: float = 0.0
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["pyramid"] = "pyramid"
+
+    of_revolution: ClassVar[bool] = False
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
+        square = x * x + y * y
+        s, t, p, q = self._sector(x, y)
+        face = slope * s - rho * (1 / sin(self.half_angle) - 1)
+        # the edge is a line that rises with the slope m, the ball's centre runs along it
+        m = slope * cos(180 / self.faces)
+        secant = sqrt(1 + m * m)
+        chord = sqrt(maximum(rho * rho - q * q, 0.0 * q))
+        edge = rho + m * p - secant * chord
+        inside = minimum(square, rho * rho)
+        cap = inside / (rho + sqrt(rho * rho - inside) + 1e-300)
+        rounded = where_less(secant * p, m * chord, cap, edge)
+        return where_less((s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face)
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """Distance to the ball's centres (face, edge or apex of a sharp pyramid rho higher) less rho."""
+        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
+        s, t, p, q = self._sector(x, y)
+        z = depth - rho
+        face = s * cos(self.half_angle) - z * sin(self.half_angle)
+        foot = s - face * cos(self.half_angle)
+        m = slope * cos(180 / self.faces)
+        lift = (m * p - z) / sqrt(1 + m * m)
+        floor = 1e-24 * rho * rho  # the roots' derivatives stay finite where they are not used
+        edge = sqrt(q * q + lift * lift + floor)
+        apex = sqrt(x * x + y * y + z * z + floor)
+        rounded = where_less(p + m * z, 0.0, apex, edge)
+        return where_less(foot * tan(180 / self.faces), t, rounded, face) - rho
+
+    def _sector(self, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+        """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest edge [length]."""
+        turn = 360 / self.faces
+        along = [self._ray(x, y, turn * k) for k in range(self.faces)]
+        between = [self._ray(x, y, turn * (k + 0.5)) for k in range(self.faces)]
+        s, p = _largest(along), _largest(between)
+        c, d = cos(turn / 2), sin(turn / 2)
+        return s, (p - s * c) / d, p, (s - p * c) / d
+
+    def _ray(self, x: Any, y: Any, degrees: float) -> Any:
+        return x * cos(self.rotation + degrees) + y * sin(self.rotation + degrees)
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp) [length]."""
+        blunt = Cone(self.half_angle, self.tip_radius)
+        if depth < self.tip_radius * (1 - sin(self.half_angle)):
+            return blunt.radius_at(depth)
+        return blunt.radius_at(depth) * self.roundness
+
+    @property
+    def roundness(self) -> float:
+        """Radius of the circle as large as a section, over the section's inner radius."""
+        return float(sqrt(self.faces * tan(180 / self.faces) / pi))
+
+    def is_mirrored(self, degrees: float) -> bool:
+        """Whether the vertical plane through the axis at this angle from x mirrors the pyramid onto itself."""
+        step = 180 / self.faces
+        off = (degrees - self.rotation) % step
+        return bool(min(off, step - off) < 1e-9)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """f straight between the points (r, z): convex, of revolution, ending at the last point.
+
+    With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to both sides.
+    """
+
+    points: Points
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["profile"] = "profile"
+
+    of_revolution: ClassVar[bool] = True
+
+    def check(self) -> None:
+        """Raises ValueError unless the points describe a convex tip whose arcs have room."""
+        (r_0, z_0), *_ = self.points
+        if r_0 != 0 or z_0 != 0:
+            raise ValueError("the first point is the apex [0, 0]")
+        if any(a[0] >= b[0] for a, b in pairwise(self.points)):
+            raise ValueError("r must increase from point to point")
+        jumps = self._jumps()
+        if any(jump < -1e-9 * (1 + sum(map(abs, jumps))) for jump in jumps):
+            raise ValueError("the tip must be convex: the slope must not decrease")
+        corners = zip(self.points[1:-1], jumps[1:], strict=True)
+        if any(self.tip_radius * jump / 2 > r for (r, _), jump in corners):
+            raise ValueError("tip_radius is too large: the arc of a corner reaches the axis")
+
+    def _jumps(self) -> list[Any]:
+        """The change of slope at the apex and at every point but the last."""
+        slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self.points)]
+        return [slopes[0], *(after - before for before, after in pairwise(slopes))]
+
+    def corners(self) -> list[tuple[Any, Any, Any]]:
+        """Middle [length], half width [length] and change of slope of every arc."""
+        rho, jumps = self.tip_radius, self._jumps()
+        middles = [rho * jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
+        return [(middle, rho * jump / 2, jump) for middle, jump in zip(middles, jumps, strict=True)]
+
+    def slope(self, r: Any) -> Any:
+        """f'(r)."""
+        return sum(where_less(r - c, -w, 0.0, where_less(r - c, w, (r - c + w) / self._radius, jump))
+                   for c, w, jump in self.corners())  # fmt: skip
+
+    @property
+    def _radius(self) -> Any:
+        return self.tip_radius + 1e-30  # arcs of no length are not divided by zero
+
+    def _rise(self, r: Any) -> Any:
+        total: Any = 0.0
+        for c, w, jump in self.corners():
+            past = maximum(r - c + w, 0.0 * r)
+            arc = minimum(past, 2 * w)
+            total = total + arc * arc / (2 * self._radius) + jump * (past - arc)
+        return total
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        r = sqrt(x * x + y * y)
+        end = self.points[-1][0]
+        return where_less(end * (1 + 1e-12), r, FAR * end, self._rise(r))
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """(f - depth) / |grad(f - z)| at the deformed point."""
+        r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
+        end = self.points[-1][0]
+        steep = self.slope(r)
+        return where_less(end * (1 + 1e-12), r, FAR * end, (self._rise(r) - depth) / sqrt(1 + steep * steep))
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the tip's section `depth` above its apex (arcs left out) [length]."""
+        for (r_0, z_0), (r_1, z_1) in pairwise(self.points):
+            if depth < z_1:
+                return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
+        return self.points[-1][0]
+
+
+def _largest(values: Sequence[Any]) -> Any:
+    """The largest of several expressions, as a tree of pairs."""
+    while len(values) > 1:
+        pairs = [values[k : k + 2] for k in range(0, len(values), 2)]
+        values = [reduce(maximum, pair) for pair in pairs]
+    return values[0]
+
+
+Indenter = Paraboloid | Sphere | Cone | FlatPunch | Pyramid | Profile
 
 
 def gap_reference(tip: Indenter, x: Any, y: Any, u_z: Any, delta: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,7 @@ class Axisymmetric:
     name: Literal["axisymmetric"] = "axisymmetric"
     dim: int = 2
     axes: tuple[str, ...] = ("r", "z")
+    why: ClassVar[str] = "body and tip turn about one axis: (r, z) says it all, a point stands for a ring"
 
     def gradient(self, u: Any, x: Any) -> Any:
         """Displacement gradient H (3x3) in the basis (r, theta, z)."""
@@ -44,6 +45,7 @@ class PlaneStrain:
     name: Literal["plane_strain"] = "plane_strain"
     dim: int = 2
     axes: tuple[str, ...] = ("x", "z")
+    why: ClassVar[str] = "a strip is the same all along y: no strain there, forces per unit length"
 
     def gradient(self, u: Any, x: Any) -> Any:
         """Displacement gradient H (3x3) in the basis (x, y, z)."""
@@ -74,6 +76,7 @@ class ThreeDimensional:
     name: Literal["three_dimensional"] = "three_dimensional"
     dim: int = 3
     axes: tuple[str, ...] = ("x", "y", "z")
+    why: ClassVar[str] = "tip and body vary along x and y"
 
     def gradient(self, u: Any, x: Any) -> Any:
         """Displacement gradient H (3x3)."""

@@ -1,29 +1,46 @@
 """Elastic laws as strain-energy densities; UFL differentiates them to stress and tangent.
 
-A material is a frozen dataclass with its constants and an `energy`. Its numbers may be floats or UFL
-constants: the formulas do not care.
+A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H (3x3) and a
+`mixed_energy` in which a pressure-like field q replaces the volumetric stiffness (q = lame_lambda tr eps, or
+lambda ln J, or kappa ln J at the solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL constants.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal
 
-from indent_sim.model.quantities import AnyModulus, Modulus, PoissonRatio
+from annotated_types import Gt, Len
+
+from indent_sim.model.algebra import principal_stretches
+from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 
+class _Law:
+    """What follows from the small-strain constants E and nu of any law."""
+
+    small_strain: ClassVar[bool] = False
+
+    @property
+    def constants(self) -> tuple[float, float]:
+        """Small-strain E [pressure] and nu."""
+        raise NotImplementedError  # pragma: no cover
+
+    @property
+    def E_star(self) -> float:
+        """Small-strain plane-strain modulus E/(1 - nu^2) [pressure]."""
+        E, nu = self.constants
+        return E / (1 - nu * nu)
+
+
 @dataclass(frozen=True)
-class LinearElastic:
-    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes 2.1-2.4).
+class _TwoConstants(_Law):
+    """Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure]."""
 
-    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
-    """
-
-    model: Literal["linear_elastic"] = "linear_elastic"
     E: Modulus | None = None
     nu: PoissonRatio | None = None
     mu: Modulus | None = None
@@ -31,23 +48,17 @@ class LinearElastic:
     lame_lambda: AnyModulus | None = None
     formulation: Formulation = "auto"
 
-    def canonical(self) -> LinearElastic:
+    def canonical(self) -> Any:
         """The same material said by E and nu; ValueError when it is not said by exactly two constants."""
         given = {name: getattr(self, name) for name in ISOTROPIC_CONSTANTS if getattr(self, name) is not None}
         E, nu = young_and_poisson(given)
-        return LinearElastic(E=E, nu=nu, formulation=self.formulation)
+        return type(self)(E=E, nu=nu, formulation=self.formulation)
 
     @property
     def constants(self) -> tuple[float, float]:
         """E [pressure] and nu of a canonical material."""
         assert self.E is not None and self.nu is not None
         return self.E, self.nu
-
-    @property
-    def E_star(self) -> float:
-        """Plane-strain modulus E/(1 - nu^2) [pressure] of a canonical material."""
-        E, nu = self.constants
-        return E / (1 - nu * nu)
 
     @property
     def shear_modulus(self) -> Any:
@@ -59,34 +70,233 @@ class LinearElastic:
         """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
         return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]
 
+
+@dataclass(frozen=True)
+class LinearElastic(_TwoConstants):
+    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes 2.1-2.4).
+
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    """
+
+    model: Literal["linear_elastic"] = "linear_elastic"
+
+    small_strain: ClassVar[bool] = True
+
     def energy(self, H: Any) -> Any:
-        """Strain-energy density psi [pressure] of the displacement gradient H (3x3)."""
+        """psi [pressure]."""
         from ufl import inner, sym, tr
 
         eps = sym(H)
         return self.shear_modulus * inner(eps, eps) + tr(eps) ** 2 / (2 * self.inverse_lambda)
 
     def mixed_energy(self, H: Any, q: Any) -> Any:
-        """psi = mu eps:eps + q tr eps - q^2/(2 lame_lambda), stationary at q = lame_lambda tr eps [pressure]."""
+        """psi = mu eps:eps + q tr eps - q^2/(2 lame_lambda) [pressure]."""
         from ufl import inner, sym, tr
 
         eps = sym(H)
         return self.shear_modulus * inner(eps, eps) + q * tr(eps) - q * q * self.inverse_lambda / 2
 
-    def stress(self, H: Any) -> Any:
-        """Cauchy stress sigma = lame_lambda tr(eps) I + 2 mu eps [pressure] of the displacement gradient H (3x3)."""
-        from ufl import tr
 
-        return self.mixed_stress(H, tr(H) / self.inverse_lambda)
+@dataclass(frozen=True)
+class NeoHookean(_TwoConstants):
+    """psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2.
 
-    def mixed_stress(self, H: Any, q: Any) -> Any:
-        """sigma = q I + 2 mu eps [pressure]."""
-        from ufl import Identity, sym
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    """
 
-        return q * Identity(3) + 2 * self.shear_modulus * sym(H)
+    model: Literal["neo_hookean"] = "neo_hookean"
+
+    def energy(self, H: Any) -> Any:
+        """psi [pressure]."""
+        shear, log_J = self._shear(H)
+        return shear + log_J**2 / (2 * self.inverse_lambda)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """mu/2 (I1 - 3) - mu ln J + q ln J - q^2/(2 lame_lambda) [pressure]."""
+        shear, log_J = self._shear(H)
+        return shear + q * log_J - q * q * self.inverse_lambda / 2
+
+    def _shear(self, H: Any) -> tuple[Any, Any]:
+        from ufl import Identity, det, inner, ln
+
+        F = Identity(3) + H
+        log_J = ln(det(F))
+        return self.shear_modulus * ((inner(F, F) - 3) / 2 - log_J), log_J
 
 
-Material = LinearElastic
+@dataclass(frozen=True)
+class _Isochoric(_Law):
+    """psi = isochoric(J^-2/3 I1, J^-4/3 I2) + kappa/2 (ln J)^2, with the law's own constants and nu or kappa."""
+
+    nu: PoissonRatio | None = None
+    kappa: Modulus | None = None
+    formulation: Formulation = "auto"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """Shear modulus at small strain [pressure]."""
+        raise NotImplementedError  # pragma: no cover
+
+    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+        """Isochoric energy [pressure] of the modified invariants; F has det F = 1."""
+        raise NotImplementedError  # pragma: no cover
+
+    def canonical(self) -> Any:
+        """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
+        if (self.nu is None) == (self.kappa is None):
+            raise ValueError("needs exactly one of nu, kappa beside the law's own constants")
+        mu = self.small_strain_mu
+        if not (math.isfinite(mu) and mu > 0):
+            raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
+        if self.kappa is None:
+            return self
+        nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
+        return replace(self, nu=nu, kappa=None)
+
+    @property
+    def constants(self) -> tuple[float, float]:
+        """Small-strain E [pressure] and nu of a canonical material."""
+        assert self.nu is not None
+        return 2 * self.small_strain_mu * (1 + self.nu), self.nu
+
+    @property
+    def inverse_kappa(self) -> Any:
+        """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
+        return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
+
+    def energy(self, H: Any) -> Any:
+        """psi [pressure]."""
+        shear, log_J = self._parts(H)
+        return shear + log_J**2 / (2 * self.inverse_kappa)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """isochoric + q ln J - q^2/(2 kappa) [pressure]."""
+        shear, log_J = self._parts(H)
+        return shear + q * log_J - q * q * self.inverse_kappa / 2
+
+    def _parts(self, H: Any) -> tuple[Any, Any]:
+        from ufl import Identity, det, inner, ln
+
+        F = Identity(3) + H
+        J = det(F)
+        C = F.T * F
+        I1 = inner(F, F)
+        I2 = (I1 * I1 - inner(C, C)) / 2
+        return self.isochoric(J ** (-2 / 3) * I1, J ** (-4 / 3) * I2, J ** (-1 / 3) * F), ln(J)
+
+
+@dataclass(frozen=True)
+class MooneyRivlin(_Isochoric):
+    """C10 (I1 - 3) + C01 (I2 - 3)."""
+
+    C10: AnyModulus = 0.0
+    C01: AnyModulus = 0.0
+    model: Literal["mooney_rivlin"] = "mooney_rivlin"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """2 (C10 + C01)."""
+        return 2 * (self.C10 + self.C01)
+
+    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+        """C10 (I1 - 3) + C01 (I2 - 3)."""
+        return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
+
+
+@dataclass(frozen=True)
+class Yeoh(_Isochoric):
+    """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
+
+    C10: AnyModulus = 0.0
+    C20: AnyModulus = 0.0
+    C30: AnyModulus = 0.0
+    model: Literal["yeoh"] = "yeoh"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """2 C10."""
+        return 2 * self.C10
+
+    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+        """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
+        x = I1 - 3
+        return x * (self.C10 + x * (self.C20 + x * self.C30))
+
+
+@dataclass(frozen=True)
+class Ogden(_Isochoric):
+    """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); small-strain mu = sum mu_i alpha_i / 2."""
+
+    mu: Annotated[tuple[float, ...], Len(1), PRESSURE] = ()
+    alpha: Annotated[tuple[float, ...], Len(1)] = ()
+    model: Literal["ogden"] = "ogden"
+
+    def canonical(self) -> Any:
+        """As `_Isochoric`; ValueError too when mu and alpha differ in length or an alpha is zero."""
+        if len(self.mu) != len(self.alpha):
+            raise ValueError(f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs")
+        if 0 in self.alpha:
+            raise ValueError("an alpha of zero has no meaning")
+        return super().canonical()
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """sum mu_i alpha_i / 2."""
+        return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
+
+    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3)."""
+        stretches = principal_stretches(F)
+        terms = zip(self.mu, self.alpha, strict=True)
+        return sum(mu / alpha * (sum(stretch**alpha for stretch in stretches) - 3) for mu, alpha in terms)
+
+
+@dataclass(frozen=True)
+class Gent(_Isochoric):
+    """-mu Jm/2 ln(1 - (I1 - 3)/Jm): stiffens without bound as I1 - 3 comes to Jm."""
+
+    mu: Modulus = 0.0
+    Jm: Annotated[float, Gt(0)] = 0.0
+    model: Literal["gent"] = "gent"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """mu."""
+        return self.mu
+
+    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+        """-mu Jm/2 ln(1 - (I1 - 3)/Jm); not a number beyond the limit, which ends a Newton step."""
+        from ufl import ln
+
+        return -self.mu * self.Jm / 2 * ln(1 - (I1 - 3) / self.Jm)
+
+
+# Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)
+ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+
+
+@dataclass(frozen=True)
+class ArrudaBoyce(_Isochoric):
+    """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), c = 1/2, 1/20, 11/1050, 19/7000, 519/673750."""
+
+    mu: Modulus = 0.0
+    lambda_m: Annotated[float, Gt(1)] = 0.0
+    model: Literal["arruda_boyce"] = "arruda_boyce"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), twice the derivative of psi at I1 = 3."""
+        terms = (i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i) for i, c in enumerate(ARRUDA_BOYCE, start=1))
+        return 2 * self.mu * sum(terms)
+
+    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i)."""
+        return self.mu * sum(
+            c * self.lambda_m ** (2 - 2 * i) * (I1**i - 3**i) for i, c in enumerate(ARRUDA_BOYCE, start=1)
+        )
+
+
+Material = LinearElastic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
 
 
 def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:

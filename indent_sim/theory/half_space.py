@@ -86,9 +86,10 @@ def sphere_pressure(r, delta: float, R: float, E_star: float):
     v = _chord(r, a)
     r = np.minimum(np.abs(np.asarray(r, dtype=float)), a)
     u, w = np.polynomial.legendre.leggauss(64)
-    s, w = 1.0 - 0.25 * (1.0 + u) ** 2, 0.5 * (1.0 + u) * w  # graded to s = 1, where t may near R
+    s: np.ndarray = 1.0 - 0.25 * (1.0 + u) ** 2  # graded to s = 1, where t may near R
+    share = 0.5 * (1.0 + u) * w
     t = np.maximum(np.hypot(r[..., None], v[..., None] * s), 1e-300)
-    smooth = v * np.sum(w * np.arctanh(np.minimum(t / R, 1.0 - 1e-16)) / t, axis=-1)
+    smooth = v * np.sum(share * np.arctanh(np.minimum(t / R, 1.0 - 1e-16)) / t, axis=-1)
     depth = np.sqrt((R - r) * (R + r))
     ratio = np.divide(v, depth, out=np.zeros_like(v), where=v > 0.0)
     rational = np.where(v > 0.0, R / depth * np.arctanh(np.minimum(ratio, 1.0 - 1e-16)), 0.0)

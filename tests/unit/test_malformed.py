@@ -8,6 +8,8 @@ import pytest
 
 from indent_sim.config import load
 from indent_sim.errors import ConfigError
+from indent_sim.hints import field_names, hints, kinds_of, listed
+from indent_sim.schema import Config, tags
 
 SCENE = """\
 title: Hertz
@@ -49,6 +51,25 @@ def edited(old: str, new: str) -> str:
     return SCENE.replace(old, new)
 
 
+def tip(lines: str) -> str:
+    """The scene with another tip."""
+    return edited("shape: paraboloid\n  R: 1.0", lines)
+
+
+def body(lines: str) -> str:
+    """The scene with another body."""
+    return edited("shape: box\n  size: [1.0, 1.0, 1.0]\n  base: fixed\n  sides: free", lines)
+
+
+def choices(section: str, parameter: str = "") -> list[str]:
+    """What a section may choose, or those of them that have this parameter."""
+    kinds = kinds_of(hints(Config)[section], tags()[section])
+    return [name for name, kind in kinds.items() if not parameter or parameter in field_names(kind)]
+
+
+BODIES, MATERIALS = (", ".join(choices(section)) for section in ("body", "material"))
+STIFF = listed(choices("contact", "epsilon_n"), "and")
+
 # text, line, key, fragment of the message
 MALFORMED = [
     # the file
@@ -86,17 +107,17 @@ MALFORMED = [
     (SCENE + "center: [0, 0]\n", 31, "center", "it belongs in indenter"),
     (edited("sides: free", "sides: {left: free}"), 7, "body.sides.left", "valid here: x_min, x_max, y_min"),
     (edited("R: 1.0", "half_angle: 60"), 14, "indenter.half_angle", "'paraboloid' has no parameter"),
-    (edited("method: penalty", "method: auto"), 18, "contact.epsilon_n", "it belongs to penalty"),
+    (edited("method: penalty", "method: auto"), 18, "contact.epsilon_n", f"it belongs to {STIFF}"),
     (edited("  size: [1.0, 1.0, 1.0]\n", ""), 3, "body.size", "missing; give a list of 3 numbers > 0"),
     (edited("  R: 1.0\n", ""), 12, "indenter.R", "missing; give a number > 0"),
     (edited("loading:\n  delta: 0.01\n  steps: 10\n", ""), 1, "loading", "section is missing; its keys"),
-    (edited("body:\n  shape: box\n", "body:\n"), 3, "body.shape", "choose one of cylinder, strip, box"),
+    (edited("body:\n  shape: box\n", "body:\n"), 3, "body.shape", f"choose one of {BODIES}"),
     (edited("  rtol: 1e-10\n", ""), 25, "solver", "this section is empty"),
     (edited("mesh:\n  h_contact: 0.01\n  order: 2", "mesh: 3"), 22, "mesh", "a section of keys, got 3"),
     # choices
     (edited("shape: paraboloid", "shape: parabola"), 13, "indenter.shape", "did you mean 'paraboloid'?"),
     (edited("shape: paraboloid", "shape: 7"), 13, "indenter.shape", "there is no indenter 7; choose one of"),
-    (edited("model: linear_elastic", "model: rubber"), 9, "material.model", "choose one of linear_elastic"),
+    (edited("model: linear_elastic", "model: rubber"), 9, "material.model", f"choose one of {MATERIALS}"),
     (edited("method: penalty", "method: Penalty"), 17, "contact.method", "did you mean 'penalty'?"),
     (edited("base: fixed", "base: free"), 6, "body.base", "must be fixed or roller, got 'free'"),
     (edited("sides: free", "sides: rollers"), 7, "body.sides", "did you mean 'roller'?"),
@@ -139,6 +160,24 @@ MALFORMED = [
     (edited("delta: 0.01", "deltas: [0.1]"), 21, "loading.steps", "belongs to delta"),
     (edited("  delta: 0.01\n", ""), 19, "loading", "says no depth"),
     (edited("delta: 0.01\n  steps: 10", "deltas: []"), 20, "loading.deltas", "list of numbers, got []"),
+    # tips and bodies
+    (tip("shape: pyramid\n  half_angle: 90"), 14, "indenter.half_angle", "must be > 0 and < 90, got 90"),
+    (tip("shape: pyramid\n  half_angle: 60\n  faces: 2"), 15, "indenter.faces", "must be >= 3 and <= 64, got 2"),
+    (tip("shape: pyramid\n  half_angle: 60\n  faces: 4.0"), 15, "indenter.faces", "a whole number"),
+    (tip("shape: pyramid\n  half_angle: 60\n  tip_radius: -1"), 15, "indenter.tip_radius", "must be >= 0"),
+    (tip("shape: pyramid"), 12, "indenter.half_angle", "missing; give a number > 0 and < 90"),
+    (tip("shape: cone\n  half_angle: 60\n  faces: 4"), 15, "indenter.faces", "(it belongs to pyramid)"),
+    (tip("shape: profile"), 12, "indenter.points", "missing; give a non-empty list of"),
+    (tip("shape: profile\n  points: [[0, 0]]"), 14, "indenter.points", "list"),
+    (tip("shape: profile\n  points: [[0, 0], 1]"), 14, "indenter.points[1]", "list of 2 numbers >= 0, got 1"),
+    (tip("shape: profile\n  points: [[0, 0], [1, 1, 1]]"), 14, "indenter.points[1]", "list of 2 numbers"),
+    (tip("shape: profile\n  points: [[0, 0], [1, -1]]"), 14, "indenter.points[1][1]", "must be >= 0, got -1"),
+    (tip("shape: profile\n  points: [[0, 1], [1, 2]]"), 14, "indenter.points", "the apex [0, 0]"),
+    (tip("shape: profile\n  points: [[0, 0], [1, 1], [1, 2]]"), 14, "indenter.points", "r must increase"),
+    (tip("shape: profile\n  points: [[0, 0], [1, 1], [2, 1.5]]"), 14, "indenter.points", "must be convex"),
+    (body("shape: half_space"), 12, "indenter.center", "a half-space is the same everywhere"),
+    (body("shape: half_space\n  base: fixed"), 5, "body.base", "'half_space' has no parameter 'base'"),
+    (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder)"),
     (edited("center: [0.5, 0.5]", "center: [0.5]"), 15, "indenter.center", "stands at [x, y], got 1"),
     (edited("center: [0.5, 0.5]", "center: [0.5, a]"), 15, "indenter.center[1]", "must be a number, got 'a'"),
 ]

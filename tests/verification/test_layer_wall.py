@@ -97,11 +97,10 @@ SHARP = {1: (6.0, 1.2), 2: (25.0, 1.5)}  # by order: far over near size, and gra
 
 @dataclass(frozen=True)
 class Convergence:
-    """Least-squares slopes of log(error) over log(h), and the errors of the finest mesh, of force and radius."""
+    """Least-squares slope of log(force error) over log(h), and the errors of the finest mesh, of force and radius."""
 
     force_rate: float
     force_error: float
-    radius_rate: float
     radius_error: float
 
 
@@ -112,7 +111,7 @@ def convergence(name: str, order: int, method: str) -> Convergence:
     pairs = [[_errors(case, order, method, n, jitter) for jitter in JITTER] for n in divisions]
     errors = np.sqrt(np.mean(np.square(pairs), axis=1))
     slopes = -np.polyfit(np.log(divisions), np.log(errors), 1)[0]
-    return Convergence(slopes[0], errors[-1, 0], slopes[1], errors[-1, 1])
+    return Convergence(slopes[0], errors[-1, 0], errors[-1, 1])
 
 
 def _errors(case: Case, order: int, method: str, per_radius: int, jitter: float) -> tuple[float, float]:
@@ -155,14 +154,13 @@ def test_force_of_linear_elements_converges_as_h2(name: str, method: str) -> Non
 
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
-def test_contact_radius_converges_as_h(name: str, method: str) -> None:
+def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: str) -> None:
     """At the edge the pressure leaves zero like a root, so its zero is known to a fixed fraction of an element: a
-    fifth, with the augmented Lagrangian; a stiff penalty has ripples that hide it."""
+    tenth, where gap and multiplier are weighed as in `observe`; a stiff penalty has ripples that hide it."""
     if method == "penalty":
         pytest.skip("ripples of the pressure")
     found = convergence(name, 2, method)
-    assert 0.7 <= found.radius_rate <= 1.8
-    assert found.radius_error < 0.2 / QUADRATIC[-1]
+    assert found.radius_error < 0.1 / QUADRATIC[-1]
 
 
 def test_force_of_the_flat_punch_converges_as_h() -> None:

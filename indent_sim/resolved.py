@@ -1,0 +1,55 @@
+"""The config that reproduces a run: every "auto" replaced by what it became, in the user's units."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from indent_sim.config import Config, to_mapping
+from indent_sim.scene import Scene, auto_stiffness
+
+
+def resolved(config: Config, scene: Scene) -> Config:
+    """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
+    decided: dict[str, Any] = {
+        "material": _decided(config.material, formulation=scene.formulation),
+        "center": config.center or config.body.centre,
+        "contact": _contact(config, scene),
+        "mesh": _decided(
+            config.mesh,
+            h_contact=scene.sizes.h_contact * scene.scales.length,
+            h_far=scene.sizes.h_far * scene.scales.length,
+            symmetry=scene.symmetry,
+        ),
+        "solver": _decided(config.solver, method=scene.solver["method"]),
+    }
+    return config.model_copy(update=decided)
+
+
+def left_open(config: Config, decided: Config) -> list[str]:
+    """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
+    before, after = to_mapping(config), to_mapping(decided)
+    return [
+        f"{section}.{key}"
+        for section, part in after.items()
+        if isinstance(part, dict)
+        for key, value in part.items()
+        if before[section].get(key) != value
+    ]
+
+
+def _decided(section: Any, **found: Any) -> Any:
+    """A section with its "auto"s replaced; what was given stays, to the last digit."""
+    auto = {name: value for name, value in found.items() if getattr(section, name, None) == "auto"}
+    return dataclasses.replace(section, **auto)
+
+
+def _contact(config: Config, scene: Scene) -> Any:
+    law = type(scene.contact)
+    given = config.contact if isinstance(config.contact, law) else law()
+    stiffness = {
+        name: auto_stiffness(law, scene.sizes, scene.material, scene.scales)
+        for name in ("epsilon_n", "gamma")
+        if hasattr(given, name)
+    }
+    return _decided(dataclasses.replace(given, gap=config.contact.gap), gap=scene.gap, **stiffness)

@@ -1,0 +1,117 @@
+"""`solver.petsc`: what PETSc takes works, what it does not take is a config error in PETSc's own words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+
+from indent_sim.config import from_mapping
+from indent_sim.errors import ConfigError, NotConverged
+from indent_sim.fe import condensed, condensed_path, enforce, path
+from indent_sim.run import Outcome, run
+
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "contact": {"method": "penalty"},
+    "loading": {"delta": 0.01, "steps": 1},
+    "mesh": {"h_contact": 0.05, "h_far": 0.5},
+    "solver": {"method": "newton"},
+    "output": {"plot": False, "fields": "none"},
+}
+FORCE = 1.6e-3
+
+
+def solved(folder: Path, petsc: dict[str, Any], **sections: Any) -> Outcome:
+    """A run with these PETSc options."""
+    config = from_mapping(SCENE | sections | {"solver": {"method": "newton", "petsc": petsc}})
+    return run(config, MPI.COMM_SELF, directory=folder / "out")
+
+
+@pytest.mark.parametrize(
+    "petsc",
+    [
+        {"mat_mumps_icntl_14": 60},  # asked for at the factorisation only
+        {"ksp_type": "gmres"},  # with the direct factorisation, which stays
+        {"ksp_type": "gmres", "pc_type": "jacobi"},
+        {"ksp_type": "cg", "pc_type": "gamg", "ksp_rtol": 1e-8},
+        {"pc_type": "ilu"},  # MUMPS has none: its defaults must not stand beside it
+        {"pc_type": "cholesky"},
+        {"pc_factor_mat_solver_type": "petsc"},
+    ],
+    ids=str,
+)
+def test_what_petsc_takes_works(tmp_path, petsc):
+    assert solved(tmp_path, petsc).states[-1].force == pytest.approx(FORCE, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["mat_mumps_icntl14", "ksp_tipe", "pc_gamg_threshold"])
+def test_an_option_that_petsc_did_not_use_is_named(tmp_path, name):
+    with pytest.raises(ConfigError, match="PETSc did not use this option") as caught:
+        solved(tmp_path, {"mat_mumps_icntl_14": 60, name: 1})
+    assert caught.value.key == f"solver.petsc.{name}" and list(tmp_path.iterdir()) == []
+
+
+def test_options_of_the_run_before_are_gone(tmp_path):
+    solved(tmp_path, {"pc_type": "jacobi", "ksp_type": "cg"})
+    with pytest.raises(ConfigError, match="did not use"):
+        solved(tmp_path, {"pc_jacobi_type": "diagonal"})
+
+
+def test_a_step_out_of_contact_asks_for_no_option(tmp_path):
+    outcome = solved(tmp_path, {"mat_mumps_icntl_14": 60}, loading={"deltas": [-0.01, 0.01]})
+    assert outcome.states[-1].force == pytest.approx(FORCE, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("petsc", "said"),
+    [
+        ({"pc_type": "ilu", "pc_factor_mat_solver_type": "mumps"}, "mumps does not support"),
+        ({"ksp_type": "gmrs"}, "gmrs"),
+        ({"snes_monitor": True}, "viewer true"),
+    ],
+    ids=["combination", "type", "viewer"],
+)
+def test_what_petsc_refuses_is_a_config_error_in_its_words(tmp_path, petsc, said):
+    with pytest.raises(ConfigError, match=said) as caught:
+        solved(tmp_path, petsc)
+    assert caught.value.key == "solver.petsc" and str(caught.value).count("\n") == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_options_of_the_user_petsc_keeps_its_error(tmp_path, monkeypatch):
+    from petsc4py import PETSc
+
+    from indent_sim.fe import options
+
+    monkeypatch.setitem(options.FACTORISATION, "pc_type", "ilu")
+    with pytest.raises(PETSc.Error):
+        solved(tmp_path, {})
+
+
+@pytest.mark.parametrize("method", ["newton", "condensed"])
+def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
+    for module in (enforce, condensed):
+        monkeypatch.setattr(module, "UZAWA_LOOPS", 3)
+    for module in (path, condensed_path):
+        monkeypatch.setattr(module, "SMALLEST_CUT", 0.5)
+    contact = {"method": "uzawa", "epsilon_n": 0.01}
+    config = from_mapping(SCENE | {"contact": contact, "solver": {"method": method}})
+    with pytest.raises(NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0") as caught:
+        run(config, MPI.COMM_SELF, directory=tmp_path / "out")
+    assert "Newton" not in str(caught.value)
+
+
+def test_a_failed_linear_solver_is_named_at_a_depth_in_the_users_lengths(tmp_path):
+    sections = {
+        "body": {"shape": "cylinder", "radius": 1e3, "height": 1e3},
+        "indenter": {"shape": "paraboloid", "R": 1e3},
+        "loading": {"deltas": [10.0]},
+        "mesh": {"h_contact": 50.0, "h_far": 500.0},
+    }
+    with pytest.raises(NotConverged, match="delta = 10: the linear solver failed"):
+        solved(tmp_path, {"ksp_type": "cg", "pc_type": "jacobi", "ksp_max_it": 1}, **sections)

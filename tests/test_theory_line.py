@@ -1,0 +1,68 @@
+"""What a run says of theory: which depth it belongs to, why the two differ, and one percentage for the half-space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+
+from indent_sim import terminal
+from indent_sim.config import from_mapping
+from indent_sim.results import read
+from indent_sim.run import Outcome, run
+
+WALLED = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
+
+
+@pytest.fixture
+def outcome(tmp_path):
+    """A function that runs a coarse scene; `sections` replace whole sections of it."""
+
+    def start(**sections: Any) -> Outcome:
+        given: dict[str, Any] = {
+            "body": WALLED,
+            "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+            "indenter": {"shape": "paraboloid", "R": 1.0},
+            "loading": {"delta": 0.01, "steps": 1},
+            "mesh": {"h_contact": 0.03, "h_far": 0.5},
+            "output": {"plot": False},
+        }
+        return run(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "out")
+
+    return start
+
+
+def line(outcome: Outcome, word: str) -> str:
+    return next(line for line in terminal.conclusion(outcome) if line.startswith(word))
+
+
+def test_after_unloading_the_depth_is_named(outcome):
+    done = outcome(loading={"deltas": [0.01, 0.004]})
+    assert "at delta 0.01:" in line(done, "layer theory") and "at delta 0.01:" in line(done, "Hertz")
+
+
+def test_the_other_gap_is_the_reason_for_the_deviation(outcome):
+    done = outcome(contact={"gap": "current"})
+    said = line(done, "layer theory")
+    assert "deformed point" in said and "exact" not in said and "this very body" not in said
+    assert done.report["theory"]["why"] in said and not done.report["theory"]["exact"]
+
+
+def test_other_gap_and_other_body(outcome):
+    why = outcome(contact={"gap": "current"}, body=WALLED | {"sides": "free"}).report["theory"]["why"]
+    assert "deformed point" in why and "infinitely wide" in why
+
+
+def test_the_half_space_has_one_percentage(outcome):
+    done = outcome()
+    closed, force = done.report["theory"]["half_space"], done.states[-1].force
+    assert f"{1 - closed['force'] / force:.2%} below this run" in line(done, "Hertz")
+    assert closed["deviation"] == pytest.approx(closed["force"] / force - 1)
+    assert all("%" not in said for said in done.report["warnings"])
+
+
+def test_the_axis_is_at_zero(outcome):
+    """And not at 1.5e-18, where a reader cannot find it."""
+    x = read(outcome().directory).surface["x"]
+    assert x.min() == x[0] == 0.0 and not ((x > 0) & (x < 1e-12)).any()

@@ -1,0 +1,201 @@
+"""Tips as formulas: against theory's own shapes, against geometry, and numpy against UFL."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx.mesh import create_unit_cube
+from mpi4py import MPI
+from pytest import approx
+
+from indent_sim.model.indenters import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
+from indent_sim.oracle import layer_tip
+
+BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
+SMOOTH: dict[str, Indenter] = {
+    "paraboloid": Paraboloid(1.3),
+    "sphere": Sphere(1.3),
+    "cone": Cone(65.0, 0.2),
+    "flat_punch": FlatPunch(1.0, 0.3),
+    "pyramid": Pyramid(65.0, tip_radius=0.2),
+    "triangle": Pyramid(50.0, faces=3, rotation=20.0, tip_radius=0.1),
+    "profile": Profile(BITS, tip_radius=0.3),
+}
+SHARP: dict[str, Indenter] = {
+    "sharp_cone": Cone(65.0),
+    "sharp_pyramid": Pyramid(65.0, faces=5, rotation=10.0),
+    "sharp_profile": Profile(BITS),
+}
+TIPS = SMOOTH | SHARP
+OF_REVOLUTION = {name: tip for name, tip in TIPS.items() if tip.of_revolution}
+POINTS = np.random.default_rng(1).uniform(-0.6, 0.6, (2, 400))
+
+
+def on_axis_plane(tip: Indenter, r: np.ndarray) -> np.ndarray:
+    """Height along x."""
+    return np.asarray(tip.height(r, 0.0 * r), dtype=float)
+
+
+@pytest.mark.parametrize("tip", OF_REVOLUTION.values(), ids=OF_REVOLUTION)
+def test_height_has_the_abel_transform_of_theory(tip: Indenter) -> None:
+    """g(x) = x int_0^(pi/2) f'(x sin q) dq with f' from differences of the height, Gauss in q."""
+    node, weight = np.polynomial.legendre.leggauss(2000)
+    q, weight = np.pi / 4 * (node + 1), np.pi / 4 * weight
+    known = layer_tip(tip)
+    assert known is not None
+    x = np.array([0.1, 0.3, 0.45, 0.8])
+    step = 1e-7
+    r = x[:, None] * np.sin(q)
+    slope = (on_axis_plane(tip, r + step) - on_axis_plane(tip, r - step)) / (2 * step)
+    # the differences are good to 1e-8, the rule to 1/2000 of a jump of the slope, here at most 0.7
+    assert x * (slope @ weight) == approx(known.g(x), rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_height_is_convex_continuous_and_starts_at_the_apex(tip: Indenter) -> None:
+    assert tip.height(np.array(0.0), np.array(0.0)) == approx(0.0, abs=1e-15)
+    (x, y), (x_2, y_2) = POINTS, np.roll(POINTS, 1, axis=1)
+    between = np.asarray(tip.height((x + x_2) / 2, (y + y_2) / 2))
+    assert np.all(between <= (np.asarray(tip.height(x, y)) + np.asarray(tip.height(x_2, y_2))) / 2 + 1e-12)
+    step = 1e-9  # no jump: the steepest of these tips rises by 2.5 a length
+    assert np.abs(np.asarray(tip.height(x + step, y)) - np.asarray(tip.height(x, y))).max() < 3 * step
+
+
+@pytest.mark.parametrize("tip", SMOOTH.values(), ids=SMOOTH)
+def test_smooth_tips_have_a_continuous_slope(tip: Indenter) -> None:
+    """Second differences over a step h stay below h^2/radius; a corner would leave its jump times h."""
+    x, y = POINTS
+    h = 1e-4
+    for a, b in ((1.0, 0.0), (0.0, 1.0), (0.6, 0.8)):
+        ends = [np.asarray(tip.height(x + k * h * a, y + k * h * b)) for k in (-1, 0, 1)]
+        assert np.abs(ends[0] - 2 * ends[1] + ends[2]).max() < 50 * h**2
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_current_gap_vanishes_on_the_tip_and_is_a_length(tip: Indenter) -> None:
+    """Zero where depth = height; there, a step along the normal changes it by the step. Open below, closed above."""
+    x, y = POINTS
+    z = np.asarray(tip.height(x, y), dtype=float)
+    assert np.abs(tip.gap_current(x, y, z)).max() < 1e-12
+    h = 1e-6
+    gradient = np.array(
+        [
+            np.asarray(tip.gap_current(*(c + h * e for c, e in zip((x, y, z), step, strict=True))))
+            - np.asarray(tip.gap_current(*(c - h * e for c, e in zip((x, y, z), step, strict=True))))
+            for step in np.eye(3)
+        ]
+    ) / (2 * h)
+    length = np.linalg.norm(gradient, axis=0)
+    # where a step of 1e-6 crosses a sharp edge or corner the difference sees two faces
+    assert np.quantile(np.abs(length - 1), 0.98) < 1e-4
+    assert np.all(np.asarray(tip.gap_current(x, y, z - 0.01)) > 0)
+    assert np.all(np.asarray(tip.gap_current(x, y, z + 1e-3)) < 0)
+
+
+@pytest.mark.parametrize("name", ["sphere", "cone", "flat_punch", "pyramid", "triangle"])
+def test_current_gap_is_the_distance_to_the_surface(name: str) -> None:
+    """Against the nearest of many points of the surface: their spacing of 0.004 makes 0.004^2/(8 distance) at most."""
+    tip = TIPS[name]
+    lattice = np.linspace(-0.9, 0.9, 451)
+    X, Y = np.meshgrid(lattice, lattice)
+    Z = np.asarray(tip.height(X, Y), dtype=float)
+    x, y = POINTS[:, :60] / 2
+    z = np.asarray(tip.height(x, y), dtype=float) - 0.15
+    squares = (X - x[:, None, None]) ** 2 + (Y - y[:, None, None]) ** 2 + (Z - z[:, None, None]) ** 2
+    assert tip.gap_current(x, y, z) == approx(np.sqrt(squares.min(axis=(1, 2))), abs=1e-4)
+
+
+@pytest.fixture(scope="module")
+def X() -> Any:
+    """Coordinates of space in UFL."""
+    return ufl.SpatialCoordinate(create_unit_cube(MPI.COMM_SELF, 1, 1, 1))
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_numpy_and_ufl_evaluate_alike(tip: Indenter, X: Any) -> None:
+    for x, y, z in POINTS[:, :30].reshape(-1, 3):
+        depth = abs(z)
+        assert ufl_value(tip.height(X[0], X[1]), (x, y, 0)) == approx(float(tip.height(x, y)), rel=1e-12)
+        found = ufl_value(tip.gap_current(X[0], X[1], X[2]), (x, y, depth))
+        assert found == approx(float(tip.gap_current(x, y, depth)), rel=1e-10, abs=1e-14)
+
+
+def ufl_value(expression: Any, point: tuple[float, float, float]) -> float:
+    """The value of a UFL expression at a point."""
+    return float(ufl.as_ufl(expression)(point))
+
+
+def test_blunt_pyramid_between_its_limits() -> None:
+    """Far from the apex the faces of a sharp one, shifted; along a face's normal the profile of the blunt cone."""
+    blunt, sharp, cone = Pyramid(60.0, tip_radius=0.1), Pyramid(60.0), Cone(60.0, 0.1)
+    r = np.linspace(0, 1, 50)
+    assert on_axis_plane(blunt, r) == approx(on_axis_plane(cone, r), abs=1e-14)
+    shift = 0.1 * (1 / np.sin(np.radians(60)) - 1)
+    assert blunt.height(1.0, 0.3) == approx(sharp.height(1.0, 0.3) - shift, rel=1e-12)
+
+
+def test_many_faces_are_a_cone() -> None:
+    """A regular polygon of 64 sides is a circle within 1 - cos(pi/64) = 0.12 %."""
+    x, y = POINTS
+    assert Pyramid(70.0, faces=64).height(x, y) == approx(Cone(70.0).height(x, y), rel=1.3e-3)
+
+
+def test_pyramid_turns_with_its_rotation() -> None:
+    x, y = POINTS
+    c, s = np.cos(np.radians(25)), np.sin(np.radians(25))
+    turned = Pyramid(70.0, faces=3, rotation=25.0, tip_radius=0.1).height(c * x - s * y, s * x + c * y)
+    assert turned == approx(Pyramid(70.0, faces=3, tip_radius=0.1).height(x, y), abs=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("faces", "rotation", "mirrors"),
+    [(4, 0, (True, True)), (4, 45, (True, True)), (4, 20, (False, False)), (3, 0, (True, False)),
+     (3, 90, (False, True)), (5, -18, (False, True)), (6, 30, (True, True))],
+)  # fmt: skip
+def test_mirror_planes_of_a_pyramid(faces: int, rotation: float, mirrors: tuple[bool, bool]) -> None:
+    """The planes through x and through y; the formula must agree with the shape."""
+    tip = Pyramid(70.0, faces=faces, rotation=rotation)
+    x, y = POINTS
+    assert (tip.is_mirrored(0.0), tip.is_mirrored(90.0)) == mirrors
+    assert np.allclose(tip.height(x, y), tip.height(x, -y), atol=1e-12) == mirrors[0]
+    assert np.allclose(tip.height(x, y), tip.height(-x, y), atol=1e-12) == mirrors[1]
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_radius_of_a_section(tip: Indenter) -> None:
+    """sqrt(area/pi) of the section, counted on a lattice: within 2 %, and where arcs are left out a little more."""
+    lattice = np.linspace(-1.5, 1.5, 1201)
+    X, Y = np.meshgrid(lattice, lattice)
+    depth = 0.12
+    area = np.count_nonzero(np.asarray(tip.height(X, Y)) < depth) * (lattice[1] - lattice[0]) ** 2
+    rounded = isinstance(tip, FlatPunch | Profile) or getattr(tip, "tip_radius", 0) > 0
+    assert tip.radius_at(depth) == approx(np.sqrt(area / np.pi), rel=0.15 if rounded else 0.02)
+
+
+@pytest.mark.parametrize(
+    ("points", "tip_radius", "fragment"),
+    [
+        (((0.1, 0.0), (1.0, 1.0)), 0.0, "apex"),
+        (((0.0, 0.1), (1.0, 1.0)), 0.0, "apex"),
+        (((0.0, 0.0), (1.0, 1.0), (1.0, 2.0)), 0.0, "increase"),
+        (((0.0, 0.0), (1.0, 1.0), (2.0, 1.5)), 0.0, "convex"),
+        (((0.0, 0.0), (1.0, -1.0)), 0.0, "convex"),
+        (((0.0, 0.0), (0.1, 0.0), (2.0, 3.0)), 1.0, "too large"),
+    ],
+)
+def test_impossible_profiles(points: Any, tip_radius: float, fragment: str) -> None:
+    with pytest.raises(ValueError, match=fragment):
+        Profile(points, tip_radius).check()
+
+
+def test_a_paraboloid_through_points() -> None:
+    """Straight pieces through 40 points are above the paraboloid by at most (1/40)^2/8R."""
+    r = np.linspace(0, 1, 41)
+    tip = Profile(tuple((float(s), float(s * s / 2)) for s in r))
+    tip.check()
+    at = np.linspace(0, 1, 333)
+    difference = on_axis_plane(tip, at) - at**2 / 2
+    assert difference.min() > -1e-15 and difference.max() < 1.01 / 40**2 / 8

@@ -1,0 +1,86 @@
+"""Config -> Scene: what is refused, what is warned of, and that each choice gives the reason for itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config import from_mapping
+from indent_sim.errors import ConfigError
+from indent_sim.scene import Scene, resolve
+
+BODIES: dict[str, dict[str, Any]] = {
+    "axisymmetric": {"shape": "cylinder", "radius": 2.0, "height": 2.0},
+    "plane_strain": {"shape": "strip", "width": 4.0, "height": 2.0},
+    "three_dimensional": {"shape": "box", "size": [4.0, 4.0, 2.0]},
+}
+
+
+def scene(kinematics: str = "axisymmetric", **sections: Any) -> Scene:
+    """A paraboloid of radius 2 on ELASTIC, pressed in by 0.02; `sections` replace whole sections of that."""
+    given: dict[str, Any] = {
+        "body": BODIES[kinematics],
+        "material": {"model": "linear_elastic", "E": 5.0, "nu": 0.3},
+        "indenter": {"shape": "paraboloid", "R": 2.0},
+        "loading": {"delta": 0.02, "steps": 1},
+    }
+    return resolve(from_mapping(given | sections))
+
+
+class TestNitsche:
+    unit = 5.0 / (1 - 0.3**2) / 0.02  # E*/h_contact
+
+    def with_gamma(self, gamma: Any) -> Scene:
+        return scene(contact={"method": "nitsche", "gamma": gamma}, mesh={"h_contact": 0.02})
+
+    def test_too_soft_is_refused_and_what_is_needed_is_said(self):
+        with pytest.raises(ConfigError) as caught:
+            self.with_gamma(0.1 * self.unit)
+        assert caught.value.key == "contact.gamma" and caught.value.exit_code == 3
+        assert "0.1 E*/h_contact" in str(caught.value) and f"at least {self.unit:.4g}" in str(caught.value)
+
+    @pytest.mark.parametrize("gamma", ["auto", unit, 30 * unit])
+    def test_enough_is_taken(self, gamma):
+        wanted = 10 * self.unit if gamma == "auto" else gamma
+        assert self.with_gamma(gamma).contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
+
+
+class TestMesh:
+    def said(self, kinematics: str, per_radius: float, order: int, method: str = "auto") -> str:
+        a = scene(kinematics).prediction["a"]
+        mesh = {"h_contact": a / per_radius, "order": order}
+        return " ".join(scene(kinematics, mesh=mesh, contact={"method": method}).warnings)
+
+    @pytest.mark.parametrize("kinematics", BODIES)
+    @pytest.mark.parametrize(
+        ("per_radius", "order", "likely"), [(1.5, 2, "about 1 %"), (5, 1, "about 5 %"), (0.8, 1, "tens of per cent")]
+    )
+    def test_too_few_elements_in_the_contact(self, kinematics, per_radius, order, likely):
+        said = self.said(kinematics, per_radius, order)
+        assert f"only {per_radius:.2g} elements" in said and likely in said
+
+    @pytest.mark.parametrize(("per_radius", "order"), [(3.2, 2), (10.5, 1)])
+    def test_enough_elements(self, per_radius, order):
+        assert "elements in the expected" not in self.said("axisymmetric", per_radius, order)
+
+    def test_penalty_with_linear_elements_underestimates_a(self):
+        assert "underestimates a" in self.said("axisymmetric", 20, 1, "penalty")
+        assert "underestimates a" not in self.said("axisymmetric", 20, 1, "active_set")
+        assert "underestimates a" not in self.said("axisymmetric", 20, 2, "penalty")
+
+    def test_a_tip_that_never_touches_has_no_contact_to_resolve(self):
+        out = scene(loading={"deltas": [-0.1]}, mesh={"h_contact": 0.5})
+        assert len(out.warnings) == 1
+
+
+@pytest.mark.parametrize("kinematics", BODIES)
+def test_kinematics_and_strain_are_two_choices(kinematics):
+    why = {choice.key: choice for choice in scene(kinematics).choices}
+    assert why["kinematics"].value == kinematics and "strain" not in why["kinematics"].why.replace("no strain", "")
+    assert why["strain"].value == "small" and "linear elastic" in why["strain"].why
+
+
+def test_the_half_space_is_refused_without_a_percentage_of_its_own():
+    said = " ".join(scene().warnings)
+    assert "Hertz (half-space) does not apply" in said and "%" not in said

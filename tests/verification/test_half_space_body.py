@@ -1,0 +1,88 @@
+"""`body.shape: half_space` against Hertz and Sneddon, and the stated truncation error against the true one."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+from scenes import force, scene
+
+from indent_sim.errors import ConfigError
+from indent_sim.scene import Scene
+
+HALF_SPACE = {"shape": "half_space"}
+TIPS: dict[str, tuple[dict[str, Any], float, float]] = {  # tip, depth, what the force may be off by
+    "paraboloid": ({"shape": "paraboloid", "R": 1.0}, 0.01, 1e-3),
+    "sphere": ({"shape": "sphere", "R": 1.0}, 0.1, 1e-3),
+    "cone": ({"shape": "cone", "half_angle": 70}, 0.1, 1e-3),
+    "flat_punch": ({"shape": "flat_punch", "radius": 0.5}, 0.01, 5e-3),
+}
+
+
+def over(tip: dict[str, Any], delta: float, nu: float = 0.3, **sections: Any) -> Scene:
+    """A tip on a half-space."""
+    material = {"model": "linear_elastic", "E": 2.0, "nu": nu}
+    return scene(HALF_SPACE, indenter=tip, material=material, loading={"delta": delta, "steps": 1}, **sections)
+
+
+@pytest.mark.parametrize(("tip", "delta", "tolerance"), TIPS.values(), ids=TIPS)
+def test_closed_forms(tip: dict[str, Any], delta: float, tolerance: float) -> None:
+    base = over(tip, delta)
+    assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=tolerance)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.45, 0.5])
+def test_any_compressibility(nu: float) -> None:
+    base = over(*TIPS["paraboloid"][:2], nu=nu)
+    assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=1e-3)
+
+
+@pytest.mark.parametrize("nu", [-0.9, -0.4, 0.0, 0.3, 0.5])
+def test_stated_error_covers_the_true_one(nu: float) -> None:
+    """On a mesh whose own error is a few 1e-5: size and its growth halved."""
+    base = over(*TIPS["paraboloid"][:2], nu=nu)
+    sizes = dataclasses.replace(base.sizes, h_contact=base.sizes.h_contact / 2, grading=base.sizes.grading / 2)
+    true = force(dataclasses.replace(base, sizes=sizes)) / base.prediction["force_half_space"] - 1
+    stated = base.prediction["truncation_error"]
+    assert 0.3 * stated < true < stated < 1e-3
+    assert any(c.key == "body" and f"{stated:.2%}" in c.why for c in base.choices)
+
+
+def test_the_oracle_is_the_half_space() -> None:
+    """The layer that stands for it in theory is 1e7 bodies deep: Hertz to 1e-6 in force and radius."""
+    base = over(*TIPS["paraboloid"][:2])
+    solution = base.oracle.at(base.deltas[-1]) if base.oracle else None
+    assert solution and base.oracle and base.oracle.name == "half-space theory"
+    assert solution.force * base.scales.force == pytest.approx(base.prediction["force_half_space"], rel=1e-6)
+    assert solution.a * base.scales.length == pytest.approx(0.1, rel=1e-6)
+    assert not base.warnings
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e3])
+def test_any_unit_of_length(scale: float) -> None:
+    """The solver sees the same numbers: the same force to round-off of the twelve digits that sizes have."""
+    forces = [force(over({"shape": "sphere", "R": R}, 0.01 * R)) / R**2 for R in (1.0, scale)]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-8)
+
+
+def test_no_depth_at_all() -> None:
+    """Out of contact there is no force, and still a body."""
+    base = scene(HALF_SPACE, loading={"deltas": [-0.01]})
+    assert force(base) == 0
+
+
+def test_a_tip_in_contact_to_its_end() -> None:
+    """A profile pressed in deeper than it is high touches everywhere: its end stands for the contact radius."""
+    base = over({"shape": "profile", "points": [[0, 0], [0.1, 0.01]]}, 0.05)
+    assert base.body.height * base.scales.length > 100 * 0.1
+    assert any("deeper than the profile is high" in warning for warning in base.warnings)
+
+
+def test_three_dimensions_on_request() -> None:
+    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).symmetry == "quarter"
+
+
+def test_a_place_on_it_is_refused() -> None:
+    with pytest.raises(ConfigError, match="same everywhere"):
+        over({"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}, 0.01)

@@ -1,0 +1,111 @@
+"""Cylinders in three dimensions: against the axisymmetric model, and with tips beside their axis."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+from scenes import CYLINDER, PARABOLOID, WALLED, force, scene, solve
+
+from indent_sim.errors import ConfigError
+
+DEEP = {"loading": {"delta": 0.09, "steps": 1}}
+COARSE = 0.1  # h_contact: three elements in the contact radius of 0.33
+
+
+@pytest.mark.parametrize("sides", ["free", "roller", "fixed"])
+@pytest.mark.parametrize("base", ["fixed", "roller"])
+def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
+    """0.5 % is the error of three elements in the radius; the polygon of the wall encloses 0.7 % less than the circle,
+    which this force feels by 0.1 % at most."""
+    body = (WALLED if sides == "roller" else CYLINDER) | {"base": base, "sides": sides}
+    flat = scene(body, **DEEP)
+    whole = scene(body, mesh={"h_contact": COARSE, "symmetry": "quarter"}, **DEEP)
+    assert (flat.symmetry, whole.symmetry, whole.copies) == ("axisymmetric", "quarter", 4)
+    assert force(whole) == pytest.approx(force(flat), rel=5e-3)
+
+
+@pytest.mark.parametrize("symmetry", ["half", "full"])
+def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
+    """Held by pins alone; their reactions are audited to be zero. Meshes of their own: 0.5 %."""
+    body = CYLINDER | {"base": "roller"}
+    part, quarter = (scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter"))
+    assert len(part.pins) == {"half": 1, "full": 3}[symmetry]
+    assert force(part) == pytest.approx(force(quarter), rel=5e-3)
+
+
+def test_full_cylinder_between_rollers_may_turn() -> None:
+    """u . n = 0 on a round wall leaves the turn about z: one pin, without reaction."""
+    base = scene(WALLED | {"radius": 1.0, "base": "roller"}, mesh={"h_contact": 0.2, "symmetry": "full"}, **DEEP)
+    assert len(base.pins) == 1
+    assert solve(base)[-1].force > 0
+
+
+def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
+    """Four thicknesses from the rim the layer is infinite: what the rim changes is below 1e-4, the mesh 0.5 %."""
+    wide = CYLINDER | {"radius": 6.0}
+    beside = scene(wide, indenter=PARABOLOID | {"center": [0.0, -2.0]}, mesh={"h_contact": COARSE}, **DEEP)
+    assert (beside.symmetry, beside.copies) == ("half", 2)
+    assert force(beside) == pytest.approx(force(scene(wide, **DEEP)), rel=5e-3)
+
+
+@pytest.mark.verify
+def test_off_axis_without_a_mirror_plane() -> None:
+    """Off both axes of coordinates the whole cylinder is modelled; its force is that of the half."""
+    body = CYLINDER | {"radius": 1.5, "sides": "roller"}
+    whole, half = (
+        scene(body, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": COARSE}, **DEEP)
+        for center in ([0.3, 0.4], [0.5, 0.0])
+    )
+    assert (whole.symmetry, half.symmetry) == ("full", "half")
+    assert force(whole) == pytest.approx(force(half), rel=5e-3)
+
+
+def test_the_rim_is_softer_than_the_middle() -> None:
+    """Free sides give way: at the middle of the radius already by more than the mesh's error of 0.5 %."""
+    thick = CYLINDER | {"radius": 1.0, "height": 1.0}
+    beside = scene(thick, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": COARSE}, **DEEP)
+    assert force(beside) < 0.99 * force(scene(thick, **DEEP))
+
+
+def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff() -> None:
+    """u . n = 0 is weak; ten times its stiffness changes the force of a tip near it by less than 2e-4: neither does
+    the wall give way, nor does the normal that turns inside a facet stop the surface from sliding."""
+    body = WALLED | {"radius": 1.0}
+    base = scene(body, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": COARSE}, **DEEP)
+    assert [choice for choice in base.choices if choice.key == "wall"]
+    stiffer = dataclasses.replace(base, wall_stiffness=10 * base.wall_stiffness)
+    assert force(stiffer) == pytest.approx(force(base), rel=2e-4)
+
+
+def test_condensed_and_newton_agree_beside_the_axis() -> None:
+    """The weak wall is part of the body's stiffness in both: the solver's 1e-9."""
+    body = WALLED | {"radius": 1.0}
+    tip = PARABOLOID | {"center": [0.4, 0.0]}
+    forces = [
+        force(scene(body, indenter=tip, mesh={"h_contact": 0.2}, solver={"method": method}, **DEEP))
+        for method in ("condensed", "newton")
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("indenter", "symmetry", "fragment"),
+    [
+        (PARABOLOID | {"center": [0.3, 0.0]}, "axisymmetric", "off the cylinder's axis"),
+        ({"shape": "pyramid", "half_angle": 70}, "axisymmetric", "no tip of revolution"),
+        (PARABOLOID | {"center": [0.3, 0.0]}, "quarter", "symmetric only about"),
+        (PARABOLOID | {"center": [0.3, 0.2]}, "half", "about no mid-plane"),
+        ({"shape": "pyramid", "half_angle": 70, "rotation": 20}, "half", "about no mid-plane"),
+        (PARABOLOID, "plane_strain", "not infinitely long"),
+    ],
+)
+def test_wrong_symmetry_is_refused(indenter: dict[str, Any], symmetry: str, fragment: str) -> None:
+    with pytest.raises(ConfigError, match=fragment):
+        scene(CYLINDER, indenter=indenter, mesh={"symmetry": symmetry})
+
+
+def test_a_tip_outside_the_cylinder_is_refused() -> None:
+    with pytest.raises(ConfigError, match="outside"):
+        scene(CYLINDER, indenter=PARABOLOID | {"center": [0.8, 0.8]})
