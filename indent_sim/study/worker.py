@@ -22,6 +22,8 @@ from indent_sim.errors import BackendError, IndentSimError, UsageError
 
 LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
 PR_SET_PDEATHSIG = 1
+# What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
+LAUNCHERS = ("PMI_", "PMIX_", "OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_MCA_orte_", "OMPI_MCA_ess", "PRTE_MCA_ess")
 ABORTING = (UsageError, BackendError)  # no fault of the run: the next one would end the same way
 
 Ending = tuple[int, str]  # exit code and reason
@@ -88,6 +90,8 @@ def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _die_with(parent)
+    for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
+        del os.environ[name]
     _warm_up()
     with suppress(EOFError, OSError):
         while True:

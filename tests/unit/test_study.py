@@ -335,13 +335,16 @@ class TestRuns:
         path = written(METHODS.replace("0.06, 0.05, 0.04", "0.06, 0.055, 0.05, 0.045"))
         study.carry_out(path, output=tmp_path / "whole")
         random = np.random.default_rng(1)
-        for _ in range(4):
+        for runs in (1, 3, 6):  # are there when the kill comes
             with subprocess.Popen(
                 command(path, "--output", "killed", "--resume"),
                 cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             ) as process:  # fmt: skip
-                time.sleep(random.uniform(0.4, 1.6))
+                while process.poll() is None and len(list(tmp_path.glob("killed/runs/*/run.json"))) < runs:
+                    time.sleep(0.005)
+                time.sleep(random.uniform(0, 0.05))
                 process.send_signal(signal.SIGKILL)
+            assert not (tmp_path / "killed" / "study.csv").exists()
         done = subprocess.run(
             command(path, "--output", "killed", "--resume"), cwd=tmp_path, env=environment(), capture_output=True
         )
