@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim import sizing
 from indent_sim.blunting import blunted
+from indent_sim.costing import Cost, Work, machine_memory
+from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
@@ -91,21 +93,23 @@ def resolve(config: Config) -> Scene:
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     a = _expected_radius(theory, tip, body, max(deltas), center)
     sizes = _sizes(config, reduction, tip, a, scales, center)
-    cost = _affordable(sizes, reduction, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
     gap, gap_choice = _gap(config.contact, reduction, material)
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
     solver_choice = _solver(config, material, contact, gap)
+    work = Work(str(solver_choice.value), formulation == "mixed", len(deltas), gap == "current" or not
+                material.small_strain)  # fmt: skip
+    cost = _affordable(sizes, reduction, center, work)
     choices = (
+        *([Choice("body", f"{body.shape}, height {whole.height:.4g}", truncation.why)] if truncation else []),
         Choice("symmetry", reduction.symmetry, reduction.why),
         Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
         Choice("strain", *_strain_measure(material)),
         formulation_choice,
         gap_choice,
         contact_choice,
-        *([Choice("body", body.shape, truncation.why)] if truncation else []),
         *([Choice(blunt.key, blunt.radius * scales.length, blunt.why)] if blunt else []),
         *([Choice("wall", wall * scales.pressure / scales.length, WALL_WHY)] if wall else []),
         *_mesh_choices(config, sizes, scales, a),
@@ -123,7 +127,8 @@ def resolve(config: Config) -> Scene:
                   *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
-            "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)},
+            "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
+            "seconds": float(f"{cost.seconds:.2g}")},
     )  # fmt: skip
 
 
@@ -176,13 +181,13 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: t
                           f"stay below {body.height:g}")  # fmt: skip
 
 
-def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...]) -> sizing.Cost:
-    cost = sizing.cost(sizes, reduction.extent, center)
-    available = sizing.machine_memory()
-    if cost.memory > available:
-        raise ConfigError("mesh.h_contact", f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this "
+def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...], work: Work) -> Cost:
+    found = cost_of(sizes, reduction.extent, center, work, is_round=reduction.radius is not None)
+    available = machine_memory()
+    if found.memory > available:
+        raise ConfigError("mesh.h_contact", f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
                           f"machine has {available / 1e9:.3g} GB", "use a larger h_contact, or symmetry")  # fmt: skip
-    return cost
+    return found
 
 
 # ---- choices --------------------------------------------------------------------------------------------------

@@ -1,10 +1,8 @@
-"""Element sizes from the expected contact, and what a mesh of such sizes will cost."""
+"""Element sizes from the expected contact."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from math import pi
 
 import numpy as np
 
@@ -62,15 +60,6 @@ class Sizes:
         return doubts
 
 
-@dataclass(frozen=True)
-class Cost:
-    """Predicted size of a run: cells, dofs, memory [bytes]."""
-
-    cells: float
-    dofs: float
-    memory: float
-
-
 def rounded(value: float) -> float:
     """A length to 12 significant digits: the same mesh whatever units the scene came in."""
     return float(f"{value:.12g}")
@@ -90,45 +79,5 @@ def choose(a: float, height: float, width: float, dim: int, order: int, *, h_con
     return Sizes(fine, rounded(far), rounded(patch), order, GRADING[order], edge, h_edge)
 
 
-def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> Cost:
-    """Predict cells, dofs and memory from the integral of 1/size^dim over the modelled part."""
-    dim = len(extent)
-    height = extent[-1][1] - extent[-1][0]
-    reach = [max(abs(end - c) for end in ends) for ends, c in zip(extent[:-1], center, strict=False)]
-    volume = float(np.prod([high - low for low, high in extent]))
-    r_max = float(max(reach)) if dim == 2 else float(np.sqrt(volume / height * 4 / pi / _sectors(extent, center)))
-    r, wr = _log_grid(r_max, sizes.h_contact)
-    z, wz = _log_grid(height, sizes.h_contact)
-    density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
-    ring = (
-        (pi / 2 * r * _sectors(extent, center))[:, None] if dim == 3 else np.full((len(r), 1), _sides(extent, center))
-    )
-    cells = float((density * ring * wr[:, None] * wz[None, :]).sum()) * (2.3 if dim == 2 else 8.5)
-    nodes = cells * {(2, 2): 2.0, (2, 1): 0.5, (3, 2): 1.45, (3, 1): 0.2}[dim, sizes.order]
-    dofs = nodes * dim
-    memory = 3e8 + (1.5e3 * dofs * np.log2(dofs + 2) / 8 if dim == 2 else 300.0 * dofs ** (4 / 3))
-    return Cost(cells, dofs, float(memory))
-
-
-def machine_memory() -> float:
-    """Physical memory of this machine [bytes]."""
-    return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
-
-
 def _percent(value: float) -> str:
     return "tens of per cent" if value >= 20 else f"about {value:.1g} %"
-
-
-def _sides(extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
-    low, high = extent[0]
-    return 1.0 if min(abs(center[0] - low), abs(high - center[0])) <= 1e-9 * (high - low) else 2.0
-
-
-def _sectors(extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
-    """Quarters of a full turn about the tip's axis that the modelled part contains."""
-    return float(np.prod([_sides((ends,), (c,)) for ends, c in zip(extent[:-1], center, strict=False)]))
-
-
-def _log_grid(length: float, smallest: float) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.concatenate([[0.0], np.geomspace(min(smallest, length) / 4, length, 200)])
-    return (edges[1:] + edges[:-1]) / 2, np.diff(edges)

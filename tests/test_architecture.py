@@ -27,6 +27,7 @@ ROOMS: dict[str, set[str]] = {
     "blunting": {"model", "oracle"},
     "truncation": {"model", "oracle", "theory"},
     "sizing": set(),
+    "costing": {"sizing"},
     "reduction": {"model"},
     # the scene file
     "yaml_strict": set(),
@@ -35,7 +36,7 @@ ROOMS: dict[str, set[str]] = {
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
-    "scene": {"blunting", "config", "model", "oracle", "reduction", "sizing", "state", "truncation"},
+    "scene": {"blunting", "config", "costing", "model", "oracle", "reduction", "sizing", "state", "truncation"},
     "resolved": {"config", "scene"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},

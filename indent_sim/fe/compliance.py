@@ -54,7 +54,7 @@ class Condenser:
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
         self._pc.setUp()
-        self._owned_nodes, self._keys, self._X = self._surface_nodes()
+        self._owned_nodes, self._keys = self._surface_nodes()
         self._condensed = np.zeros(0, dtype=np.int64)
         self._last: Compliance | None = None
 
@@ -73,8 +73,8 @@ class Condenser:
         matrix.mult(marks, total)
         return total.array.copy()
 
-    def _surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """This rank's own surface nodes, and the global numbers and coordinates of all of them in a fixed order."""
+    def _surface_nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """This rank's own surface nodes, and the global numbers of all of them in an order given by their places."""
         body = self.body
         space = body.unknowns.own_space("u")
         index_map = space.dofmap.index_map
@@ -85,7 +85,7 @@ class Condenser:
         parts = body.comm.allgather((keys, coordinates))
         all_keys, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
         order = np.lexsort(np.round(X[:, ::-1].T, 10))
-        return owned, all_keys[order], X[order]
+        return owned, all_keys[order]
 
     def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
         """The compliance of all facets that come within `reach` [length] of the tip's axis."""

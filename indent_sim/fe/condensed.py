@@ -79,7 +79,7 @@ class CondensedContact:
         return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
 
     @cached_property
-    def _inverse_mass(self) -> np.ndarray:
+    def inverse_mass(self) -> np.ndarray:
         N, W, _ = self._quadrature
         return np.linalg.inv(self._matrix(np.einsum("fp,pn,pm->fnm", W, N, N)))
 
@@ -98,7 +98,7 @@ class CondensedContact:
         """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero."""
         N, W, height = self._quadrature
         epsilon_n, C = self.law.stiffness, self.compliance.C  # type: ignore[union-attr]
-        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
+        D = (self.inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
             offset = offset + frozen[self.nodes] @ N.T
@@ -201,7 +201,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
             return False
-        contact.lam = contact._inverse_mass @ contact.F
+        contact.lam = contact.inverse_mass @ contact.F
         return True
 
     return solve
@@ -213,7 +213,7 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, image = contact.lam, contact._inverse_mass @ contact.F
+            before, image = contact.lam, contact.inverse_mass @ contact.F
             size = max(np.linalg.norm(before), np.linalg.norm(image))
             change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)

@@ -1,0 +1,51 @@
+"""What `plan` says a run costs, against what it does cost: within a factor of two on every shipped scene."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from indent_sim import geometry
+from indent_sim.config import load
+from indent_sim.scene import resolve
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENES = sorted(path for path in (ROOT / "configs").rglob("*.yaml") if "studies" not in path.parts)
+each_scene = pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+
+
+def assert_close(predicted: float, found: float) -> None:
+    """A factor of two is what a user needs to know before starting a run."""
+    assert found / 2 < predicted < 2 * found
+
+
+@each_scene
+def test_cells(path: Path) -> None:
+    """The count that all other predictions come from; the mesh alone is quickly made."""
+    scene = resolve(load(path))
+    assert_close(scene.prediction["cells"], len(geometry.build(scene).cells))
+
+
+@pytest.mark.verify
+@each_scene
+def test_unknowns_memory_and_seconds(path: Path, tmp_path: Path) -> None:
+    """Of a process of its own whose forms are compiled, the better of two runs: others may be working beside it."""
+    plan = resolve(load(path)).prediction
+    command = [sys.executable, "-m", "indent_sim.cli", "run", str(path), "--output", str(tmp_path / "run"),
+               "--set", "output.plot=false"]  # fmt: skip
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    seconds = []
+    for _ in range(2):
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        _, status, usage = os.wait4(process.pid, 0)
+        assert status == 0
+        seconds.append(usage.ru_utime + usage.ru_stime)
+    report = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert_close(plan["dofs"], report["dofs"])
+    assert_close(plan["memory_MB"], report["peak_memory_MB"])
+    assert_close(plan["seconds"], min(seconds))
