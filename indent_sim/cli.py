@@ -303,8 +303,8 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
                     show(state, step, total)
 
             return simulate(settings, comm, directory=directory, progress=follow, resume=resume)
-    except (IndentSimError, KeyboardInterrupt):
-        if comm.rank == 0:
+    except (IndentSimError, KeyboardInterrupt) as end:
+        if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)
         raise
 

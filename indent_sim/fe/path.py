@@ -50,8 +50,8 @@ class Walk:
     def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
         """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths passed since.
 
-        Equilibria without friction do not depend on the path: the way is straight, or that of the earlier walk
-        where it has to be. False when the depth is not reached again.
+        Equilibria without friction do not depend on the path, so the way is straight to the last two depths, from
+        which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
         """
         for delta, arrays in points:
             vectors = self.problem.snapshot()
@@ -60,7 +60,7 @@ class Walk:
             self._points = [*self._points[-1:], Point(delta, vectors)]
         self.return_to_last()
         start = self._points
-        if not deltas or self._reach(deltas[-1]):
+        if all(self._reach(delta) for delta in deltas[-2:]):
             return True
         self._points = start
         self.return_to_last()
