@@ -226,6 +226,10 @@ class Simulation:
         size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
         record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
         self._identity = {"mesh": mesh.hash, "dofs": self._walk.dofs, "dolfinx": fe.versions()["dolfinx"]}
+        earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
+        if earlier not in (None, mesh.hash):
+            other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
+            record.note(warnings=[*scene.warnings, other])
         self._take_up()
         wanted = self.output.fields != "none" and len(self.states) < len(scene.deltas)
         self._fields = fe.Fields(self._walk.observed) if wanted else None

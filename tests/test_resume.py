@@ -204,7 +204,10 @@ class TestCheckpoint:
             else:
                 with h5py.File(file, "r+") as opened:
                     opened.attrs["identity"] = opened.attrs["identity"].replace("dofs", "sfod")
-        assert indent_sim("--resume").exit_code == 0
+                report = tmp_path / "out" / "run.json"
+                report.write_text(report.read_text().replace('"hash": "', '"hash": "0'))
+        done = indent_sim("--resume")
+        assert done.exit_code == 0 and ("computed on another mesh" in done.stderr) == (harm == "of another mesh")
         same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
         assert read(tmp_path / "out").report["resumed_after"][-1] == SOME
 
@@ -280,7 +283,9 @@ class TestStopped:
         interrupt(tmp_path)
         done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out", "--resume")
         assert done.returncode == 0, done.stderr
-        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
+        found, expected = read(tmp_path / "out"), read(undisturbed(HYPERELASTIC))
+        for column in ("step", "delta", "force", "a", "p_max", "energy"):
+            np.testing.assert_allclose(found[column], expected[column], rtol=1e-8, err_msg=column)
 
 
 class TestNothingToGoOnWith:
