@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import resource
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,6 @@ POINTS = 50  # of the theory curve that is kept for the plot
 
 def summary(scene: Scene, states: list[State], stages: dict[str, float], worst_audit: float) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings [s] and peak memory [MB]."""
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
         "theory": theory_comparison(scene, states),
         "audit": {
@@ -25,8 +26,17 @@ def summary(scene: Scene, states: list[State], stages: dict[str, float], worst_a
             "newton_iterations": sum(state.newton_iterations for state in states),
         },
         "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
-        "peak_memory_MB": round(memory, 1),
+        "peak_memory_MB": round(peak_memory(), 1),
     }
+
+
+def peak_memory() -> float:
+    """Largest memory of this process so far [MB]; the kernel's ru_maxrss would include that of whoever started it."""
+    with contextlib.suppress(OSError, ValueError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def energy_balance(states: list[State]) -> float | None:

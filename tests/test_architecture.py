@@ -49,7 +49,7 @@ ROOMS: dict[str, set[str]] = {
     "results": {"", "checkpoint", "earlier", "folder", "state", "tables", "xdmf"},
     "plots": {"results"},
     "run": {
-        *("checkpoint", "comparison", "config", "earlier", "fe", "folder", "geometry", "parallel"),
+        *("checkpoint", "comparison", "config", "earlier", "fe", "folder", "geometry", "model", "parallel"),
         *("plots", "resolved", "results", "scene", "state"),
     },
     "study": {"", "config", "parallel", "plots", "results", "run", "scene", "state"},
