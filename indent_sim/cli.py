@@ -112,8 +112,9 @@ def program() -> None:
 @click.argument("config", type=click.Path(path_type=Path))
 @set_option
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
+@click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, as_json: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
     with together(comm), _stoppable(comm) as check:
@@ -122,7 +123,7 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: 
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check)
+        outcome = _simulate(settings, comm, directory, check, resume)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -289,7 +290,7 @@ def _stoppable(comm: Any) -> Iterator[Callable[[], None]]:
             signal.signal(number, old)
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None]) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
@@ -302,9 +303,9 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
                 if show is not None:
                     show(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow)
-    except (IndentSimError, KeyboardInterrupt):
-        if comm.rank == 0:
+            return simulate(settings, comm, directory=directory, progress=follow, resume=resume)
+    except (IndentSimError, KeyboardInterrupt) as end:
+        if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)
         raise
 
@@ -345,7 +346,7 @@ def _name_partial(directory: Path) -> None:
 
     report = read_report(directory)
     if report.get("status") in ("failed", "interrupted") and report.get("rows"):
-        tell(f"{report['rows']} rows computed before are kept in {directory}")
+        tell(f"{report['rows']} rows computed before are kept in {directory}; --resume goes on from them")
 
 
 def _conclude(outcome: Outcome, as_json: bool) -> None:
