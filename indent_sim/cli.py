@@ -6,8 +6,8 @@ with the same exit code. Heavy imports wait inside the commands.
 
 from __future__ import annotations
 
+import logging
 import os
-import signal
 import sys
 import time
 import traceback
@@ -20,10 +20,9 @@ import click
 
 from indent_sim import __version__
 from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.stopping import stoppable
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from indent_sim.config import Config
     from indent_sim.run import Outcome
     from indent_sim.scene import Scene
@@ -34,14 +33,6 @@ RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")  # how many, as 
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
-
-
-class Stopped(KeyboardInterrupt):
-    """SIGINT or SIGTERM arrived; exit code 128 + signal."""
-
-    def __init__(self, number: int):
-        super().__init__(f"stopped by {signal.Signals(number).name}")
-        self.exit_code = 128 + number
 
 
 class Program(click.Group):
@@ -124,17 +115,18 @@ def program() -> None:
 @click.argument("config", type=click.Path(path_type=Path))
 @set_option
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
+@click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, as_json: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
-    with together(comm), _stoppable(comm.rank) as check:
+    with together(comm), stoppable(comm.rank) as check:
         from indent_sim.config import load
         from indent_sim.parallel import on_root
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check)
+        outcome = _simulate(settings, comm, directory, check, resume)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -151,7 +143,7 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
     from indent_sim import study as studies
     from indent_sim.results import to_json
 
-    with _stoppable():
+    with stoppable():
         done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
     say(to_json(studies.as_json(done)) if as_json else str(done.directory))
     for line in (*done.notes, *done.recommendations):
@@ -298,55 +290,54 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-@contextmanager
-def _stoppable(rank: int = 0) -> Iterator[Callable[[], None]]:
-    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along.
-
-    Yields a check to call now and then: libraries may swallow what is raised in their callbacks, or turn it
-    into an error of their own.
-    """
-    arrived: list[int] = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        arrived.append(number)
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
-        raise Stopped(number)
-
-    def check() -> None:
-        if arrived:
-            raise Stopped(arrived[0])
-
-    handler: Any = stop if rank == 0 else signal.SIG_IGN
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield check
-    except Exception:
-        check()
-        raise
-    finally:
-        for number, old in before.items():
-            signal.signal(number, old)
-
-
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None]) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
     shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
     try:
-        with shown(tell) as show:
+        with shown(tell) as show, _quiet_libraries(speaks=comm.rank == 0):
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
                 if show is not None:
                     show(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow)
-    except (IndentSimError, KeyboardInterrupt):
-        if comm.rank == 0:
+            return simulate(settings, comm, directory=directory, progress=follow, resume=resume)
+    except (IndentSimError, KeyboardInterrupt) as end:
+        if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)
         raise
+
+
+@contextmanager
+def _quiet_libraries(speaks: bool) -> Iterator[None]:
+    """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not.
+
+    Without a handler of the root logger, libraries that call `logging.info` would install one that prints it all.
+    """
+    ours, root = logging.getLogger("indent_sim"), logging.getLogger()
+    told, warned = Teller(logging.INFO), Teller(logging.WARNING)
+    before = ours.level, ours.propagate
+    ours.setLevel(logging.INFO if speaks else logging.ERROR)
+    ours.propagate = False
+    ours.addHandler(told)
+    root.addHandler(warned)
+    try:
+        yield
+    finally:
+        root.removeHandler(warned)
+        ours.removeHandler(told)
+        ours.level, ours.propagate = before
+
+
+class Teller(logging.Handler):
+    """A logger's messages on stderr, those of libraries with their name."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell one message."""
+        of = "" if record.name == "indent_sim" else f"{record.name}: "
+        tell(f"{of}{record.getMessage()}")
 
 
 def _name_partial(directory: Path) -> None:
@@ -355,7 +346,7 @@ def _name_partial(directory: Path) -> None:
 
     report = read_report(directory)
     if report.get("status") in ("failed", "interrupted") and report.get("rows"):
-        tell(f"{report['rows']} rows computed before are kept in {directory}")
+        tell(f"{report['rows']} rows computed before are kept in {directory}; --resume goes on from them")
 
 
 def _conclude(outcome: Outcome, as_json: bool) -> None:

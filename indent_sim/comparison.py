@@ -81,8 +81,8 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     curve = scene.oracle.curve(depths) or []
     return {
         "name": scene.oracle.name,
-        "exact": scene.oracle.exact and scene.gap == "reference",
-        "why": _difference(scene),
+        "exact": not _difference(scene),
+        "why": "; ".join(_difference(scene)) or scene.oracle.why,
         "delta": deepest.delta,
         "force": solution.force * F,
         "a": solution.a * L,
@@ -97,12 +97,15 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     }
 
 
-def _difference(scene: Scene) -> str:
-    """What this run's problem has that theory's has not, or why they are one."""
-    gap = "the gap is tested at the deformed point, theory's at the undeformed one"
-    if scene.gap == "reference" or scene.oracle is None:
-        return scene.oracle.why if scene.oracle else ""
-    return gap if scene.oracle.exact else f"{gap}; {scene.oracle.why}"
+def _difference(scene: Scene) -> tuple[str, ...]:
+    """What this run's problem has that theory's has not; empty when they are one."""
+    assert scene.oracle is not None
+    parts = (
+        (not scene.material.small_strain, "strain is finite, theory's small"),
+        (scene.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
+        (not scene.oracle.exact, scene.oracle.why),
+    )
+    return tuple(why for applies, why in parts if applies)
 
 
 def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:

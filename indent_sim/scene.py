@@ -95,7 +95,7 @@ def resolve(config: Config) -> Scene:
     a = _expected_radius(theory, tip, body, max(deltas), center)
     sizes = _sizes(config, reduction, tip, a, scales, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
-    gap, gap_choice = _gap(config.contact, reduction, material)
+    gap, gap_choice = _gap(config.contact, reduction, material, tip, scales)
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
@@ -280,13 +280,19 @@ def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
         )
 
 
-def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str, Choice]:
+def _gap(wanted: Contact, reduction: Reduction, material: Material, tip: Indenter, scales: Scales
+         ) -> tuple[str, Choice]:  # fmt: skip
     auto = "reference" if material.small_strain else "current"
     gap = auto if wanted.gap == "auto" else wanted.gap
     if gap == "current" and reduction.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
+        )  # fmt: skip
+    if gap == "current" and isinstance(tip, FlatPunch) and tip.edge_radius == 0:
+        raise ConfigError(
+            "indenter.edge_radius", "a sharp edge has no normal, along which a 'current' gap presses",
+            f"round it, e.g. edge_radius: {0.02 * tip.radius * scales.length:.3g}, or use gap: reference",
         )  # fmt: skip
     reasons = {"reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
                "current": "finite strain: tested at the deformed point, pressure along the tip's normal"}  # fmt: skip
@@ -389,4 +395,4 @@ def _half_space_warning(
     low = 1 - closed[1] / solution.force
     if abs(low) < 0.01:
         return []
-    return [f"{closed[0]} (half-space) does not apply: for a contact this large the body is not thick enough"]
+    return [f"{closed[0]}, half-space, does not apply: for a contact this large the body is not thick enough"]

@@ -203,11 +203,11 @@ class MooneyRivlin(_Isochoric):
         return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Yeoh(_Isochoric):
     """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
 
-    C10: AnyModulus = 0.0
+    C10: Modulus
     C20: AnyModulus = 0.0
     C30: AnyModulus = 0.0
     model: Literal["yeoh"] = "yeoh"
@@ -223,12 +223,12 @@ class Yeoh(_Isochoric):
         return x * (self.C10 + x * (self.C20 + x * self.C30))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Ogden(_Isochoric):
     """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); small-strain mu = sum mu_i alpha_i / 2."""
 
-    mu: Annotated[tuple[float, ...], Len(1), PRESSURE] = ()
-    alpha: Annotated[tuple[float, ...], Len(1)] = ()
+    mu: Annotated[tuple[float, ...], Len(1), PRESSURE]
+    alpha: Annotated[tuple[float, ...], Len(1)]
     model: Literal["ogden"] = "ogden"
 
     def canonical(self) -> Any:
@@ -251,12 +251,12 @@ class Ogden(_Isochoric):
         return sum(mu / alpha * (sum(stretch**alpha for stretch in stretches) - 3) for mu, alpha in terms)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Gent(_Isochoric):
     """-mu Jm/2 ln(1 - (I1 - 3)/Jm): stiffens without bound as I1 - 3 comes to Jm."""
 
-    mu: Modulus = 0.0
-    Jm: Annotated[float, Gt(0)] = 0.0
+    mu: Modulus
+    Jm: Annotated[float, Gt(0)]
     model: Literal["gent"] = "gent"
 
     @property
@@ -275,12 +275,12 @@ class Gent(_Isochoric):
 ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArrudaBoyce(_Isochoric):
     """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), c = 1/2, 1/20, 11/1050, 19/7000, 519/673750."""
 
-    mu: Modulus = 0.0
-    lambda_m: Annotated[float, Gt(1)] = 0.0
+    mu: Modulus
+    lambda_m: Annotated[float, Gt(1)]
     model: Literal["arruda_boyce"] = "arruda_boyce"
 
     @property
