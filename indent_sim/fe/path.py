@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,9 +41,40 @@ class Walk:
     def _last(self) -> Point:
         return self._points[-1]
 
-    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
-        """One State per requested depth; after the first one that is not converged there is no other."""
-        for step, delta in enumerate(deltas, start=1):
+    @property
+    def points(self) -> list[tuple[float, list[np.ndarray]]]:
+        """The last equilibria, for `resume`: depth and vectors; none on several ranks, which share them."""
+        if self.problem.comm.size > 1:
+            return []
+        return [(point.delta, [vector.array_r.copy() for vector in point.state]) for point in self._points]
+
+    def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
+        """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths passed since.
+
+        Equilibria without friction do not depend on the path, so the way is straight to the last two depths, from
+        which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
+        """
+        for delta, arrays in points:
+            vectors = self.problem.snapshot()
+            for vector, values in zip(vectors, arrays, strict=True):
+                vector.array[:] = values
+            self._points = [*self._points[-1:], Point(delta, vectors)]
+        self.return_to_last()
+        start = self._points
+        if all(self._reach(delta) for delta in deltas[-2:]):
+            return True
+        self._points = start
+        self.return_to_last()
+        return all(self._reach(delta) for delta in deltas)
+
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not converge."""
+        return self.enforcement.failure
+
+    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
+        """One State per requested depth after the first `done`; after one that is not converged there is no other."""
+        for step, delta in enumerate(deltas[done:], start=done + 1):
             iterations = self.enforcement.iterations
             substeps = self._reach(delta)
             state = self._observe(step, delta, self.enforcement.iterations - iterations, substeps, wants_surface(step))
