@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpirun
+from mpi4py import MPI
 from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, scene, solve
 
-from indent_sim import run
+from indent_sim import geometry, run
 from indent_sim.config import from_mapping
+from indent_sim.fe import solver
 from indent_sim.scene import Scene, resolve
 
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
@@ -195,7 +197,6 @@ def test_half_a_strip_is_a_strip() -> None:
 RANKS = """
 import json, sys
 from mpi4py import MPI
-from indent_sim import run
 from indent_sim.config import from_mapping
 from indent_sim.run import states
 from indent_sim.scene import resolve
@@ -259,6 +260,19 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float) -> None:
     one = solve(ball(0.4, **loading))[-1]
     two = solve(ball(0.4, **loading, contact={"method": "active_set"}))[-1]
     assert one.force == pytest.approx(two.force, rel=3e-3)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
+    """u_z = -2 z makes J = -1; its residual is a number."""
+    base = ball(nu, 0.2)
+    problem = solver.Problem(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
+    assert problem.is_admissible()
+    z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
+    x = problem.x.copy()
+    x.array[problem.unknowns.places("u")] = np.column_stack([0 * z, -2 * z]).ravel()
+    problem.set_solution(x)
+    assert not problem.is_admissible()
 
 
 def test_gent_names_its_limit() -> None:
