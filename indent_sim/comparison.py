@@ -16,27 +16,40 @@ from indent_sim.state import State
 POINTS = 50  # of the theory curve that is kept for the plot
 
 
-def summary(scene: Scene, states: list[State], stages: dict[str, float], worst_audit: float) -> dict[str, Any]:
-    """The closing entries of run.json: theory, audit, timings [s] and peak memory [MB]."""
+def summary(
+    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float
+) -> dict[str, Any]:
+    """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
         "theory": theory_comparison(scene, states),
         "audit": {
             "force_against_reaction": worst_audit,
             "energy_by_trapezoid": energy_balance(states),
             "newton_iterations": sum(state.newton_iterations for state in states),
+            "substeps": sum(state.substeps for state in states),
         },
         "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
+        "cpu_timings": {name: round(seconds, 4) for name, seconds in cpu.items()},
         "peak_memory_MB": round(peak_memory(), 1),
     }
 
 
 def peak_memory() -> float:
     """Largest memory of this process so far [MB]; the kernel's ru_maxrss would include that of whoever started it."""
+    return _memory("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def memory() -> float:
+    """The memory of this process now [MB]; its peak where the system does not say."""
+    return _memory("VmRSS:") or peak_memory()
+
+
+def _memory(name: str) -> float | None:
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmHWM:"):
+            if line.startswith(name):
                 return int(line.split()[1]) / 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return None
 
 
 def energy_balance(states: list[State]) -> float | None:

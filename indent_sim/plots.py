@@ -89,24 +89,24 @@ def force_indentation(results: Results, path: Path | str, theory: Mapping[str, A
     """
     theory = theory if theory is not None else results.report.get("theory")
     has_pressure = bool(results.surface) and bool(np.any(results.surface["pressure"] > 0))
-    with _figure() as figure:
+    with canvas() as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
             [["force", "a"], ["force", "pressure"]] if has_pressure else [["force", "a"]],
             width_ratios=[1.55, 1],
         )
-        _head(figure, _title(results), _subtitle(results))
+        head(figure, _title(results), _subtitle(results))
         _draw_forces(panels["force"], [results], theory)
         _draw_radius(panels["a"], results, theory)
         if has_pressure:
             _draw_pressure(panels["pressure"], results)
-        _save(figure, path)
+        save(figure, path)
 
 
 def overlay(runs: Sequence[Results], path: Path | str) -> None:
     """Force and contact radius of several runs over one another, each named after its folder or title."""
     if len(runs) == 1:
         return force_indentation(runs[0], path)
-    with _figure() as figure:
+    with canvas() as figure:
         panels: dict[str, Any] = figure.subplot_mosaic([["force", "a"]])
         _draw_forces(panels["force"], runs, None)
         x, y = _axis("a", runs), _axis("delta", runs)
@@ -114,18 +114,19 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
             _curve(panels["a"], y(run["delta"]), x(run["a"]), i)
         _name_axes(panels["a"], y.label, x.label)
         _from_zero(panels["a"], *(x(run["a"]) for run in runs))
-        _save(figure, path)
+        save(figure, path)
     return None
 
 
 @contextmanager
-def _figure() -> Iterator[Figure]:
+def canvas(size: tuple[float, float] = (9.2, 4.8)) -> Iterator[Figure]:
+    """An empty figure in the style of all pictures."""
     with warnings.catch_warnings():  # of an Axes3D that is not wanted here, where two matplotlibs are installed
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(STYLE):
-        yield Figure(figsize=(9.2, 4.8), layout="constrained")
+        yield Figure(figsize=size, layout="constrained")
 
 
 def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
@@ -253,13 +254,14 @@ def _name_axes(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
-def _head(figure: Figure, title: str, subtitle: str) -> None:
+def head(figure: Figure, title: str, subtitle: str) -> None:
+    """Title and subtitle above the panels."""
     figure.get_layout_engine().set(rect=(0, 0, 1, 0.87))  # type: ignore[union-attr, call-arg]
     figure.text(0.01, 0.975, title, ha="left", va="top", fontsize=13, fontweight="bold")
     figure.text(0.01, 0.905, subtitle, ha="left", va="top", color=GREY, fontsize=9)
 
 
-def _save(figure: Figure, path: Path | str) -> None:
+def save(figure: Figure, path: Path | str) -> None:
     """Write PNG, SVG or PDF after the suffix, all at once."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:

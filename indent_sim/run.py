@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim import geometry
 from indent_sim.checkpoint import Checkpoint
-from indent_sim.comparison import summary
+from indent_sim.comparison import memory, summary
 from indent_sim.earlier import Earlier, earlier_run
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import uninterrupted
@@ -44,19 +44,21 @@ class Outcome:
 
 @dataclass
 class Clock:
-    """Seconds spent in each stage of a run."""
+    """Seconds spent in each stage of a run: of wall time, and of this process's own CPU time."""
 
     started: float = field(default_factory=time.perf_counter)
     stages: dict[str, float] = field(default_factory=dict)
+    cpu: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time of the block to a stage."""
-        begin = time.perf_counter()
+        begin, cpu = time.perf_counter(), time.process_time()
         try:
             yield
         finally:
             self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
+            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
 
 
 class Record:
@@ -97,13 +99,13 @@ class Record:
 
 def run(
     config: Config,
-    comm: Any,
+    comm: Any = None,
     *,
     directory: Path | None = None,
     progress: Progress | None = None,
     resume: bool = False,
 ) -> Outcome:
-    """Simulate a config and write its result folder (collective over `comm`, files by rank 0).
+    """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
     With `resume` the rows of an earlier run of the same config stay, and the others are computed.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
@@ -111,6 +113,7 @@ def run(
     """
     from indent_sim.config import located, to_yaml
 
+    comm = comm if comm is not None else _alone()
     clock = Clock()
     target = Path(directory or config.output.directory or "results/run")
     try:
@@ -123,7 +126,8 @@ def run(
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         center=[c * scene.scales.length for c in scene.center],
                         plan=_plan(scene) | {"auto": left_open(config, decided)},
-                        warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
+                        warnings=list(scene.warnings), ranks=comm.size,
+                        memory_before_MB=round(memory(), 1))  # fmt: skip
             states = Simulation(config, scene, record, clock).follow(progress)
     except ConfigError as error:
         raise located(config, error) from None
@@ -145,10 +149,8 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
 
     For notebooks and tests; a State that is not converged is the last one.
     """
-    from mpi4py import MPI
-
     fe = _backend()
-    comm = comm or MPI.COMM_SELF
+    comm = comm if comm is not None else _alone()
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     for state in fe.walk(scene, mesh).states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
@@ -279,7 +281,7 @@ class Simulation:
                 self._save_last_fields()
             raise
         finally:
-            self.record.note(**summary(self.scene, self.states, self.clock.stages, self._worst_audit))
+            self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
         return self.states
 
     def _wants_surface(self, step: int) -> bool:
@@ -335,6 +337,20 @@ class Simulation:
     def _save_last_fields(self) -> None:
         if self.states and self.output.fields == "last":
             self._write_fields(self.states[-1])
+
+
+def warm_up() -> None:
+    """Load what every run needs, so that the first of many costs no more than the others."""
+    _backend()
+    geometry.load()
+
+
+def _alone() -> Any:
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
+    return MPI.COMM_SELF
 
 
 def _backend() -> Any:
