@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
 from indent_sim.fe.problem import Problem
+from indent_sim.model.materials import Gent
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
@@ -185,9 +186,11 @@ def failed_state(
 ) -> State:
     """The State that says that and why there is none at this depth."""
     nan, L = float("nan"), scene.scales.length
+    law = scene.material
+    limit = f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
     reason = (
         f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, even in "
-        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}"
+        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}{limit}"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)
