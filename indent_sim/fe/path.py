@@ -36,6 +36,7 @@ class Walk:
         self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
+        self._row: Point | None = None
 
     @property
     def _last(self) -> Point:
@@ -77,6 +78,8 @@ class Walk:
         for step, delta in enumerate(deltas[done:], start=done + 1):
             iterations = self.enforcement.iterations
             substeps = self._reach(delta)
+            if substeps:
+                self._row = self._last
             state = self._observe(step, delta, self.enforcement.iterations - iterations, substeps, wants_surface(step))
             yield state
             if not state.converged:
@@ -90,6 +93,12 @@ class Walk:
         """Put the last equilibrium back into the problem, after a step that failed."""
         self.problem.delta.value = self._last.delta
         self.problem.restore(self._last.state)
+
+    def return_to_row(self) -> None:
+        """Put the equilibrium of the last row back: after a stop in mid-step the last one may be a substep's."""
+        row = self._row or self._last
+        self.problem.delta.value = row.delta
+        self.problem.restore(row.state)
 
     def _reach(self, target: float) -> int:
         """Step to the target, halving on failure and doubling on success; 0 when it cannot be reached."""
