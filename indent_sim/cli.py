@@ -6,8 +6,8 @@ with the same exit code. Heavy imports wait inside the commands.
 
 from __future__ import annotations
 
+import logging
 import os
-import signal
 import sys
 import time
 import traceback
@@ -20,27 +20,19 @@ import click
 
 from indent_sim import __version__
 from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.stopping import stoppable
 
 if TYPE_CHECKING:
-    from types import FrameType
-
     from indent_sim.config import Config
     from indent_sim.run import Outcome
     from indent_sim.scene import Scene
     from indent_sim.state import State
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
+RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")  # how many, as mpirun tells them
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
-
-
-class Stopped(KeyboardInterrupt):
-    """SIGINT or SIGTERM arrived; exit code 128 + signal."""
-
-    def __init__(self, number: int):
-        super().__init__(f"stopped by {signal.Signals(number).name}")
-        self.exit_code = 128 + number
 
 
 class Program(click.Group):
@@ -98,6 +90,18 @@ set_option = click.option(
     metavar="KEY=VALUE",
     help="Replace one key, e.g. contact.method=penalty.",
 )
+
+
+def _shard(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[int, int] | None:
+    """I/N as two numbers."""
+    if text is None:
+        return None
+    part, slash, parts = text.partition("/")
+    if not (slash and part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise click.BadParameter(f"'{text}' is not I/N with 1 <= I <= N, for example 2/8")
+    return int(part), int(parts)
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -111,19 +115,41 @@ def program() -> None:
 @click.argument("config", type=click.Path(path_type=Path))
 @set_option
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
+@click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, as_json: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
-    with together(comm), _stoppable(comm) as check:
+    with together(comm), stoppable(comm.rank) as check:
         from indent_sim.config import load
         from indent_sim.parallel import on_root
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check)
+        outcome = _simulate(settings, comm, directory, check, resume)
     if comm.rank == 0:
         _conclude(outcome, as_json)
+
+
+@program.command()
+@click.argument("file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
+@click.option("--shard", callback=_shard, metavar="I/N", help="Do only every N-th run, from the I-th on; no table.")
+@click.option("--output", type=click.Path(path_type=Path), help="Folder of the study [results/<STUDY's stem>].")
+@json_option
+def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path | None, as_json: bool) -> None:
+    """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
+    _refuse_ranks()
+    from indent_sim import study as studies
+    from indent_sim.results import to_json
+
+    with stoppable():
+        done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
+    say(to_json(studies.as_json(done)) if as_json else str(done.directory))
+    for line in (*done.notes, *done.recommendations):
+        tell(line)
+    if done.failures:
+        tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
 
 
 @program.command()
@@ -225,6 +251,13 @@ def _world() -> Any:
     return MPI.COMM_WORLD
 
 
+def _refuse_ranks() -> None:
+    """A study forks its runs off, which a process that takes part in MPI must not do; so only mpirun is asked."""
+    if any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANKS):
+        with together(_world()):
+            raise UsageError("a study runs on one rank; start it without mpirun, and split it with --shard")
+
+
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
     """All ranks leave the block with the same exit code, and rank 0 alone says why.
@@ -257,55 +290,54 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-@contextmanager
-def _stoppable(comm: Any) -> Iterator[Callable[[], None]]:
-    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along.
-
-    Yields a check to call now and then: libraries may swallow what is raised in their callbacks, or turn it
-    into an error of their own.
-    """
-    arrived: list[int] = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        arrived.append(number)
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
-        raise Stopped(number)
-
-    def check() -> None:
-        if arrived:
-            raise Stopped(arrived[0])
-
-    handler: Any = stop if comm.rank == 0 else signal.SIG_IGN
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield check
-    except Exception:
-        check()
-        raise
-    finally:
-        for number, old in before.items():
-            signal.signal(number, old)
-
-
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None]) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
     shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
     try:
-        with shown(tell) as show:
+        with shown(tell) as show, _quiet_libraries(speaks=comm.rank == 0):
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
                 if show is not None:
                     show(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow)
-    except (IndentSimError, KeyboardInterrupt):
-        if comm.rank == 0:
+            return simulate(settings, comm, directory=directory, progress=follow, resume=resume)
+    except (IndentSimError, KeyboardInterrupt) as end:
+        if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)
         raise
+
+
+@contextmanager
+def _quiet_libraries(speaks: bool) -> Iterator[None]:
+    """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not.
+
+    Without a handler of the root logger, libraries that call `logging.info` would install one that prints it all.
+    """
+    ours, root = logging.getLogger("indent_sim"), logging.getLogger()
+    told, warned = Teller(logging.INFO), Teller(logging.WARNING)
+    before = ours.level, ours.propagate
+    ours.setLevel(logging.INFO if speaks else logging.ERROR)
+    ours.propagate = False
+    ours.addHandler(told)
+    root.addHandler(warned)
+    try:
+        yield
+    finally:
+        root.removeHandler(warned)
+        ours.removeHandler(told)
+        ours.level, ours.propagate = before
+
+
+class Teller(logging.Handler):
+    """A logger's messages on stderr, those of libraries with their name."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell one message."""
+        of = "" if record.name == "indent_sim" else f"{record.name}: "
+        tell(f"{of}{record.getMessage()}")
 
 
 def _name_partial(directory: Path) -> None:
@@ -314,7 +346,7 @@ def _name_partial(directory: Path) -> None:
 
     report = read_report(directory)
     if report.get("status") in ("failed", "interrupted") and report.get("rows"):
-        tell(f"{report['rows']} rows computed before are kept in {directory}")
+        tell(f"{report['rows']} rows computed before are kept in {directory}; --resume goes on from them")
 
 
 def _conclude(outcome: Outcome, as_json: bool) -> None:

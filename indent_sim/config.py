@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import json
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
@@ -30,9 +31,13 @@ __all__ = [
     "load",
     "loads",
     "located",
+    "read_document",
     "to_mapping",
     "to_yaml",
+    "varied",
 ]
+
+Place = tuple[str, int | None]  # file (or what stands for it) and line
 
 
 def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Config:
@@ -46,12 +51,23 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Config:
 
 def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
     """The config of YAML text; `name` stands for it in errors."""
+    document, source = _document(text, name)
+    return _overridden(document, source, overrides)
+
+
+def read_document(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Source]:
+    """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of `load`."""
+    name = os.fspath(path)
+    return _document(_decoded(_content(name), name), name)
+
+
+def _document(text: str, name: str) -> tuple[dict[str, Any], Source]:
     document, lines = yaml_strict.parse(text, name)
     if not isinstance(document, dict):
         problem = "the file is empty" if document is None else "a scene is made of sections (key: value)"
         raise ConfigError("", problem, "see docs/config.md", name, lines.get((), 1))
     places: dict[Path, tuple[str, int | None]] = {path: (name, line) for path, line in lines.items()}
-    return _overridden(document, Source(name, places), overrides)
+    return document, Source(name, places)
 
 
 def from_mapping(data: Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
@@ -60,6 +76,17 @@ def from_mapping(data: Mapping[str, Any], overrides: Sequence[str] = ()) -> Conf
     if not isinstance(document, dict):
         raise ConfigError("", "a scene is made of sections")
     return _overridden(document, Source(), overrides)
+
+
+def varied(document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, Place]]) -> Config:
+    """The config of a document in which some keys are replaced: (dotted key, value, where that was written).
+
+    The document and its source stay as they are; a key given twice takes the last value.
+    """
+    changed, where = copy.deepcopy(dict(document)), dataclasses.replace(source, places=dict(source.places))
+    for key, value, place in settings:
+        _replace(changed, where, key_path(key), copy.deepcopy(value), place)
+    return _validated(changed, where)
 
 
 def located(where: Config | Source, error: ConfigError) -> ConfigError:
@@ -144,24 +171,28 @@ def _override(document: dict[str, Any], source: Source, text: str) -> Path:
         parsed, _ = yaml_strict.parse(value, label)
     except ConfigError as error:
         raise dataclasses.replace(error, key=key_text(path), line=None) from None
-    section = _section_of(document, source, path, label)
-    section[str(path[-1])] = parsed
-    for inside in [place for place in source.places if place[: len(path)] == path]:
-        del source.places[inside]
-    source.places[path] = (label, None)
+    _replace(document, source, path, parsed, (label, None))
     return path
 
 
-def _section_of(document: dict[str, Any], source: Source, path: Path, label: str) -> dict[str, Any]:
+def _replace(document: dict[str, Any], source: Source, path: Path, value: Any, place: Place) -> None:
+    section = _section_of(document, source, path, place)
+    section[str(path[-1])] = value
+    for inside in [known for known in source.places if known[: len(path)] == path]:
+        del source.places[inside]
+    source.places[path] = place
+
+
+def _section_of(document: dict[str, Any], source: Source, path: Path, place: Place) -> dict[str, Any]:
     section: Any = document
     for depth, name in enumerate(path[:-1], start=1):
         if name not in section:
-            source.places[path[:depth]] = (label, None)
+            source.places[path[:depth]] = place
         section = section.setdefault(name, {})
         if not isinstance(section, dict):
             key = key_text(path[:depth])
             rest = f"{key}={{{path[-1]}: ...}}"
-            raise ConfigError(key_text(path), f"{key} is not a section", f"set it whole: {rest}", label)
+            raise ConfigError(key_text(path), f"{key} is not a section", f"set it whole: {rest}", *place)
     return section
 
 

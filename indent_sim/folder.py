@@ -24,8 +24,8 @@ from indent_sim.errors import UsageError
 PROGRAM = "indent-sim"
 LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
-REPORT, TABLE = "run.json", "force_indentation.csv"
-FILES = {REPORT, TABLE, "surface.csv", "config.yaml", "fields.xdmf", "fields.h5", "force_indentation.png"}
+REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
+FILES = {REPORT, TABLE, CONFIG, "surface.csv", "fields.xdmf", "fields.h5", "force_indentation.png", "checkpoint.h5"}
 BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
 
 
@@ -50,7 +50,7 @@ def uninterrupted() -> Iterator[None]:
 def write_atomically(path: Path, content: str | bytes, sync: bool = True) -> None:
     """Replace a file by new content at once: a reader or a kill sees the old file or the new one."""
     data = content.encode() if isinstance(content, str) else content
-    temporary = path.with_name(f".{path.name}.new")
+    temporary = _temporary(path)
     try:
         with open(temporary, "wb") as file:
             file.write(data)
@@ -62,6 +62,10 @@ def write_atomically(path: Path, content: str | bytes, sync: bool = True) -> Non
         with suppress(OSError):
             temporary.unlink()
         raise
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.new")
 
 
 def append_whole(path: Path, data: bytes, sync: bool = True) -> None:
@@ -125,6 +129,22 @@ class Claim:
                 raise
             raise UsageError(f"cannot write {target}: {error.strerror or error}") from error
         self.replaces_results = has_rows(self.target)
+
+    def adopt(self) -> None:
+        """Go on in the target itself, with the run that is there, in place of a staging folder."""
+        try:
+            descriptor = _lock(self.target / LOCK)
+            if descriptor is None:
+                raise UsageError(f"{self.target} is in use by another run")
+            os.pwrite(descriptor, bytes(BALLAST), 0)
+            for name in FILES:  # of a write that was killed
+                _temporary(self.target / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise UsageError(f"cannot write {self.target}: {error.strerror or error}") from error
+        staging, held = self.path, self._lock
+        self.path, self._lock, self.published = self.target, descriptor, True
+        shutil.rmtree(staging, ignore_errors=True)
+        os.close(held)
 
     def publish(self) -> None:
         """Give the staging folder its target's name; an old folder goes, but files that are not ours stay."""

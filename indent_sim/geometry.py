@@ -49,6 +49,12 @@ def build(scene: Scene) -> Grid:
         return _grid(gmsh, scene.kinematics.dim)
 
 
+def load() -> None:
+    """Import gmsh and start it once, which the first mesh of a process waits for."""
+    with _gmsh_session():
+        pass
+
+
 @contextmanager
 def _gmsh_session() -> Iterator[Any]:
     handler = signal.getsignal(signal.SIGINT)  # importing, initialising and finalising gmsh each take it away

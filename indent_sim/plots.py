@@ -29,7 +29,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 PICTURE = "force_indentation.png"
 FORMATS = (".png", ".svg", ".pdf")
 MANY = 40  # points from which a line carries no markers
-PEAK = 5.0  # medians up to which a pressure peak is shown: beside a singular edge nothing else would be seen
+PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
+VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 SI = ("m", "N", "Pa", "N/m")
 THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
@@ -88,24 +89,24 @@ def force_indentation(results: Results, path: Path | str, theory: Mapping[str, A
     """
     theory = theory if theory is not None else results.report.get("theory")
     has_pressure = bool(results.surface) and bool(np.any(results.surface["pressure"] > 0))
-    with _figure() as figure:
+    with canvas() as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
             [["force", "a"], ["force", "pressure"]] if has_pressure else [["force", "a"]],
             width_ratios=[1.55, 1],
         )
-        _head(figure, _title(results), _subtitle(results))
+        head(figure, _title(results), _subtitle(results))
         _draw_forces(panels["force"], [results], theory)
         _draw_radius(panels["a"], results, theory)
         if has_pressure:
             _draw_pressure(panels["pressure"], results)
-        _save(figure, path)
+        save(figure, path)
 
 
 def overlay(runs: Sequence[Results], path: Path | str) -> None:
     """Force and contact radius of several runs over one another, each named after its folder or title."""
     if len(runs) == 1:
         return force_indentation(runs[0], path)
-    with _figure() as figure:
+    with canvas() as figure:
         panels: dict[str, Any] = figure.subplot_mosaic([["force", "a"]])
         _draw_forces(panels["force"], runs, None)
         x, y = _axis("a", runs), _axis("delta", runs)
@@ -113,18 +114,19 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
             _curve(panels["a"], y(run["delta"]), x(run["a"]), i)
         _name_axes(panels["a"], y.label, x.label)
         _from_zero(panels["a"], *(x(run["a"]) for run in runs))
-        _save(figure, path)
+        save(figure, path)
     return None
 
 
 @contextmanager
-def _figure() -> Iterator[Figure]:
+def canvas(size: tuple[float, float] = (9.2, 4.8)) -> Iterator[Figure]:
+    """An empty figure in the style of all pictures."""
     with warnings.catch_warnings():  # of an Axes3D that is not wanted here, where two matplotlibs are installed
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(STYLE):
-        yield Figure(figsize=(9.2, 4.8), layout="constrained")
+        yield Figure(figsize=size, layout="constrained")
 
 
 def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
@@ -143,7 +145,7 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         axes.plot(x, y, **THEORY, label=_theory_label(theory))
     closed = (theory or {}).get("half_space")
     if theory and closed:
-        label = f"{closed['name']}, half-space{_against_run(closed.get('deviation'))}"
+        label = f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}"
         axes.plot(depth([theory["delta"]]), force([closed["force"]]), **_hollow("D", GREY), label=label)
     _name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
@@ -157,40 +159,55 @@ def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None)
     if curve.get("a"):
         axes.plot(depth(curve["delta"]), radius(curve["a"]), **THEORY)
     _name_axes(axes, depth.label, radius.label)
-    axes.locator_params(axis="x", nbins=5)
+    axes.locator_params(axis="x", nbins=3)
     _from_zero(axes, radius(results["a"]), radius(curve.get("a", [])))
 
 
 def _draw_pressure(axes: Axes, results: Results) -> None:
-    """The contact pressure of the last state that has any: a profile along a line or a map."""
+    """The contact pressure of the last state that has any, around the tip: a profile along a line or a map."""
     surface = results.surface
     step = surface["step"][surface["pressure"] > 0].max()
     x, y, p = (surface[name][surface["step"] == step] for name in ("x", "y", "pressure"))
-    inside = p > 0
-    length = _scaled("length", [results], x[inside], "x" if _is_plane_strain(results) else "r")
+    center, a = _tip(results, x, y, p), _contact_radius(results, step, x, y)
+    near = (np.abs(x - center[0]) <= VIEW * a) & (np.abs(y - center[1]) <= VIEW * a)
+    length = _scaled("length", [results], x[near], "x" if _is_plane_strain(results) else "r")
     pressure = _scaled("pressure", [results], p, "pressure")
     axes.set_title(f"step {step:g}, depth {_depth_text(results, step)}", color=GREY, loc="left", fontsize=9)
     if np.ptp(y) > 0:
-        return _draw_map(axes, length(x), length(y), pressure(p), pressure.label, Axis("x", unit=length.unit))
-    low, high = x[inside].min(), x[inside].max()
-    margin = 0.4 * (high - low) or 0.4 * np.ptp(x)
-    shown = np.flatnonzero((x >= low - margin) & (x <= high + margin))
-    shown = shown[np.argsort(x[shown])]
+        return _draw_map(axes, length(x), length(y), pressure(p), length(center), length(VIEW * a).item(),
+                         pressure.label, Axis("x", unit=length.unit))  # fmt: skip
+    shown = np.argsort(x)
     axes.fill_between(length(x[shown]), pressure(p[shown]), color=COLOURS[0], alpha=0.15, lw=0)
-    marker = "." if len(shown) <= MANY else ""
-    axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker=marker)
+    axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker="." if near.sum() <= MANY else "")
     _name_axes(axes, length.label, pressure.label)
-    _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(p[inside]))))
+    axes.locator_params(axis="x", nbins=4)
+    axes.set_xlim(*length(_view(x, center[0], VIEW * a)))
+    inside = p[near & (np.hypot(x - center[0], y - center[1]) <= a)]
+    _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(inside))) if inside.any() else pressure(p))
     return None
 
 
-def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, label: str, along: Axis) -> None:
-    inside = p > 0
-    ranges = [(values[inside].min(), values[inside].max()) for values in (x, y)]
-    margin = 0.15 * max(high - low for low, high in ranges) or 0.1 * np.ptp(x)
-    near = np.ones(len(x), dtype=bool)
-    for values, (low, high) in zip((x, y), ranges, strict=True):
-        near &= (values >= low - 2 * margin) & (values <= high + 2 * margin)
+def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Where the tip stands: as run.json says, else where the pressure is largest."""
+    center = results.report.get("center")
+    return np.array([*center, 0.0][:2]) if center else np.array([x[p.argmax()], y[p.argmax()]])
+
+
+def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray) -> float:
+    """The contact radius of a step; the size of the surface where the table has none."""
+    a = results["a"][results["step"] == step]
+    return float(a[0]) if a.size and a[0] > 0 else float(np.hypot(np.ptp(x), np.ptp(y)))
+
+
+def _view(values: np.ndarray, center: float, reach: float) -> np.ndarray:
+    """What there is within reach of the tip along one axis."""
+    return np.array([max(values.min(), center - reach), min(values.max(), center + reach)])
+
+
+def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, center: np.ndarray, reach: float, label: str,
+              along: Axis) -> None:  # fmt: skip
+    """The pressure on the modelled part of the surface within reach of the tip."""
+    near = (np.abs(x - center[0]) <= 2 * reach) & (np.abs(y - center[1]) <= 2 * reach)  # beyond the rim of the picture
     if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
         near[:] = True
     filled = axes.tricontourf(x[near], y[near], p[near], levels=np.linspace(0, p.max(), 13), cmap="cividis")
@@ -199,10 +216,7 @@ def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, label: st
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
     axes.locator_params(nbins=4)
     axes.set_aspect("equal")
-    shown = [
-        (max(low - margin, v.min()), min(high + margin, v.max())) for v, (low, high) in zip((x, y), ranges, strict=True)
-    ]
-    axes.set(xlim=shown[0], ylim=shown[1])
+    axes.set(xlim=_view(x, center[0], reach), ylim=_view(y, center[1], reach))
     _name_axes(axes, along.label, Axis("y", unit=along.unit).label)
 
 
@@ -240,13 +254,14 @@ def _name_axes(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
-def _head(figure: Figure, title: str, subtitle: str) -> None:
+def head(figure: Figure, title: str, subtitle: str) -> None:
+    """Title and subtitle above the panels."""
     figure.get_layout_engine().set(rect=(0, 0, 1, 0.87))  # type: ignore[union-attr, call-arg]
     figure.text(0.01, 0.975, title, ha="left", va="top", fontsize=13, fontweight="bold")
     figure.text(0.01, 0.905, subtitle, ha="left", va="top", color=GREY, fontsize=9)
 
 
-def _save(figure: Figure, path: Path | str) -> None:
+def save(figure: Figure, path: Path | str) -> None:
     """Write PNG, SVG or PDF after the suffix, all at once."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:

@@ -9,9 +9,9 @@ other files say of later steps does not count.
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import math
+import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -22,9 +22,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim import __version__
+from indent_sim import __version__, checkpoint
+from indent_sim.checkpoint import CHECKPOINT, Checkpoint
+from indent_sim.earlier import Earlier, earlier_run
 from indent_sim.errors import NotConverged, UsageError, VerificationError
 from indent_sim.folder import (
+    CONFIG,
     PROGRAM,
     REPORT,
     TABLE,
@@ -35,9 +38,11 @@ from indent_sim.folder import (
     write_atomically,
 )
 from indent_sim.state import COLUMNS, State, Surface
+from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, row, surface_block
 from indent_sim.xdmf import FieldWriter
 
 __all__ = [
+    "SURFACE_COLUMNS",
     "Comparison",
     "ResultFolder",
     "Results",
@@ -50,8 +55,6 @@ __all__ = [
 
 Keep = Literal["none", "last", "all"]
 SURFACE = "surface.csv"
-SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
-INTEGERS = ("step", "newton_iterations")
 COMPARED = ("delta", "force", "a")
 SHOWN = 10  # differences told one by one
 SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses nothing
@@ -63,6 +66,7 @@ class ResultFolder:
     The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
+    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class ResultFolder:
         surface: Keep = "last",
         force_error: bool = False,
         report: Mapping[str, Any] | None = None,
+        resume: bool = False,
     ):
         self.report: dict[str, Any] = dict(report or {})
         self.rows = 0
@@ -80,6 +85,8 @@ class ResultFolder:
         self._config_yaml = config_yaml
         self._surface = surface
         self._columns = COLUMNS + (("force_error",) if force_error else ())
+        self.earlier: Earlier | None = None
+        self._resume = resume
         self._fields: FieldWriter | None = None
         self._synced = -math.inf
         self._status: dict[str, Any] = {"status": "running", "exit_code": None, "reason": ""}
@@ -94,14 +101,26 @@ class ResultFolder:
         with uninterrupted():
             self._claim = Claim(self._target)
             try:
+                found = earlier_run(self._claim.target, self._config_yaml) if self._resume else None
                 with self._writing():
-                    write_atomically(self.path / "config.yaml", self._config_yaml)
-                    write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
+                    if found is not None and found.states:
+                        self._continue(found)
+                    else:
+                        write_atomically(self.path / CONFIG, self._config_yaml)
+                        write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
                     self._save_report()
             except BaseException:
                 self._claim.drop()
                 raise
         return self
+
+    def _continue(self, earlier: Earlier) -> None:
+        self._claim.adopt()
+        os.truncate(self.path / TABLE, earlier.size)
+        drop_later_blocks(self.path / SURFACE, len(earlier.states))
+        self.earlier, self.rows = earlier, len(earlier.states)
+        self.report = earlier.entries | self.report
+        self._started = earlier.report.get("started", self._started)
 
     def append(self, state: State) -> None:
         """Add the row of a converged state, with its surface; the first row publishes the folder.
@@ -114,7 +133,7 @@ class ResultFolder:
             sync = time.monotonic() - self._synced > SYNC_EVERY
             if state.surface is not None:
                 self._write_surface(state.step, state.surface, sync)
-            append_whole(self.path / TABLE, _row(state, self._columns), sync)
+            append_whole(self.path / TABLE, row(state, self._columns), sync)
             self.rows += 1
             if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
                 self._save_report(sync)
@@ -128,7 +147,11 @@ class ResultFolder:
         if keep == "none":
             return
         with uninterrupted(), self._writing():
-            self._fields = FieldWriter(self.path, points, cells, slots=steps if keep == "all" else None)
+            slots = steps if keep == "all" else None
+            self._fields = FieldWriter(self.path, points, cells, slots, self.rows if self.earlier else None)
+            if self.earlier and keep == "all" and not self._fields.continued:
+                lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
+                self.report["warnings"] = [*self.report.get("warnings", []), lost]
 
     def write_fields(self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray) -> None:
         """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
@@ -136,6 +159,15 @@ class ResultFolder:
             return
         with uninterrupted(), self._writing():
             self._fields.write(state.step, state.delta, displacement, stress, pressure)
+
+    def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
+        """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure here."""
+        with uninterrupted(), suppress(OSError):
+            checkpoint.write(self.path / CHECKPOINT, saved, identity)
+
+    def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
+        """The last equilibria of the run that is continued; an empty one when they are of no use."""
+        return checkpoint.read(self.path / CHECKPOINT, identity)
 
     def save_report(self) -> None:
         """Write run.json as `report` stands."""
@@ -157,6 +189,8 @@ class ResultFolder:
                     self._claim.drop()
                     return
                 self._claim.give_ballast()
+                if error is None:
+                    (self.path / CHECKPOINT).unlink(missing_ok=True)
                 with self._writing() if error is None else suppress(OSError):
                     self._save_report()
                     if not self._claim.published:
@@ -185,7 +219,7 @@ class ResultFolder:
         if self._surface == "none":
             return
         path, header = self.path / SURFACE, (",".join(SURFACE_COLUMNS) + "\n").encode()
-        block = _surface_block(step, surface)
+        block = surface_block(step, surface)
         if self._surface == "last" or not path.exists():
             write_atomically(path, header + block, sync)
         else:
@@ -321,23 +355,6 @@ def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     names = (*COLUMNS, "force_error")
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
-
-
-def _row(state: State, columns: tuple[str, ...]) -> bytes:
-    values = (getattr(state, name) for name in columns)
-    cells = (str(int(v)) if name in INTEGERS else _number(v) for name, v in zip(columns, values, strict=True))
-    return (",".join(cells) + "\n").encode()
-
-
-def _number(value: float | None) -> str:
-    return "nan" if value is None else f"{value:.17g}"
-
-
-def _surface_block(step: int, surface: Surface) -> bytes:
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
-    text = io.BytesIO()
-    np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
-    return text.getvalue()
 
 
 def _read_table(path: Path) -> dict[str, np.ndarray]:

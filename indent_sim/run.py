@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import geometry
-from indent_sim.comparison import summary
+from indent_sim.checkpoint import Checkpoint
+from indent_sim.comparison import memory, summary
+from indent_sim.earlier import Earlier, earlier_run
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import uninterrupted
 from indent_sim.model.indenters import Indenter
@@ -37,23 +39,26 @@ class Outcome:
     directory: Path
     report: dict[str, Any]
     states: list[State]
+    resumed_after: int = 0  # this many rows were there already
 
 
 @dataclass
 class Clock:
-    """Seconds spent in each stage of a run."""
+    """Seconds spent in each stage of a run: of wall time, and of this process's own CPU time."""
 
     started: float = field(default_factory=time.perf_counter)
     stages: dict[str, float] = field(default_factory=dict)
+    cpu: dict[str, float] = field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time of the block to a stage."""
-        begin = time.perf_counter()
+        begin, cpu = time.perf_counter(), time.process_time()
         try:
             yield
         finally:
             self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
+            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
 
 
 class Record:
@@ -64,9 +69,11 @@ class Record:
         self.report: dict[str, Any] = {}
         self._open = lambda: ResultFolder(target, config_yaml, report=self.report, **options).__enter__()
         self._folder: ResultFolder | None = None
+        self.earlier: Earlier | None = None
 
     def __enter__(self) -> Record:
         self._folder = on_root(self.comm, self._open)
+        self.earlier = self.comm.bcast(self._folder.earlier if self._folder is not None else None)
         return self
 
     def __exit__(self, *error: Any) -> None:
@@ -80,9 +87,9 @@ class Record:
         self._folder.__exit__(*error)
         self.report = dict(self._folder.report)
 
-    def __call__(self, method: str, *args: Any, **options: Any) -> None:
-        """Call a method of the folder on rank 0."""
-        on_root(self.comm, lambda: getattr(self._folder, method)(*args, **options))
+    def __call__(self, method: str, *args: Any, **options: Any) -> Any:
+        """Call a method of the folder on rank 0; what it returns stays there."""
+        return on_root(self.comm, lambda: getattr(self._folder, method)(*args, **options))
 
     def note(self, **entries: Any) -> None:
         """Add entries to run.json."""
@@ -90,30 +97,51 @@ class Record:
             self._folder.report.update(entries)
 
 
-def run(config: Config, comm: Any, *, directory: Path | None = None, progress: Progress | None = None) -> Outcome:
-    """Simulate a config and write its result folder (collective over `comm`, files by rank 0).
+def run(
+    config: Config,
+    comm: Any = None,
+    *,
+    directory: Path | None = None,
+    progress: Progress | None = None,
+    resume: bool = False,
+) -> Outcome:
+    """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
+    With `resume` the rows of an earlier run of the same config stay, and the others are computed.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
     from indent_sim.config import located, to_yaml
 
+    comm = comm if comm is not None else _alone()
     clock = Clock()
     target = Path(directory or config.output.directory or "results/run")
     try:
         with clock.stage("resolve"):
             scene = resolve(config)
         decided = resolved(config, scene)
-        with Record(comm, target, to_yaml(decided), surface=config.output.surface) as record:
+        if resume and (outcome := _finished(comm, target, to_yaml(decided), len(scene.deltas))):
+            return outcome
+        with Record(comm, target, to_yaml(decided), surface=config.output.surface, resume=resume) as record:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
+                        center=[c * scene.scales.length for c in scene.center],
                         plan=_plan(scene) | {"auto": left_open(config, decided)},
-                        warnings=list(scene.warnings), ranks=comm.size)  # fmt: skip
+                        warnings=list(scene.warnings), ranks=comm.size,
+                        memory_before_MB=round(memory(), 1))  # fmt: skip
             states = Simulation(config, scene, record, clock).follow(progress)
     except ConfigError as error:
         raise located(config, error) from None
     if config.output.plot:
         on_root(comm, _plot, target)
-    return Outcome(target, record.report, states)
+    return Outcome(target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+
+def _finished(comm: Any, target: Path, config_yaml: str, steps: int) -> Outcome | None:
+    """The outcome of a run that came to its end before."""
+    earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml))
+    if earlier is None or not earlier.finished(steps):
+        return None
+    return Outcome(target, earlier.report, list(earlier.states), steps)
 
 
 def states(scene: Scene, comm: Any = None) -> Iterator[State]:
@@ -121,10 +149,8 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
 
     For notebooks and tests; a State that is not converged is the last one.
     """
-    from mpi4py import MPI
-
     fe = _backend()
-    comm = comm or MPI.COMM_SELF
+    comm = comm if comm is not None else _alone()
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     for state in fe.walk(scene, mesh).states(scene.deltas, lambda step: True):
         yield state.in_units(scene.scales)
@@ -184,8 +210,10 @@ class Simulation:
         self.scene = scene
         self.record = record
         self.clock = clock
-        self.states: list[State] = []
-        self._worst_audit = 0.0
+        earlier = record.earlier
+        self.states: list[State] = list(earlier.states) if earlier else []
+        self._worst_audit = earlier.worst_audit if earlier else 0.0
+        self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._assemble()
 
     def _assemble(self) -> None:
@@ -196,20 +224,51 @@ class Simulation:
             grid = on_root(record.comm, geometry.build, scene)
             mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
-            self._walk = fe.walk(scene, mesh, clock.started)
+            spent = self.states[-1].wall_s if self.states else 0.0
+            self._walk = fe.walk(scene, mesh, clock.started - spent)
         size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
         record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
-        self._fields = fe.Fields(self._walk.observed) if self.output.fields != "none" else None
+        self._identity = {"mesh": mesh.hash, "dofs": self._walk.dofs, "dolfinx": fe.versions()["dolfinx"]}
+        earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
+        if earlier not in (None, mesh.hash):
+            other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
+            record.note(warnings=[*scene.warnings, other])
+        self._take_up()
+        wanted = self.output.fields != "none" and len(self.states) < len(scene.deltas)
+        self._fields = fe.Fields(self._walk.observed) if wanted else None
         if self._fields is not None:
             points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
             steps = len(scene.deltas) if self.output.fields == "all" else 1
             record("open_fields", points, cells, keep=self.output.fields, steps=steps)
 
+    def _take_up(self) -> None:
+        """Stand where the run that is continued stopped."""
+        done, comm = len(self.states), self.record.comm
+        if done in (0, len(self.scene.deltas)):
+            return
+        saved = self.record("read_checkpoint", self._identity) if comm.size == 1 else Checkpoint()
+        with self.clock.stage("resume"):
+            if not self._walk.resume(saved.points, self.scene.deltas[saved.step : done]):
+                depth = f"delta = {self.states[-1].delta:.6g}"
+                raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
+
+    def _save_checkpoint(self, now: bool = False) -> None:
+        """Keep the last equilibria; at most once a second and for a twentieth of the time, unless it must be `now`."""
+        began = time.monotonic()
+        if not self.states or not (now or began >= self._next_checkpoint):
+            return
+        if points := self._walk.points:
+            self.record("save_checkpoint", Checkpoint(len(self.states), points), self._identity)
+            ended = time.monotonic()
+            self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
+
     def follow(self, progress: Progress | None) -> list[State]:
         """Walk the load path to its end; NotConverged or VerificationError where it stops before."""
-        total = len(self.scene.deltas)
+        total, done = len(self.scene.deltas), len(self.states)
+        if progress is not None and self.states:
+            progress(self.states[-1], done, total)
         try:
-            for state in self._timed(self._walk.states(self.scene.deltas, self._wants_surface)):
+            for state in self._timed(self._walk.states(self.scene.deltas, self._wants_surface, done)):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {total}: {state.reason}")
                 self._keep(state.in_units(self.scene.scales), state.step == total)
@@ -218,10 +277,11 @@ class Simulation:
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure is known to all of them
             if isinstance(end, NotConverged) or self.record.comm.size == 1:
+                self._save_checkpoint(now=True)
                 self._save_last_fields()
             raise
         finally:
-            self.record.note(**summary(self.scene, self.states, self.clock.stages, self._worst_audit))
+            self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
         return self.states
 
     def _wants_surface(self, step: int) -> bool:
@@ -247,7 +307,9 @@ class Simulation:
             if self.output.fields == "all" or last:
                 self._write_fields(state)
             self.record("append", state)
-        self.states.append(state)
+            self.states.append(state)
+            if not last:
+                self._save_checkpoint()
 
     def _audit(self, state: State) -> None:
         largest = max([abs(state.force), *(abs(earlier.force) for earlier in self.states)])
@@ -266,7 +328,7 @@ class Simulation:
         if self._fields is None:
             return
         L, P = self.scene.scales.length, self.scene.scales.pressure
-        self._walk.return_to_last()
+        self._walk.return_to_row()
         displacement, stress, pressure = self._fields.gather() or (None, None, None)
         if displacement is not None and stress is not None and pressure is not None:
             displacement, stress, pressure = displacement * L, stress * P, pressure * P
@@ -275,6 +337,20 @@ class Simulation:
     def _save_last_fields(self) -> None:
         if self.states and self.output.fields == "last":
             self._write_fields(self.states[-1])
+
+
+def warm_up() -> None:
+    """Load what every run needs, so that the first of many costs no more than the others."""
+    _backend()
+    geometry.load()
+
+
+def _alone() -> Any:
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
+    return MPI.COMM_SELF
 
 
 def _backend() -> Any:

@@ -12,9 +12,10 @@ from indent_sim.blunting import blunted
 from indent_sim.costing import Cost, Work, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
+from indent_sim.model import stability
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Nitsche, Penalty
-from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Sphere
+from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Profile, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import scaled
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
+NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -231,7 +233,7 @@ def _expected_radius(
 def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
            center: tuple[float, ...]) -> Sizes:  # fmt: skip
     mesh, dim = config.mesh, reduction.kinematics.dim
-    sharp = isinstance(tip, FlatPunch) and tip.edge_radius == 0
+    sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
     edge = rounded(tip.radius) if isinstance(tip, FlatPunch) and sharp else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
@@ -369,12 +371,15 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
     if material.small_strain and delta > 0.1 * body.height:
         warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
+    if isinstance(tip, Profile) and tip.radius_at(delta) >= tip.points[-1][0]:
+        warnings.append("deeper than the profile is high: where it ends the contact may end like under a punch")
     if a > 0.8 * body.rim_distance(center):
         warnings.append("the contact comes close to the edge of the body")
     if formulation == "displacement" and material.constants[1] >= LOCKING:
         warnings.append(
             f"nu = {material.constants[1]:g} with displacement elements: pressures oscillate, forces are too high"
         )
+    warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
     return warnings + _half_space_warning(tip, material, delta, theory, body)
 
 
@@ -398,4 +403,4 @@ def _half_space_warning(
     low = 1 - closed[1] / solution.force
     if abs(low) < 0.01:
         return []
-    return [f"{closed[0]} (half-space) does not apply: for a contact this large the body is not thick enough"]
+    return [f"{closed[0]}, half-space, does not apply: for a contact this large the body is not thick enough"]

@@ -41,21 +41,24 @@ class Sizes:
     def doubts(self, a: float, penalty: bool) -> list[str]:
         """What too few elements in the expected contact radius a will do to the results, in words.
 
-        Measured on HERTZ (axisymmetric, strip, cube), 0.7 to 20 elements in a: the force is wrong by up to 2/n % with
-        quadratic and 25/n % with linear elements (too high), a by 10 % at most; but the penalty method with linear
-        elements finds an a that is too small by 60 % (1 element), 40 % (5), 25 % (10) to 7 % (20).
+        Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: the force is wrong by up to
+        2/n % with quadratic and 25/n % with linear elements (too high); a by 3 and 8 %, with penalty and quadratic
+        elements by 20 %. Penalty with linear elements finds an a that is too small: by 60 % (n = 1), 22 to 39 % (5),
+        12 to 25 % (10), 3 to 7 % (20).
         """
         n, doubts = a / self.h_contact, []
-        if self.edge is None and n < ENOUGH[self.order]:
-            likely = {1: 25, 2: 2}[self.order] / n
+        if self.edge is not None:  # the contact radius is known, and its edge refined
+            return []
+        if n < ENOUGH[self.order]:
+            likely, of_a = {1: 25, 2: 2}[self.order] / n, 20 if penalty else {1: 8, 2: 3}[self.order]
             doubts.append(
                 f"only {n:.2g} elements in the expected contact radius: the force may be wrong by {_percent(likely)}, "
-                f"a by some 10 %; give h_contact at most {1 / ENOUGH[self.order]:.2g} of the contact radius"
+                f"a by up to {of_a} %; give h_contact at most {1 / ENOUGH[self.order]:.2g} of the contact radius"
             )
-        if penalty and self.order == 1 and self.edge is None:
+        if penalty and self.order == 1:
             doubts.append(
-                f"penalty with linear elements underestimates a, here probably by {_percent(min(60, 250 / n))}"
-                "; use order: 2 or another contact method"
+                f"penalty with linear elements underestimates a, here by up to {min(60, 250 / n):.0f} %; "
+                "use order: 2 or another contact method"
             )
         return doubts
 

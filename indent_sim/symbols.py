@@ -157,6 +157,41 @@ RESULTS = (
     Symbol("reason", "", "why a step has no solution", WORD),
 )
 
+STUDY = (
+    Symbol("study.base", "", "the scene that is varied: the path of its file, or the scene itself", WORD),
+    Symbol("set", "", "keys and values that hold for every run", WORD),
+    Symbol("vary", "", "keys and the values they take: lists or ranges, crossed or zipped", WORD),
+    Symbol("zip", "", "which keys go together value by value: true, or a list of them", WORD),
+    Symbol("compare_to", "", "what force, a and p_max are compared with: theory, finest, a force, a result", WORD),
+    Symbol("from", "", "first number of a range", "that of the key"),
+    Symbol("to", "", "last number of a range", "that of the key"),
+    Symbol("count", "", "how many numbers a range has, both ends included", "1"),
+    Symbol("spacing", "", "linear: equal distances; log: equal factors", WORD),
+    Symbol("unit", "", "E*/h_contact: the numbers of the range are multiples of it, on each mesh its own", WORD),
+)
+
+STUDY_TABLE = (
+    Symbol("index", "", "number of the row, from 1, in the order of the grid", "1"),
+    Symbol("run", "", "name of the run's folder: equal physics has equal names and is solved once", WORD),
+    Symbol("status", "", "done, failed, or pending when the study was stopped before", WORD),
+    Symbol("exit_code", "", "what `indent-sim run` of this row would end with", "1"),
+    Symbol("steps_done", "", "requested depths that were reached", "1"),
+    Symbol("force_error_vs", "", "force / reference - 1 at the last depth", "1"),
+    Symbol("force_error_worst", "", "largest |force / reference - 1| at any depth of the path", "1"),
+    Symbol("a_error_vs", "", "a / reference - 1 at the last depth", "1"),
+    Symbol("p_error_vs", "", "p_max / reference - 1 at the last depth", "1"),
+    Symbol("stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
+    Symbol("dofs", "", "unknowns of the finite-element model", "1"),
+    Symbol("cpu_resolve", "", "CPU seconds until everything is decided", "s"),
+    Symbol("cpu_mesh", "", "CPU seconds of the mesh", "s"),
+    Symbol("cpu_assemble", "", "CPU seconds of forms, matrices and factorisation", "s"),
+    Symbol("cpu_solve", "", "CPU seconds of all load steps", "s"),
+    Symbol("cpu_write", "", "CPU seconds of writing results", "s"),
+    Symbol("cpu_s", "", "CPU seconds of the run; loading the libraries is left out", "s"),
+    Symbol("memory_MB", "", "memory the run needed beyond what its process held before", "MB"),
+    Symbol("peak_memory_MB", "", "largest memory of the process during the run", "MB"),
+)
+
 SURFACE = (
     Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
     Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
@@ -192,6 +227,8 @@ GROUPS = {
     "Solver": SOLVER,
     "Output": OUTPUT,
     "Results, one row a step": RESULTS,
+    "Studies": STUDY,
+    "Table of a study, one row a run": STUDY_TABLE,
     "Contact surface": SURFACE,
     "Continuum mechanics": CONTINUUM,
 }

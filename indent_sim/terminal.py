@@ -49,13 +49,15 @@ def conclusion(outcome: Outcome) -> list[str]:
     """The last lines of a run: its last row, theory beside it, the picture, and the warnings."""
     report = outcome.report
     lines = [f"step {state.step}: {_numbers(state)}" for state in outcome.states[-1:]]
+    if outcome.resumed_after:
+        lines.append(_resumed(outcome))
     theory = report.get("theory") or {}
     if theory:
         lines.append(_theory(theory))
     if closed := theory.get("half_space"):
         side = "below" if closed["deviation"] < 0 else "above"
         beside = f"force {closed['force']:.6g}, {abs(closed['deviation']):.2%} {side} this run"
-        lines.append(f"{closed['name']} (half-space) at delta {theory['delta']:.6g}: {beside}")
+        lines.append(f"{closed['name']}, half-space, at delta {theory['delta']:.6g}: {beside}")
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")
@@ -126,6 +128,13 @@ def _log(tell: Callable[[str], None], state: State, step: int, total: int) -> No
 
 def _numbers(state: State) -> str:
     return f"delta {state.delta:.6g}  force {state.force:.6g}  a {state.a:.6g}"
+
+
+def _resumed(outcome: Outcome) -> str:
+    rows = len(outcome.states)
+    if outcome.resumed_after == rows:
+        return f"nothing left to compute: all {rows} rows were there"
+    return f"resumed: {outcome.resumed_after} of the {rows} rows were there"
 
 
 def _theory(theory: dict[str, Any]) -> str:

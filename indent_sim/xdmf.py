@@ -8,6 +8,7 @@ replaced whole. Slots not filled are holes and take no disk space.
 from __future__ import annotations
 
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,7 +22,8 @@ ARRAYS: dict[str, tuple[str, str, tuple[int, ...]]] = {
     "stress": ("Cell", "Tensor", (9,)),
     "pressure": ("Node", "Scalar", ()),
 }
-H5 = "fields.h5"
+H5, XDMF = "fields.h5", "fields.xdmf"
+GRID = re.compile(r'(<Grid Name="step (\d+)".*?:/state/(\d+)/.*?</Grid>\n)', re.DOTALL)
 HEADERS = 4096  # bytes of metadata a slot, generously
 
 
@@ -30,18 +32,23 @@ class FieldWriter:
 
     points (n, 2) or (n, 3) [length], two columns being (x, z); cells (m, 3) or (m, 4) vertex numbers. `slots`
     states are kept, or with None the last one alone. The time of a state is its step: depths may go back.
+    With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
+    missing, damaged or of another mesh: then they begin anew.
     """
 
-    def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, slots: int | None = None):
+    def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, slots: int | None = None,
+                 done: int | None = None):  # fmt: skip
         self.directory = Path(directory)
         self._only_last = slots is None
         self._slots = slots or 2  # the last state is written beside the one before it, then named
         self._written = 0
         self._grids: list[str] = []
-        points = in_space(points)
+        points, cells = in_space(points), np.asarray(cells)
         self._counts = {"Node": len(points), "Cell": len(cells)}
         self._shape = np.shape(cells)
-        self._offsets = self._create(points, np.asarray(cells))
+        found = self._find(points, cells, done) if done is not None else None
+        self.continued = found is not None
+        self._offsets = found or self._create(points, cells)
         self._file = os.open(self.directory / H5, os.O_WRONLY)
         self._save()
 
@@ -78,6 +85,26 @@ class FieldWriter:
             file["mesh/cells"] = cells.astype("<i8")
             offsets = [{name: self._allocate(file, slot, name) for name in ARRAYS} for slot in range(self._slots)]
         os.replace(temporary, self.directory / H5)
+        return offsets
+
+    def _find(self, points: np.ndarray, cells: np.ndarray, done: int) -> list[dict[str, int]] | None:
+        """Offsets in the files of an earlier run, whose states up to step `done` are taken over; None without them."""
+        import h5py
+
+        try:
+            grids = GRID.findall((self.directory / XDMF).read_text())
+            with h5py.File(self.directory / H5, "r") as file:
+                if not (np.array_equal(file["mesh/points"], points) and np.array_equal(file["mesh/cells"], cells)):
+                    return None
+                states = [file[f"state/{slot}"] for slot in range(self._slots)]
+                if any(state[name].shape != self._array_shape(name) for state in states for name in ARRAYS):
+                    return None
+                offsets = [{name: int(state[name].id.get_offset()) for name in ARRAYS} for state in states]
+        except Exception:  # HDF5 has an error for every way of being damaged
+            return None
+        kept = [(text, int(slot)) for text, step, slot in grids if int(step) <= done]
+        self._grids = [text for text, _ in kept]
+        self._written = kept[-1][1] + 1 if kept else 0
         return offsets
 
     def _allocate(self, file, slot: int, name: str) -> int:  # type: ignore[no-untyped-def]
@@ -123,7 +150,7 @@ class FieldWriter:
             + "".join(self._grids)
             + "</Grid>\n</Domain>\n</Xdmf>\n"
         )
-        write_atomically(self.directory / "fields.xdmf", text, sync=False)
+        write_atomically(self.directory / XDMF, text, sync=False)
 
 
 def in_space(vectors: np.ndarray) -> np.ndarray:

@@ -65,7 +65,7 @@ def dump(data: Mapping[str, Any], indent: str = "") -> str:
         if isinstance(value, Mapping) and value and not indent:
             lines.append(f"{_scalar(key)}:\n{dump(value, '  ')}")
         else:
-            lines.append(f"{indent}{_scalar(key)}: {_flow(value)}\n")
+            lines.append(f"{indent}{_scalar(key)}: {inline(value)}\n")
     return "".join(lines)
 
 
@@ -175,11 +175,12 @@ def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigEr
     return ConfigError("", f"not YAML: {problem}", remedy, name, line)
 
 
-def _flow(value: Any) -> str:
+def inline(value: Any) -> str:
+    """YAML text of any value on one line."""
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_scalar(k)}: {_flow(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{_scalar(k)}: {inline(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_flow, value)) + "]"
+        return "[" + ", ".join(map(inline, value)) + "]"
     return _scalar(value)
 
 

@@ -58,9 +58,7 @@ def command(*words: str | Path) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    return os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    }
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
 
 
 @contextmanager
@@ -90,9 +88,7 @@ class TestWithoutARun:
 
     def test_help_names_every_command(self, indent_sim):
         help_text = indent_sim("--help").stdout
-        assert all(
-            name in help_text for name in ("run", "plan", "compare", "plot", "list", "schema", "doctor")
-        )
+        assert all(name in help_text for name in ("run", "plan", "compare", "plot", "list", "schema", "doctor"))
 
     def test_version(self, indent_sim):
         from indent_sim import __version__
@@ -125,9 +121,7 @@ class TestWithoutARun:
 
     def test_set_reaches_the_plan(self, indent_sim):
         plan = json.loads(indent_sim("plan", "scene.yaml", "--set", "mesh.h_contact=0.02", "--json").stdout)
-        assert next(c["value"] for c in plan["choices"] if c["key"] == "mesh.h_contact") == pytest.approx(
-            0.02
-        )
+        assert next(c["value"] for c in plan["choices"] if c["key"] == "mesh.h_contact") == pytest.approx(0.02)
 
     def test_doctor_is_content_here(self, indent_sim):
         found = indent_sim("doctor", "--json")
@@ -211,11 +205,7 @@ class TestRefusals:
         (tmp_path / "theirs").mkdir()
         (tmp_path / "theirs" / "thesis.tex").write_text("")
         done = indent_sim("run", "scene.yaml", "--output", "theirs")
-        assert (
-            done.exit_code == 2
-            and left(tmp_path) == {"theirs"}
-            and left(tmp_path / "theirs") == {"thesis.tex"}
-        )
+        assert done.exit_code == 2 and left(tmp_path) == {"theirs"} and left(tmp_path / "theirs") == {"thesis.tex"}
 
     @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
     def test_an_unwritable_folder(self, indent_sim, tmp_path):
@@ -387,6 +377,4 @@ class TestRanks:
         (tmp_path / "scene.yaml").write_text(SCENE)
         done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml")
         assert done.returncode == 0 and done.stdout == "results/scene\n"
-        assert (
-            done.stderr.count("step 1/3") == 1 and read(tmp_path / "results" / "scene").report["ranks"] == 2
-        )
+        assert done.stderr.count("step 1/3") == 1 and read(tmp_path / "results" / "scene").report["ranks"] == 2

@@ -30,6 +30,17 @@ SCENES: dict[str, dict[str, Any]] = {
         "contact": {"method": "active_set"},
         "mesh": {"h_contact": 0.9},
     },
+    "half-space": {"body": {"shape": "half_space"}},
+    "off the axis": {
+        "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
+        "indenter": BALL | {"center": [1.3, 0.4]},
+        "mesh": {"h_contact": 0.9},
+    },
+    "hyperelastic": {
+        "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
+        "material": {"model": "neo_hookean", "E": 3.7, "nu": 0.3},
+        "indenter": {"shape": "cone", "half_angle": 70.0},
+    },
     "nitsche": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
         "contact": {"method": "nitsche"},

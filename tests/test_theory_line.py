@@ -54,6 +54,11 @@ def test_other_gap_and_other_body(outcome):
     assert "deformed point" in why and "infinitely wide" in why
 
 
+def test_finite_strain_is_not_theorys(outcome):
+    theory = outcome(material={"model": "neo_hookean", "E": 1.0, "nu": 0.3}).report["theory"]
+    assert "small strain" in theory["why"] and "deformed point" in theory["why"] and not theory["exact"]
+
+
 def test_the_half_space_has_one_percentage(outcome):
     done = outcome()
     closed, force = done.report["theory"]["half_space"], done.states[-1].force

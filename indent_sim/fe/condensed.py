@@ -83,6 +83,7 @@ class CondensedContact:
 
     @cached_property
     def inverse_mass(self) -> np.ndarray:
+        """M^-1 (n, n) [1/area] of the mass matrix of the contact surface: lam = M^-1 F."""
         N, W, _ = self._quadrature
         return np.linalg.inv(self._matrix(np.einsum("fp,pn,pm->fnm", W, N, N)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -49,9 +49,27 @@ class CondensedWalk:
     def refuse_unused_options(self) -> None:
         """Nothing is passed to PETSc here."""
 
-    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool]) -> Iterator[State]:
-        """One State per requested depth; after the first one that is not converged there is no other."""
-        for step, delta in enumerate(deltas, start=1):
+    @property
+    def points(self) -> list[Any]:
+        """None are kept: a depth costs milliseconds."""
+        return []
+
+    def resume(self, points: Sequence[Any], deltas: tuple[float, ...]) -> bool:
+        """Stand at the last of the depths an earlier walk passed; its deepest one says how wide the candidates are."""
+        for delta in (max(deltas), deltas[-1]) if deltas else ():
+            if not self._solve(delta):
+                return False
+            self._depth = self.view.depth = delta
+        return True
+
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not converge."""
+        return self.contact.failure
+
+    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
+        """One State per requested depth after the first `done`; after one that is not converged there is no other."""
+        for step, delta in enumerate(deltas[done:], start=done + 1):
             before = self._solves
             if not self._solve(delta):
                 yield failed_state(
@@ -112,16 +130,16 @@ class CondensedWalk:
         )
 
     def _surface(self) -> Any:
-        self.return_to_last()
+        self.return_to_row()
         return observe.surface(self.observed)
 
-    def return_to_last(self) -> None:
+    def return_to_row(self) -> None:
         """Put the whole body's displacement of the present state into the body's solution."""
         self.condenser.recover(self.contact.F)
 
 
 class RecoveredBody:
-    """The whole body at the present state, for the surface table and the fields; see `return_to_last`."""
+    """The whole body at the present state, for the surface table and the fields; see `return_to_row`."""
 
     def __init__(self, walk: CondensedWalk):
         body, self._walk = walk.body, walk

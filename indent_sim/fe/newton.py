@@ -18,7 +18,7 @@ ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is n
 class Newton:
     """Semismooth Newton on a Problem; the residual is measured against the supports' reactions.
 
-    Converged when |residual of free dofs| <= rtol * |reactions of the constrained dofs|.
+    Converged when |residual of free dofs| <= rtol * |reactions of the constrained dofs| + what is round-off.
     """
 
     def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
@@ -64,7 +64,8 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite(residual):
             return reasons.DIVERGED_FNORM_NAN
-        if residual <= self.rtol * self._reaction + ROUNDOFF * self._largest_reaction:
+        noise = ROUNDOFF * self._largest_reaction + self.problem.noise
+        if residual <= self.rtol * self._reaction + noise:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.ITERATING
 

@@ -64,6 +64,19 @@ class Problem(Body):
         return float(getattr(self.law, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
 
     @cached_property
+    def noise(self) -> float:
+        """Residual [force] that round-off leaves of a finite strain, whose 1 + H knows H to eps only.
+
+        A node's share is eps E h^(dim - 1), in all twice eps E sqrt(int h^(dim - 2) weight^2 dOmega); 1.2 times
+        that root was measured. Linear elasticity has none.
+        """
+        if self.scene.material.small_strain:
+            return 0.0
+        size = ufl.CellDiameter(self.mesh) ** (self.body_mesh.dim - 2)
+        total = self._sum(fem.form(size * ufl.as_ufl(self.weight) ** 2 * ufl.dx(self.mesh, degree=2)))
+        return float(2 * np.finfo(float).eps * self.scene.material.constants[0] * np.sqrt(total))
+
+    @cached_property
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
@@ -229,6 +242,13 @@ class Problem(Body):
 
     def _state_vectors(self) -> list[PETSc.Vec]:
         return [self.x, compat.vector(self.frozen)] if self.law.multiplier == "frozen" else [self.x]
+
+    def is_admissible(self) -> bool:
+        """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.
+
+        Residual and tangent do not show it: the derivative of ln J is as good for J < 0.
+        """
+        return self.scene.material.small_strain or bool(np.isfinite(self._sum(self._energy)))
 
     # ---- measurements ---------------------------------------------------------------------------------------
 

@@ -7,12 +7,15 @@ from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed_path import CondensedWalk
 from indent_sim.fe.enforce import enforcement
 from indent_sim.fe.fields import Fields
+from indent_sim.fe.kernels import watch_the_cache
 from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.path import Walk
 from indent_sim.fe.problem import Problem
 from indent_sim.scene import Scene
 
 __all__ = ["Fields", "distribute", "versions", "walk"]
+
+watch_the_cache()
 
 
 def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk | CondensedWalk:

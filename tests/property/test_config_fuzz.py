@@ -51,9 +51,7 @@ WORDS = sorted(
 )
 SIGNS = [*": \n-[]{},#'\"|>%@\t?", "\n  ", ": ", "- ", "0", "-1", "---\n", "\x00", "\ud800"]
 PIECES = st.sampled_from([*WORDS, *SIGNS])
-SCALARS = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(WORDS)
-)
+SCALARS = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(WORDS))
 VALUES = st.recursive(
     SCALARS, lambda v: st.lists(v, max_size=3) | st.dictionaries(st.sampled_from(WORDS), v, max_size=3)
 )

@@ -111,9 +111,7 @@ def test_walls_one_by_one():
 
 
 def test_overrides_use_the_same_reader():
-    config = loads(
-        SCENE, overrides=["contact.method=penalty", "contact.epsilon_n=1e3", "mesh.order=1", "title=on"]
-    )
+    config = loads(SCENE, overrides=["contact.method=penalty", "contact.epsilon_n=1e3", "mesh.order=1", "title=on"])
     assert config.contact == Penalty(epsilon_n=1000.0)
     assert config.mesh.order == 1
     assert config.title == "on"
@@ -125,9 +123,7 @@ def test_an_override_reaches_a_section_the_file_does_not_have():
 
 
 def test_changing_the_method_reports_what_the_new_one_does_not_have():
-    with pytest.raises(
-        ConfigError, match=r"scene.yaml:4: contact.epsilon_n: the chosen method 'auto' has no"
-    ):
+    with pytest.raises(ConfigError, match=r"scene.yaml:4: contact.epsilon_n: the chosen method 'auto' has no"):
         loads(BOX, "scene.yaml", ["contact.method=auto"])
 
 

@@ -49,17 +49,32 @@ def test_sphere_tends_to_the_paraboloid():
     assert ratio(0.01) == pytest.approx(1.0 - 0.001, abs=1e-5)
 
 
-@pytest.mark.parametrize(("force", "pressure", "a"), [
-    (hs.paraboloid_force(0.1, 2.0, 1.5), lambda r: hs.paraboloid_pressure(r, 0.1, 2.0, 1.5),
-     hs.paraboloid_contact_radius(0.1, 2.0)),
-    (hs.sphere_force(0.6, 2.0, 1.5), lambda r: hs.sphere_pressure(r, 0.6, 2.0, 1.5),
-     hs.sphere_contact_radius(0.6, 2.0)),
-    (hs.sphere_force(4.0, 2.0, 1.5), lambda r: hs.sphere_pressure(r, 4.0, 2.0, 1.5),
-     hs.sphere_contact_radius(4.0, 2.0)),
-    (hs.cone_force(0.1, 60.0, 1.5), lambda r: hs.cone_pressure(r, 0.1, 60.0, 1.5),
-     hs.cone_contact_radius(0.1, 60.0)),
-    (hs.flat_punch_force(0.1, 0.5, 1.5), lambda r: hs.flat_punch_pressure(r, 0.1, 0.5, 1.5), 0.5),
-])
+@pytest.mark.parametrize(
+    ("force", "pressure", "a"),
+    [
+        (
+            hs.paraboloid_force(0.1, 2.0, 1.5),
+            lambda r: hs.paraboloid_pressure(r, 0.1, 2.0, 1.5),
+            hs.paraboloid_contact_radius(0.1, 2.0),
+        ),
+        (
+            hs.sphere_force(0.6, 2.0, 1.5),
+            lambda r: hs.sphere_pressure(r, 0.6, 2.0, 1.5),
+            hs.sphere_contact_radius(0.6, 2.0),
+        ),
+        (
+            hs.sphere_force(4.0, 2.0, 1.5),
+            lambda r: hs.sphere_pressure(r, 4.0, 2.0, 1.5),
+            hs.sphere_contact_radius(4.0, 2.0),
+        ),
+        (
+            hs.cone_force(0.1, 60.0, 1.5),
+            lambda r: hs.cone_pressure(r, 0.1, 60.0, 1.5),
+            hs.cone_contact_radius(0.1, 60.0),
+        ),
+        (hs.flat_punch_force(0.1, 0.5, 1.5), lambda r: hs.flat_punch_pressure(r, 0.1, 0.5, 1.5), 0.5),
+    ],
+)
 def test_pressure_integrates_to_the_force(force, pressure, a):
     assert disc_integral(pressure, a) == pytest.approx(force, rel=1e-6)
     assert pressure(1.01 * a) == 0.0
@@ -86,20 +101,31 @@ def test_line_contact():
 
 
 def test_nothing_happens_out_of_contact():
-    for force in (hs.paraboloid_force(-0.1, 1.0, 1.0), hs.sphere_force(-0.1, 1.0, 1.0),
-                  hs.cone_force(-1.0, 45.0, 1.0), hs.flat_punch_force(-1.0, 1.0, 1.0),
-                  hs.line_contact_half_width(-1.0, 1.0, 1.0)):
+    for force in (
+        hs.paraboloid_force(-0.1, 1.0, 1.0),
+        hs.sphere_force(-0.1, 1.0, 1.0),
+        hs.cone_force(-1.0, 45.0, 1.0),
+        hs.flat_punch_force(-1.0, 1.0, 1.0),
+        hs.line_contact_half_width(-1.0, 1.0, 1.0),
+    ):
         assert force == 0.0
     for pressure in (hs.paraboloid_pressure, hs.sphere_pressure, hs.flat_punch_pressure):
         assert np.all(pressure(np.linspace(0.0, 2.0, 5), -0.1, 1.0, 1.0) == 0.0)
     assert np.all(hs.cone_pressure(np.linspace(0.0, 2.0, 5), 0.0, 45.0, 1.0) == 0.0)
 
 
-@pytest.mark.parametrize("call", [
-    lambda: hs.E_star(0.0, 0.3), lambda: hs.E_star(1.0, 0.6), lambda: hs.paraboloid_force(0.1, -1.0, 1.0),
-    lambda: hs.sphere_force(0.1, 1.0, math.nan), lambda: hs.cone_force(0.1, 90.0, 1.0),
-    lambda: hs.square_pyramid_force(0.1, 0.0, 1.0), lambda: hs.flat_punch_force(0.1, math.inf, 1.0),
-])
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: hs.E_star(0.0, 0.3),
+        lambda: hs.E_star(1.0, 0.6),
+        lambda: hs.paraboloid_force(0.1, -1.0, 1.0),
+        lambda: hs.sphere_force(0.1, 1.0, math.nan),
+        lambda: hs.cone_force(0.1, 90.0, 1.0),
+        lambda: hs.square_pyramid_force(0.1, 0.0, 1.0),
+        lambda: hs.flat_punch_force(0.1, math.inf, 1.0),
+    ],
+)
 def test_nonsense_is_refused(call):
     with pytest.raises(ValueError):
         call()

@@ -34,8 +34,14 @@ SERIES = [
     (0.1, "roller", (0.74330250, 0.64458172, 0.33991721, 0.00756611)),
     (0.5, "roller", (0.74330250, 0.64458172, 0.33991721, 0.00756611)),
 ]
-KAPPA = [(1.0, 0.3, 2.48352), (1.0, 0.45, 3.09141), (1.0, 0.5, 3.61874),
-         (4.0, 0.3, 8.17889), (4.0, 0.45, 14.66383), (4.0, 0.5, 31.52501)]
+KAPPA = [
+    (1.0, 0.3, 2.48352),
+    (1.0, 0.45, 3.09141),
+    (1.0, 0.5, 3.61874),
+    (4.0, 0.3, 8.17889),
+    (4.0, 0.45, 14.66383),
+    (4.0, 0.5, 31.52501),
+]
 
 
 def disc_integral(solution, breaks=()):
@@ -87,8 +93,7 @@ def test_limits(base):
     thick = layer.indent(PARABOLOID, 0.01, E=1.0, nu=0.3, h=1e7, base=base)
     assert thick.force == pytest.approx(hs.paraboloid_force(0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
     assert thick.a == pytest.approx(0.1, rel=1e-7)
-    assert thick.pressure(0.05) == pytest.approx(
-        hs.paraboloid_pressure(0.05, 0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
+    assert thick.pressure(0.05) == pytest.approx(hs.paraboloid_pressure(0.05, 0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
     infinite = layer.indent(SPHERE, 0.2, nu=0.3, base=base, **UNIT).force
     far = layer.indent(SPHERE, 0.2, nu=0.3, base=base, wall=50.0, **UNIT).force
     assert far == pytest.approx(infinite, rel=1e-12 if base == "fixed" else 1e-3)
@@ -139,10 +144,16 @@ def test_units_only_scale():
 
 @pytest.mark.parametrize("wall", [None, 2.0])
 def test_numerical_profiles_agree_with_closed_ones(wall):
-    pairs = [(PARABOLOID, tips.profile(lambda r: r)),
-             (SPHERE, tips.profile(lambda r: r / np.sqrt(1.0 - r * r), reach=1.0)),
-             (CONE, tips.piecewise_linear([[0, 0], [0.05, 0.05 / math.tan(math.radians(70))],
-                                           [2.0, 2.0 / math.tan(math.radians(70))]]))]
+    pairs = [
+        (PARABOLOID, tips.profile(lambda r: r)),
+        (SPHERE, tips.profile(lambda r: r / np.sqrt(1.0 - r * r), reach=1.0)),
+        (
+            CONE,
+            tips.piecewise_linear(
+                [[0, 0], [0.05, 0.05 / math.tan(math.radians(70))], [2.0, 2.0 / math.tan(math.radians(70))]]
+            ),
+        ),
+    ]
     for closed, numerical in pairs:
         a = layer.indent(closed, 0.1, nu=0.3, wall=wall, **UNIT)
         b = layer.indent(numerical, 0.1, nu=0.3, wall=wall, **UNIT)
@@ -195,25 +206,43 @@ def test_symbols():
     assert base_complement(s, 0.3, "fixed") == pytest.approx(1 - bonded, abs=1e-15)
     assert base_complement(s[1:], 0.3, "roller") == pytest.approx(1 - free[1:], abs=1e-12)
     from scipy.special import jn_zeros
+
     assert bessel_j1_zeros(40) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
 
 
-@pytest.mark.parametrize("change", [
-    {"E": 0.0}, {"nu": 0.51}, {"nu": -0.1}, {"h": -1.0}, {"base": "glued"}, {"wall": 0.0},
-    {"delta": math.nan}, {"delta": 5.0, "wall": 1.0}, {"tip": PUNCH, "wall": 0.5},
-    {"tip": tips.flat_punch(1e3)}, {"tip": tips.paraboloid(1e6), "delta": 1.0},
-])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"E": 0.0},
+        {"nu": 0.51},
+        {"nu": -0.1},
+        {"h": -1.0},
+        {"base": "glued"},
+        {"wall": 0.0},
+        {"delta": math.nan},
+        {"delta": 5.0, "wall": 1.0},
+        {"tip": PUNCH, "wall": 0.5},
+        {"tip": tips.flat_punch(1e3)},
+        {"tip": tips.paraboloid(1e6), "delta": 1.0},
+    ],
+)
 def test_nonsense_is_refused(change):
     arguments = {"tip": PARABOLOID, "delta": 0.01, "E": 1.0, "nu": 0.3, "h": 1.0, **change}
     with pytest.raises(ValueError):
         layer.indent(**arguments)
 
 
-@pytest.mark.parametrize("make", [
-    lambda: tips.paraboloid(0.0), lambda: tips.sphere(-1.0), lambda: tips.cone(90.0),
-    lambda: tips.flat_punch(0.5, 0.5), lambda: tips.piecewise_linear([[0, 0], [1, 1], [2, 1.5]]),
-    lambda: tips.piecewise_linear([[0.1, 0], [1, 1]]),
-])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: tips.paraboloid(0.0),
+        lambda: tips.sphere(-1.0),
+        lambda: tips.cone(90.0),
+        lambda: tips.flat_punch(0.5, 0.5),
+        lambda: tips.piecewise_linear([[0, 0], [1, 1], [2, 1.5]]),
+        lambda: tips.piecewise_linear([[0.1, 0], [1, 1]]),
+    ],
+)
 def test_impossible_tips_are_refused(make):
     with pytest.raises(ValueError):
         make()

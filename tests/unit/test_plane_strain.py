@@ -64,8 +64,7 @@ def test_walls_far_away():
 
 @pytest.mark.parametrize("tip", [PARABOLOID, ps.sphere(1.0), ps.cone(60.0), ps.flat_punch(0.3)])
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
-@pytest.mark.parametrize(("base", "wall"), [
-    ("fixed", None), ("fixed", 1.0), ("roller", 2.0), ("roller", None)])
+@pytest.mark.parametrize(("base", "wall"), [("fixed", None), ("fixed", 1.0), ("roller", 2.0), ("roller", None)])
 def test_conservation(tip, nu, base, wall):
     delta = 0.05
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
@@ -95,9 +94,19 @@ def test_units_only_scale_and_lifting_off():
     assert ps.indent(ps.flat_punch(0.5), 0.1, nu=0.3, **UNIT).pressure(0.5) == math.inf
 
 
-@pytest.mark.parametrize("change", [{"E": -1.0}, {"nu": 0.6}, {"h": 0.0}, {"base": "glued"}, {"wall": -1.0},
-                                    {"delta": math.inf}, {"delta": 5.0, "wall": 1.0},
-                                    {"tip": ps.flat_punch(1.0), "wall": 1.0}])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"E": -1.0},
+        {"nu": 0.6},
+        {"h": 0.0},
+        {"base": "glued"},
+        {"wall": -1.0},
+        {"delta": math.inf},
+        {"delta": 5.0, "wall": 1.0},
+        {"tip": ps.flat_punch(1.0), "wall": 1.0},
+    ],
+)
 def test_nonsense_is_refused(change):
     arguments = {"tip": PARABOLOID, "delta": 0.01, "E": 1.0, "nu": 0.3, "h": 1.0, **change}
     with pytest.raises(ValueError):

@@ -108,6 +108,56 @@ class TestOneRun:
         assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
+class TestPressure:
+    """The pressure is shown where the contact is, whatever ripples there are elsewhere."""
+
+    @pytest.fixture
+    def drawn(self, tmp_path, monkeypatch):
+        figures = []
+        monkeypatch.setattr(plots, "_save", lambda figure, path: figures.append(figure))
+
+        def draw(result):
+            plots.force_indentation(result, tmp_path / "picture.png")
+            return {axes.get_ylabel().split(" ")[0]: axes for axes in figures[-1].axes}
+
+        return draw
+
+    @pytest.mark.parametrize("kind", ["axisymmetric", "plane_strain"])
+    def test_ripples_outside_do_not_scale_a_profile(self, drawn, kind):
+        result = a_result(kind, units={})
+        surface, a = result.surface, result["a"][-1]
+        surface["pressure"] = np.where(surface["x"] > a, 1e-7, surface["pressure"])
+        axes = drawn(result)["pressure"]
+        assert axes.get_ylim() == pytest.approx((0, 1.08))
+        assert axes.get_xlim() == pytest.approx((0, 1.5 * a))
+
+    def test_a_singular_edge_does_not_hide_the_rest(self, drawn):
+        result = a_result(units={})
+        pressure = result.surface["pressure"]
+        pressure[np.flatnonzero(pressure)[-1]] = 1e3
+        assert drawn(result)["pressure"].get_ylim()[1] < 10
+
+    @pytest.mark.parametrize("center", [None, (0.0, 0.0)])
+    def test_a_map_shows_the_contact_and_not_the_whole_top(self, drawn, center):
+        result = a_result("three_dimensional", units={}, **({"center": center} if center else {}))
+        surface, a = result.surface, result["a"][-1]
+        surface["pressure"] = np.where(np.hypot(surface["x"], surface["y"]) > a, 1e-7, surface["pressure"])
+        axes = drawn(result)["y"]
+        assert axes.get_xlim() == axes.get_ylim() == pytest.approx((0, 1.5 * a))
+
+    def test_a_tip_beside_the_origin_is_found(self, drawn):
+        result = a_result("plane_strain", units={}, center=[2.0])
+        result.surface["x"] = np.concatenate([2 - result.surface["x"], 2 + result.surface["x"]])
+        for name in ("y", "pressure", "step"):
+            result.surface[name] = np.tile(result.surface[name], 2)
+        a = result["a"][-1]
+        assert drawn(result)["pressure"].get_xlim() == pytest.approx((2 - 1.5 * a, 2 + 1.5 * a))
+
+    def test_depths_under_the_radius_do_not_touch(self, drawn):
+        axes = drawn(a_result(units={}))["contact"]
+        assert len([tick for tick in axes.get_xticks() if tick >= 0]) <= 4
+
+
 class TestSeveralRuns:
     def test_each_is_named(self, svg):
         runs = [a_result(title="soft"), a_result(title="stiff", steps=8)]

@@ -83,4 +83,4 @@ def test_kinematics_and_strain_are_two_choices(kinematics):
 
 def test_the_half_space_is_refused_without_a_percentage_of_its_own():
     said = " ".join(scene().warnings)
-    assert "Hertz (half-space) does not apply" in said and "%" not in said
+    assert "Hertz, half-space, does not apply" in said and "%" not in said

@@ -14,6 +14,7 @@ from indent_sim.model.quantities import unit_of
 from indent_sim.reference import DIMENSIONS, config_markdown, json_schema
 from indent_sim.results import SURFACE_COLUMNS
 from indent_sim.state import COLUMNS, State, Surface
+from indent_sim.study import file, grid, table
 from indent_sim.symbols import GROUPS, SYMBOLS, lookup
 
 
@@ -41,6 +42,16 @@ def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/symbols.py"
 
 
+@pytest.mark.parametrize("name", ["index", "run", *table.COLUMNS])
+def test_every_column_of_a_study_has_a_meaning(name):
+    assert name in SYMBOLS, f"add {name} to indent_sim/symbols.py"
+
+
+@pytest.mark.parametrize("name", [*file.KEYS, *grid.RANGE, "zip"])
+def test_every_key_of_a_study_has_a_meaning(name):
+    assert lookup(name, "study"), f"add {name} to indent_sim/symbols.py"
+
+
 @pytest.mark.parametrize("kind", [State, Surface])
 def test_every_field_of_a_state_has_a_meaning(kind):
     assert [f.name for f in dataclasses.fields(kind) if f.name not in SYMBOLS] == []
@@ -52,7 +63,7 @@ def test_one_entry_a_name():
 
 
 def test_an_entry_for_one_section_names_a_section_and_key():
-    known = {f"{section}.{name}" for section, _, name in yaml_fields()}
+    known = {f"{section}.{name}" for section, _, name in yaml_fields()} | {f"study.{name}" for name in file.KEYS}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 
 

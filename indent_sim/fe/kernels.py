@@ -1,0 +1,51 @@
+"""The cache of compiled kernels: say when it is filled, and clear what a killed run left half-written in it.
+
+FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the first without the
+second waits for another process to finish. A process that was killed never does: its entry is told by its age.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ffcx.codegeneration import jit
+
+STALE = 30.0  # s without a change in an unfinished entry; compiling one takes a few
+logger = logging.getLogger("indent_sim")
+_found: Callable[..., Any] = jit.get_cached_module
+_told: set[str] = set()
+
+
+def watch_the_cache() -> None:
+    """Let FFCx look kernels up through `lookup`; to be called before the first form, and more often at will."""
+    jit.get_cached_module = lookup
+
+
+def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
+    """FFCx's own look-up; an unfinished entry that nobody works on is removed, and compiled anew."""
+    entry = Path(cache_dir) / f"{module_name}.c"
+    while True:
+        if _age(entry) > STALE:
+            entry.unlink(missing_ok=True)
+        try:
+            found = _found(module_name, object_names, cache_dir, timeout)
+        except TimeoutError:
+            if _age(entry) > 0.0:  # somebody may still be at it; it ends when done or stale
+                continue
+            raise
+        if found[0] is None and not _told:
+            _told.add("compiling")
+            logger.info("compiling kernels (first run only)")
+        return found
+
+
+def _age(entry: Path) -> float:
+    """Seconds since anything of an unfinished entry changed; 0 for one that is finished or not there."""
+    if entry.with_suffix(".c.cached").exists() or not entry.exists():
+        return 0.0
+    times = [file.stat().st_mtime for file in entry.parent.glob(f"{entry.stem}*")]
+    return max(time.time() - max(times), 1e-3)

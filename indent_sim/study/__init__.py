@@ -1,0 +1,11 @@
+"""One scene, varied: many runs, one table. A failed run stays a row.
+
+    StudyFile --cases.of--> Case, Case, ... --conduct--> result folders --table.rows--> study.csv, study.png
+
+`carry_out` walks the whole chain.
+"""
+
+from indent_sim.study.conduct import Study, as_json, carry_out
+from indent_sim.study.file import StudyFile, read
+
+__all__ = ["Study", "StudyFile", "as_json", "carry_out", "read"]

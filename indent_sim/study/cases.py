@@ -1,0 +1,147 @@
+"""Points of the grid -> Cases: every config checked and resolved, and its physics given a name, before any run."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from indent_sim.config import Config, located, varied
+from indent_sim.errors import ConfigError, ConfigErrors
+from indent_sim.results import to_json
+from indent_sim.scene import Scene, resolve
+from indent_sim.study.file import StudyFile
+from indent_sim.study.grid import Multiple, Point, Setting
+from indent_sim.yaml_strict import inline
+
+SPOKEN = ("title", "units", "oracle", "choices", "warnings", "prediction")  # what a scene says beside its physics
+MOST_TOLD = 20  # errors
+DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a study: a row of its table. `id` names the physics: equal ids are one run."""
+
+    index: int
+    values: dict[str, Any]
+    config: Config = field(repr=False)
+    scene: Scene = field(repr=False)
+    id: str
+
+    @property
+    def words(self) -> str:
+        """The varied keys in words."""
+        return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
+
+    @property
+    def problem(self) -> str:
+        """What is asked for, however it is solved: cases with equal problems have one answer."""
+        asked = {key: value for key, value in self.values.items() if not _is_discrete(key)}
+        return inline(asked | {"gap": self.scene.gap, "depth": self.depth})
+
+    @property
+    def depth(self) -> float:
+        """The last depth, in the user's units."""
+        return self.scene.deltas[-1] * self.scene.scales.length
+
+    @property
+    def stiffness(self) -> float | None:
+        """epsilon_n or gamma in E*/h_contact; None for a method without one."""
+        law = self.scene.contact
+        return law.stiffness / stiffness_unit(self.scene) if hasattr(law, "stiffness") else None
+
+
+def of(study: StudyFile) -> list[Case]:
+    """Every case of a study, in the order of its table. ConfigError when any of them cannot be run."""
+    build = _Builder(study)
+    cases: list[Case] = []
+    errors: dict[str, ConfigError] = {}
+    for index, point in enumerate(study.points()):
+        try:
+            cases.append(build(index, point))
+        except ConfigError as error:
+            errors.setdefault(str(error), error)
+    if errors:
+        told = list(errors.values())[:MOST_TOLD]
+        raise ConfigErrors(told) if len(told) > 1 else told[0]
+    return cases
+
+
+def short(value: Any) -> str:
+    """A value as it is read, not to its last digit."""
+    return f"{value:.4g}" if isinstance(value, float) else inline(value)
+
+
+def identity(scene: Scene) -> str:
+    """A name for the physics and discretisation of a scene; titles, labels and output have no part in it."""
+    parts = {f.name: getattr(scene, f.name) for f in dataclasses.fields(scene) if f.name not in SPOKEN}
+    return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
+
+
+def stiffness_unit(scene: Scene) -> float:
+    """E*/h_contact in the scene's own units."""
+    return scene.material.E_star / scene.sizes.h_contact
+
+
+class _Builder:
+    """Makes cases; remembers the unit of stiffness of each body and mesh."""
+
+    def __init__(self, study: StudyFile):
+        self.study = study
+        self._units: dict[str, float] = {}
+
+    def __call__(self, index: int, point: Point) -> Case:
+        if any(isinstance(value, Multiple) for _, value, _ in point):
+            unit = self._unit(point)
+            point = tuple((key, _times(value, unit), place) for key, value, place in point)
+        config = self._config(point)
+        scene = _resolved(config, point)
+        return Case(index, {key: value for key, value, _ in point}, config, scene, identity(scene))
+
+    def _config(self, point: Point) -> Config:
+        return varied(self.study.base, self.study.source, (*self.study.common, *point))
+
+    def _unit(self, point: Point) -> float:
+        """E*/h_contact of the scene at a point, in the user's units."""
+        others = tuple(setting for setting in point if setting[0].split(".")[0] != "contact")
+        name = inline([[key, value] for key, value, _ in others])
+        if name not in self._units:
+            auto: Setting = ("contact", {"method": "auto"}, ("", None))
+            scene = _resolved(self._config((*others, auto)), point)
+            self._units[name] = stiffness_unit(scene) * scene.scales.pressure / scene.scales.length
+        return self._units[name]
+
+
+def _times(value: Any, unit: float) -> Any:
+    return float(f"{value.factor * unit:.15g}") if isinstance(value, Multiple) else value
+
+
+def _resolved(config: Config, point: Point) -> Scene:
+    """The scene of a point; an error about a section says which value varied there, and where that stands."""
+    try:
+        return resolve(config)
+    except ConfigError as error:
+        section = error.key.split(".")[0]
+        for key, value, (file, line) in point:
+            if key.split(".")[0] == section:
+                told = f"{error.problem} (with {key}={short(value)})"
+                raise dataclasses.replace(error, problem=told, file=file, line=line) from None
+        raise located(config, error) from None
+
+
+def _is_discrete(key: str) -> bool:
+    section = key.split(".")[0]
+    return section in DISCRETE or key in ("material.formulation", "loading.steps")
+
+
+def unique(cases: Iterable[Case]) -> list[Case]:
+    """The cases that have to be run: the first of every id."""
+    return list({case.id: case for case in reversed(list(cases))}.values())[::-1]
+
+
+def sharded(cases: list[Case], shard: tuple[int, int] | None) -> list[Case]:
+    """Every n-th case from the i-th on."""
+    return cases if shard is None else cases[shard[0] - 1 :: shard[1]]

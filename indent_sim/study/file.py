@@ -1,0 +1,160 @@
+"""STUDY.yaml -> StudyFile: which scene, which keys are varied over which values, what the forces are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from indent_sim.config import Place, Source, read_document
+from indent_sim.config_errors import closest
+from indent_sim.errors import ConfigError, ConfigErrors
+from indent_sim.schema import keys_at
+from indent_sim.study.grid import Block, Point, points, read_block
+from indent_sim.yaml_strict import Path as Keys
+from indent_sim.yaml_strict import key_text
+
+KEYS = ("title", "base", "set", "vary", "compare_to", "output")
+UNVARIED = ("title", "units", "output")  # sections that say nothing of the physics
+QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study as its file says it; nothing of it is tried on the scene yet.
+
+    base: the scene's document, and `source` where each of its keys stands; common: settings of every run;
+    compare_to: "theory", "finest", a force, or the path of a result.
+    """
+
+    path: Path
+    title: str
+    base: Mapping[str, Any]
+    source: Source
+    common: Point
+    blocks: tuple[Block, ...]
+    compare_to: str | float | Path
+    compare_place: Place
+    directory: Path
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every varied key once, in the order of the file."""
+        return tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
+
+    def points(self) -> list[Point]:
+        """The grid in the order of study.csv: the last key of a block varies fastest, block after block."""
+        return [point for block in self.blocks for point in points(block)]
+
+
+def read(path: Path | str) -> StudyFile:
+    """The study of a file. UsageError when it or its scene cannot be read, ConfigError for anything wrong in it."""
+    path = Path(path)
+    document, source = read_document(path)
+    if unknown := [key for key in document if key not in KEYS]:
+        raise _errors([_unknown(key, source) for key in unknown])
+    reader = _Reader(path, document, source)
+    base, where = reader.base()
+    title = reader.text("title") or str(base.get("title") or path.stem)
+    return StudyFile(path, title, base, where, reader.common(), reader.blocks(), reader.compared(),
+                     reader.place(("compare_to",)), reader.directory())  # fmt: skip
+
+
+def _unknown(key: str, source: Source) -> ConfigError:
+    match = closest(key, KEYS)
+    problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
+    remedy = "it belongs in the base scene, or in set" if key in keys_at((), {}) else f"valid here: {', '.join(KEYS)}"
+    file, line = source.place((key,))
+    return ConfigError(key, problem, "" if match else remedy, file, line)
+
+
+def _errors(found: list[ConfigError]) -> ConfigError:
+    return ConfigErrors(found) if len(found) > 1 else found[0]
+
+
+class _Reader:
+    """Reads the keys of one study document; its errors know their lines."""
+
+    def __init__(self, path: Path, document: dict[str, Any], source: Source):
+        self.path, self.document, self.source = path, document, source
+
+    def error(self, keys: Keys, problem: str, remedy: str = "") -> ConfigError:
+        return ConfigError(key_text(keys), problem, remedy, *self.place(keys))
+
+    def place(self, keys: Keys) -> Place:
+        return self.source.place(keys)
+
+    def text(self, key: str) -> str:
+        value = self.document.get(key, "")
+        if not isinstance(value, str):
+            raise self.error((key,), "must be a text")
+        return value
+
+    def base(self) -> tuple[dict[str, Any], Source]:
+        """The scene's document and where its keys stand, in a file of its own or written out here."""
+        base = self.document.get("base")
+        if isinstance(base, str) and base:
+            return read_document(self.path.parent / base)
+        if not isinstance(base, dict):
+            raise self.error(("base",), "missing" if base is None else "is no scene",
+                             "give the path of a scene file, or the scene itself")  # fmt: skip
+        inside = {keys[1:]: place for keys, place in self.source.places.items() if keys[:1] == ("base",)}
+        return base, Source(self.source.name, inside)
+
+    def common(self) -> Point:
+        """The settings of every run: the study's quiet output, then `output`, then `set`."""
+        output = self.section("output")
+        here = self.place(("output",))
+        quiet = {f"output.{key}": (value, here) for key, value in QUIET.items()}
+        named = {f"output.{k}": (v, self.place(("output", k))) for k, v in output.items() if k != "directory"}
+        chosen = {key: (value, self.place(("set", key))) for key, value in self.section("set").items()}
+        for key in chosen:
+            self.check_key(("set", key), key)
+        return tuple((key, value, place) for key, (value, place) in (quiet | named | chosen).items())
+
+    def section(self, key: str) -> dict[str, Any]:
+        value = self.document.get(key, {})
+        if not isinstance(value, dict):
+            raise self.error((key,), "must be a section of keys")
+        return value
+
+    def blocks(self) -> tuple[Block, ...]:
+        """The grids of `vary`: one, or a list of them that follow one another."""
+        vary = self.document.get("vary")
+        if not vary:
+            raise self.error(("vary",), "says nothing to vary", "give keys and their values, e.g. mesh.order: [1, 2]")
+        listed = isinstance(vary, list)
+        parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
+        blocks = []
+        for index, part in parts:
+            keys: Keys = ("vary", index) if listed else ("vary",)
+            if not isinstance(part, dict) or not set(part) - {"zip"}:
+                raise self.error(keys, "must be keys and their values, e.g. mesh.order: [1, 2]")
+            for key in set(part) - {"zip"}:
+                self.check_key((*keys, key), key)
+            blocks.append(read_block(part, keys, self.source))
+        return tuple(blocks)
+
+    def check_key(self, keys: Keys, key: str) -> None:
+        if key.split(".")[0] in UNVARIED:
+            raise self.error(keys, "does not change the physics", f"a study has one {key.split('.')[0]} of its own")
+
+    def compared(self) -> str | float | Path:
+        """What the forces are compared with ["finest"]."""
+        wanted = self.document.get("compare_to", "finest")
+        if isinstance(wanted, (int, float)) and not isinstance(wanted, bool) and wanted != 0:
+            return float(wanted)
+        if isinstance(wanted, str) and wanted in ("theory", "finest"):
+            return wanted
+        if isinstance(wanted, str) and wanted and (self.path.parent / wanted).exists():
+            return self.path.parent / wanted
+        raise self.error(("compare_to",), f"is neither theory nor finest, nor a force, nor a result: {wanted!r}",
+                         "a path counts from the study's folder")  # fmt: skip
+
+    def directory(self) -> Path:
+        """Where the study goes [results/<stem of the file>], relative to the working directory."""
+        directory = self.section("output").get("directory", f"results/{self.path.stem}")
+        if not isinstance(directory, str) or not directory:
+            raise self.error(("output", "directory"), "must be the path of a folder")
+        return Path(directory)

@@ -1,0 +1,162 @@
+"""The folder of a study: study.json, one result folder per physics under runs/, and who may write it.
+
+Any process may read back a finished run; several shards share the folder, anything else has it alone.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from indent_sim import __version__
+from indent_sim.errors import UsageError
+from indent_sim.folder import PROGRAM, REPORT, read_report, write_atomically
+from indent_sim.results import to_json
+
+RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
+RUNS, OLD_RUNS, LOCK = "runs", ".runs.old", ".lock"
+PATIENCE = 5.0  # s to wait for the worker of a killed study to be gone
+LASTING = ("done", "failed")
+
+
+class StudyFolder:
+    """Where a study lies; a context manager that holds its lock.
+
+    Without `resume` the runs of an earlier call are replaced: they go when the first new one has ended.
+    Raises UsageError when the folder is foreign, unwritable or in use.
+    """
+
+    def __init__(self, path: Path, *, resume: bool, shared: bool = False):
+        self.path = path
+        self._resume, self._shared = resume or shared, shared
+        self._lock = -1
+
+    def __enter__(self) -> StudyFolder:
+        _refuse_foreign(self.path)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._take_lock()
+            self._recover()
+            if not self._resume and self._runs.exists():
+                self._runs.rename(self._old)
+            self._runs.mkdir(exist_ok=True)
+        except OSError as error:
+            self._release()
+            raise UsageError(f"cannot write {self.path}: {error.strerror or error}") from error
+        except UsageError:
+            self._release()
+            raise
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._release()
+
+    def run(self, name: str) -> Path:
+        """The result folder of a run."""
+        return self._runs / name
+
+    def is_finished(self, name: str) -> bool:
+        """Whether a run has ended, well or not, under this version of the program."""
+        report = read_report(self.run(name))
+        return report.get("status") in LASTING and report.get("version") == __version__
+
+    def fail(self, name: str, exit_code: int, reason: str) -> None:
+        """Write down a failure that left no report of its own."""
+        report = read_report(self.run(name))
+        if report.get("status") == "failed" and report.get("exit_code") == exit_code:
+            return
+        identity = {"program": PROGRAM, "version": __version__, "status": "failed"}
+        self.run(name).mkdir(exist_ok=True)
+        said = identity | {"exit_code": exit_code, "reason": reason, "rows": 0}
+        write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
+
+    def forget_old(self) -> None:
+        """Delete the runs that this study replaces."""
+        shutil.rmtree(self._old, ignore_errors=True)
+
+    def write(self, name: str, content: str) -> None:
+        """Replace a file of the study at once."""
+        write_atomically(self.path / name, content)
+
+    def write_record(self, **entries: Any) -> None:
+        """study.json: that this folder is a study, and what it says of itself."""
+        self.write(RECORD, to_json({"program": PROGRAM, "version": __version__, **entries}) + "\n")
+
+    @property
+    def _runs(self) -> Path:
+        return self.path / RUNS
+
+    @property
+    def _old(self) -> Path:
+        return self.path / OLD_RUNS
+
+    def _take_lock(self) -> None:
+        self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+        mode = fcntl.LOCK_SH if self._shared else fcntl.LOCK_EX
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            try:
+                return fcntl.flock(self._lock, mode | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise UsageError(f"{self.path} is in use by another study") from None
+                time.sleep(0.05)
+            except OSError:
+                return None  # a file system without locks: go on without
+
+    def _release(self) -> None:
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    def _recover(self) -> None:
+        """Undo a replacement that was killed before its first run had ended, or finish it."""
+        if not self._old.exists():
+            return
+        if self._runs.exists() and any(self.is_finished(entry.name) for entry in self._runs.iterdir()):
+            self.forget_old()
+        else:
+            shutil.rmtree(self._runs, ignore_errors=True)
+            self._old.rename(self._runs)
+
+
+@contextmanager
+def opened(path: Path, *, resume: bool, shared: bool) -> Iterator[StudyFolder]:
+    """The folder of a study, locked; one that this call made and left empty is taken away again."""
+    before = next((parent for parent in (path, *path.parents) if parent.exists()), path)
+    with StudyFolder(path, resume=resume, shared=shared) as folder:
+        try:
+            yield folder
+        finally:
+            if before != path and not (path / RECORD).exists():
+                for made in (path / RUNS, path / LOCK, path):
+                    with suppress(OSError):
+                        made.rmdir() if made.is_dir() else made.unlink()
+
+
+def _refuse_foreign(path: Path) -> None:
+    try:
+        if not path.exists():
+            return
+        if not path.is_dir():
+            raise UsageError(f"{path} is not a folder")
+        contents = {entry.name for entry in path.iterdir()} - {LOCK, RUNS}
+    except OSError as error:
+        raise UsageError(f"cannot use {path}: {error.strerror or error}") from error
+    if contents and not _is_study(path):
+        raise UsageError(f"{path} is not empty and was not made by `{PROGRAM} study`; choose another --output")
+
+
+def _is_study(path: Path) -> bool:
+    try:
+        record = json.loads((path / RECORD).read_text())
+    except (OSError, ValueError):
+        return False
+    return isinstance(record, dict) and record.get("program") == PROGRAM

@@ -1,0 +1,147 @@
+"""study.png: what accuracy costs. Force error against CPU seconds, and against the varied number if there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from indent_sim import plots
+from indent_sim.study import table
+from indent_sim.study.cases import short
+from indent_sim.study.table import Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST_COLOURS = len(plots.COLOURS)
+MOST_NAMED = 8  # points of the front that are named
+MOST_LETTERS = 48  # of a name
+SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
+ONE_PERCENT = 0.01
+
+
+def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, path: Path) -> None:
+    """Draw the picture of a study; without any error to show there is none."""
+    shown = table.measured(rows)
+    if not shown:
+        path.unlink(missing_ok=True)
+        return
+    number = _one_number(rows, keys)
+    with plots.canvas((12.4, 5.0) if number else (9.6, 5.0)) as figure:
+        panels: dict[str, Any] = figure.subplot_mosaic(
+            [["work", "number", "names"] if number else ["work", "names"]],
+            width_ratios=[1, 1, 0.62] if number else [1, 0.5],
+        )
+        failed = sum(row["status"] == "failed" for row in rows)
+        runs = f"{len(rows)} runs" + (f", {failed} failed" if failed else "")
+        plots.head(figure, title, f"{runs}  ·  force error against {reference}")
+        groups = _groups(shown, keys, number)
+        _work(panels["work"], groups)
+        front = table.pareto(rows)
+        _front(panels["work"], front)
+        if number:
+            _against(panels["number"], groups, number)
+        telling = [key for key in keys if len({short(row[key]) for row in shown}) > 1] or list(keys)
+        _names(panels["names"], panels["work"], front, telling)
+        plots.save(figure, path)
+
+
+def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
+    for i, (name, rows) in enumerate(groups.items()):
+        x, y = [row["cpu_s"] for row in rows], [_error(row) for row in rows]
+        axes.plot(x, y, ls="", **_mark(i), label=name or "runs")
+    _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
+
+
+def _front(axes: Axes, front: Sequence[Row]) -> None:
+    """The Pareto front as a line, its points numbered."""
+    x, y = [row["cpu_s"] for row in front], [_error(row) for row in front]
+    axes.plot(x, y, color=plots.INK, lw=1.2, zorder=2, label="Pareto front")
+    for number, row in enumerate(front[:MOST_NAMED], start=1):
+        axes.annotate(f"{number}", (row["cpu_s"], _error(row)), xytext=(-6, -6), textcoords="offset points",
+                      ha="right", va="top", fontsize=9, fontweight="bold")  # fmt: skip
+
+
+def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
+    for i, (name, rows) in enumerate(groups.items()):
+        along = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
+        axes.plot([row[key] for row in along], [_error(row) for row in along], lw=1.0, **_mark(i), label=name)
+    _log_axes(axes, key, [row[key] for rows in groups.values() for row in rows if row[key] is not None])
+
+
+def _names(axes: Axes, work: Axes, front: Sequence[Row], keys: Sequence[str]) -> None:
+    """What the colours and the numbers on the front stand for."""
+    axes.axis("off")
+    handles, labels = work.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
+    lines = ["Pareto front"]
+    for number, row in enumerate(front[:MOST_NAMED], start=1):
+        lines.append(f"{number}  {_brief(row, keys)}")
+        lines.append(f"    {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}")
+    if len(front) > MOST_NAMED:
+        lines.append(f"and {len(front) - MOST_NAMED} more")
+    axes.text(0, 0, "\n".join(lines), fontsize=8, va="bottom", ha="left", linespacing=1.35, transform=axes.transAxes)
+
+
+def _brief(row: Row, keys: Sequence[str]) -> str:
+    """The telling keys of a row: words alone, numbers with their key."""
+    parts = [f"{_last(key)} {short(row[key])}" if _is_number(row[key]) else short(row[key])
+             for key in keys if row[key] is not None]  # fmt: skip
+    text = ", ".join(parts)
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
+
+
+def _last(key: str) -> str:
+    return key.split(".")[-1]
+
+
+def _groups(rows: Sequence[Row], keys: Sequence[str], number: str | None) -> dict[str, list[Row]]:
+    """The rows by what few colours can tell apart: the contact method, else a varied word, else a number."""
+    others = [key for key in keys if key != number]
+    by_words = [key for key in others if not any(_is_number(row[key]) for row in rows)]
+    methods = ["method"] if any(key.split(".")[0] == "contact" for key in keys) else []
+    for key in [*methods, *by_words, *others]:
+        values = list(dict.fromkeys(short(row[key]) for row in rows))
+        if 1 < len(values) <= MOST_COLOURS:
+            word = f"{_last(key)} " if key not in (*methods, *by_words) else ""
+            return {f"{word}{value}": [row for row in rows if short(row[key]) == value] for value in values}
+    return {"": list(rows)}
+
+
+def _one_number(rows: Sequence[Row], keys: Sequence[str]) -> str | None:
+    """The varied key whose values are numbers, when there is exactly one."""
+    numeric = [key for key in keys if any(_is_number(row[key]) for row in rows)]
+    several = [key for key in numeric if len({row[key] for row in rows}) > 1]
+    return several[0] if len(several) == 1 else None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _error(row: Row) -> float:
+    return abs(row["force_error_vs"])
+
+
+def _mark(i: int) -> dict[str, Any]:
+    colour = plots.COLOURS[i % MOST_COLOURS]
+    return {"color": colour, "marker": plots.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
+
+
+def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
+    """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
+    from matplotlib.ticker import LogLocator
+
+    axes.set(yscale="log", xlabel=x, ylabel="|relative error of the force|")
+    if min(values) > 0 and max(values) > span * min(values):
+        axes.set_xscale("log")
+        if (ratio := max(values) / min(values)) < 100:
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter("")
+    axes.axhline(ONE_PERCENT, color=plots.GREY, lw=0.6, ls=":", zorder=1)
+    axes.annotate("1 %", (1, ONE_PERCENT), xycoords=("axes fraction", "data"), ha="right", va="bottom",
+                  fontsize=8, color=plots.GREY)  # fmt: skip
+    axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
+    axes.margins(0.08)

@@ -1,0 +1,133 @@
+"""What the results of a study are compared with: theory, its finest run, a number, or another result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from indent_sim import results
+from indent_sim.config import Place
+from indent_sim.errors import ConfigError
+from indent_sim.results import Results
+from indent_sim.study.cases import Case
+from indent_sim.study.file import StudyFile
+
+SAME_DEPTH = 1e-9  # relative
+MOST_DEPTHS = 200  # at which theory is asked
+RADII = 200  # at which theory's pressure is looked at for its peak
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where unknown."""
+
+    delta: np.ndarray
+    force: np.ndarray
+    a: np.ndarray
+    p_max: np.ndarray
+
+    def at(self, delta: float) -> tuple[float, float, float]:
+        """(force, a, p_max) at a depth; NaN when this depth is not among those known."""
+        match = np.flatnonzero(np.isclose(self.delta, delta, rtol=SAME_DEPTH, atol=0))
+        if not len(match):
+            return NAN, NAN, NAN
+        return tuple(float(column[match[-1]]) for column in (self.force, self.a, self.p_max))  # type: ignore[return-value]
+
+
+class Comparison:
+    """The answer that belongs to each case; `name` says what it is, `notes` what to know about it."""
+
+    def __init__(self, study: StudyFile, cases: Sequence[Case]):
+        self.notes: tuple[str, ...] = ()
+        self._wanted = study.compare_to
+        self._answers: dict[str, Answer] = {}
+        self._file: Answer | None = None
+        where = study.compare_place
+        if self._wanted == "theory":
+            self._take_theory(cases, where)
+        elif not isinstance(self._wanted, (str, float)):
+            self._file = of_results(results.read(self._wanted))
+            missing = [case for case in cases if math.isnan(self._file.at(case.depth)[0])]
+            if missing:
+                raise _error(where, f"has no depth {missing[0].depth:g}, the last of {missing[0].words}")
+
+    @property
+    def name(self) -> str:
+        """What is compared with, in words."""
+        if isinstance(self._wanted, float):
+            return f"{self._wanted:g}"
+        return self._wanted if isinstance(self._wanted, str) else self._wanted.name
+
+    def find_finest(self, cases: Sequence[Case], done: Mapping[str, Results]) -> None:
+        """Where the finest run is the reference: choose it, for every problem the study asks about."""
+        if self._wanted != "finest":
+            return
+        for case in sorted((case for case in cases if case.id in done), key=lambda case: _fineness(case, done)):
+            self._answers[case.problem] = of_results(done[case.id])  # the finest comes last
+
+    def answer(self, case: Case) -> Answer | None:
+        """What the case is compared with; None when there is nothing."""
+        if isinstance(self._wanted, float):
+            return Answer(*(np.array([value]) for value in (case.depth, self._wanted, NAN, NAN)))
+        return self._file or self._answers.get(case.problem)
+
+    def _take_theory(self, cases: Sequence[Case], where: Place) -> None:
+        for case in cases:
+            if case.problem in self._answers:
+                continue
+            answer = of_theory(case)
+            if answer is None:
+                raise _error(where, f"there is no theory for {case.words}", "compare_to: finest always works")
+            self._answers[case.problem] = answer
+        inexact = next((case.scene for case in cases if not _is_exact(case)), None)
+        if inexact is not None:
+            why = inexact.oracle.why if inexact.oracle and not inexact.oracle.exact else "the gap is the current one"
+            self.notes = (f"theory is not exact for this body ({why}): the errors include the difference",)
+
+
+def of_theory(case: Case) -> Answer | None:
+    """Layer theory at the depths of a case, of very many at some; None where there is none."""
+    scene = case.scene
+    depths = [delta for delta in scene.deltas if delta > 0]
+    depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
+    curve = scene.oracle.curve(depths) if scene.oracle and depths else None
+    if not curve:
+        return None
+    L, P, F = scene.scales.length, scene.scales.pressure, scene.scales.force
+    peaks = [_peak(solution) * P for solution in curve]
+    columns = [s.delta * L for s in curve], [s.force * F for s in curve], [s.a * L for s in curve], peaks
+    return Answer(*map(np.array, columns))
+
+
+def of_results(found: Results) -> Answer:
+    """The table of a result, by depth."""
+    unknown = np.full(len(found), NAN)
+    return Answer(found["delta"], found["force"], found["a"], found.table.get("p_max", unknown))
+
+
+def _peak(solution: Any) -> float:
+    """The largest pressure; NaN where it is infinite (a sharp edge or apex)."""
+    inside = solution.a * np.linspace(0, 1, RADII + 1)
+    with np.errstate(all="ignore"):
+        p = np.asarray(solution.pressure(inside), dtype=float)
+    steep = p[:-1].max() > 1.5 * p[2:-2].max()
+    return NAN if not np.isfinite(p).all() or steep else float(p.max())
+
+
+def _is_exact(case: Case) -> bool:
+    return bool(case.scene.oracle and case.scene.oracle.exact and case.scene.gap == "reference")
+
+
+def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
+    """Sorts cases from coarse to fine; among equal meshes one whose enforcement costs no accuracy comes last."""
+    exact = case.scene.contact.method == "augmented_lagrangian"
+    return done[case.id].report.get("dofs", 0), -case.scene.sizes.h_contact, exact, -case.index
+
+
+def _error(where: Place, problem: str, remedy: str = "") -> ConfigError:
+    return ConfigError("compare_to", problem, remedy, *where)

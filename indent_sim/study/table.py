@@ -1,0 +1,160 @@
+"""The table of a study: one row per case, what it costs, how far it is off, and which of them to choose."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from indent_sim.results import Results
+from indent_sim.study.cases import Case, short
+from indent_sim.study.reference import Answer, Comparison
+from indent_sim.yaml_strict import inline
+
+STAGES = ("resolve", "mesh", "assemble", "solve", "write")
+COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
+OUTCOME = ("status", "exit_code", "reason", "steps_done", "force", "a", "p_max", "penetration")
+ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
+EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
+COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS)
+ROUNDING = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
+TARGETS = (0.05, 0.01, 0.001)
+
+Row = dict[str, Any]
+
+
+def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results], against: Comparison) -> list[Row]:
+    """One row per case, in order: index, run, every varied key, then `COLUMNS`; what is unknown is None.
+
+    done: the results (table and run.json) of every run that has ended, by id; a case without any is "pending".
+    """
+    against.find_finest(cases, {name: found for name, found in done.items() if found.report["status"] == "done"})
+    return [_row(case, keys, done.get(case.id), against.answer(case)) for case in cases]
+
+
+def write(table: Sequence[Row]) -> str:
+    """The table as CSV text, numbers to the last digit."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(table[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _cell(value) for name, value in row.items()} for row in table)
+    return text.getvalue()
+
+
+def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None) -> Row:
+    named = {"index": case.index + 1, "run": case.id} | {key: case.values.get(key) for key in keys}
+    row: Row = named | dict.fromkeys(COLUMNS) | {"status": "pending"}
+    row |= {"method": case.scene.contact.method, "stiffness": case.stiffness}
+    if found is None:
+        return row
+    report = found.report
+    row |= {name: report.get(name) for name in ("status", "exit_code", "reason", "dofs")}
+    row |= {"steps_done": len(found), "substeps": report.get("audit", {}).get("substeps")}
+    row |= {"newton_iterations": int(found["newton_iterations"].sum()) if len(found) else None} | _costs(report)
+    if row["status"] != "done":  # numbers of a lesser depth are no answer
+        return row
+    row |= {name: float(found[name][-1]) for name in ("force", "a", "p_max", "penetration")}
+    return row | (_errors(found, answer) if answer else {})
+
+
+def _costs(report: Mapping[str, Any]) -> Row:
+    """CPU seconds per stage and in sum (what a process does once, loading libraries, left out), and memory.
+
+    memory_MB is what the run itself needed, peak_memory_MB what its process held, with what earlier runs left.
+    """
+    cpu, wall = report.get("cpu_timings", {}), report.get("timings", {})
+    row: Row = {f"cpu_{stage}": cpu.get(stage) for stage in STAGES}
+    row["cpu_s"] = _sum(cpu)
+    peak, before = report.get("peak_memory_MB"), report.get("memory_before_MB")
+    own = round(peak - before, 1) if peak is not None and before is not None else None
+    return row | {"wall_s": _sum(wall), "memory_MB": own, "peak_memory_MB": peak}
+
+
+def _sum(timings: Mapping[str, float]) -> float | None:
+    return round(sum(timings.get(stage, 0.0) for stage in STAGES), 4) if timings else None
+
+
+def _errors(found: Results, answer: Answer) -> Row:
+    """Relative errors at the last depth, signed, and the largest of the force at any depth."""
+    steps = [answer.at(delta)[0] for delta in found["delta"]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        every = np.abs(found["force"] / np.array(steps) - 1)
+    force, a, p_max = answer.at(found["delta"][-1])
+    known = every[np.isfinite(every)]
+    return {
+        "force_error_vs": _relative(found["force"][-1], force),
+        "force_error_worst": float(known.max()) if len(known) else None,
+        "a_error_vs": _relative(found["a"][-1], a),
+        "p_error_vs": _relative(found["p_max"][-1], p_max),
+    }
+
+
+def _relative(value: float, reference: float) -> float | None:
+    return float(value / reference - 1) if math.isfinite(reference) and reference != 0 else None
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return repr(value)
+    return " ".join(value.split()) if isinstance(value, str) else inline(value)
+
+
+# ---- speed against accuracy -----------------------------------------------------------------------------------
+
+
+def measured(table: Iterable[Row]) -> list[Row]:
+    """The rows that have an error other than zero, and a cost; identical runs once."""
+    kept = {row["run"]: row for row in table if row["force_error_vs"] and row["cpu_s"]}
+    return list(kept.values())
+
+
+def pareto(table: Iterable[Row]) -> list[Row]:
+    """The rows that no other beats in both CPU seconds and force error, the quickest first."""
+    front: list[Row] = []
+    for row in sorted(measured(table), key=lambda row: (row["cpu_s"], abs(row["force_error_vs"]))):
+        if not front or abs(row["force_error_vs"]) < ROUNDING * abs(front[-1]["force_error_vs"]):
+            front.append(row)
+    return front
+
+
+def recommended(table: Sequence[Row], keys: Sequence[str], target: float) -> Row | None:
+    """The cheapest run within the target, if every finer mesh with the same settings is within it too.
+
+    A coarse mesh may hit the force by luck; what a finer one misses was luck.
+    """
+    candidates = measured(table)
+    meshes = [key for key in keys if key in ("mesh", "mesh.h_contact", "mesh.h_far")]
+    others = [key for key in keys if key not in meshes]
+    within = [
+        row
+        for row in candidates
+        if all(
+            abs(finer["force_error_vs"]) <= target
+            for finer in candidates
+            if finer["dofs"] >= row["dofs"] and all(finer[key] == row[key] for key in others)
+        )
+    ]
+    return min(within, key=lambda row: row["cpu_s"], default=None)
+
+
+def words(row: Row, keys: Sequence[str]) -> str:
+    """The varied keys of a row in words."""
+    return ", ".join(f"{key}={short(row[key])}" for key in keys if row[key] is not None)
+
+
+def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
+    """For 5 %, 1 % and 0.1 % of the force: the run to choose, in words."""
+    if not measured(table):
+        return []
+    lines = []
+    for target in TARGETS:
+        row = recommended(table, keys, target)
+        choice = f"{words(row, keys)}: {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2%}" if row else "none of these"
+        lines.append(f"for {100 * target:g} %: {choice}")
+    return lines

@@ -1,0 +1,136 @@
+"""One process that does the runs of a study, one after another; when it dies, only the run it was at is lost.
+
+It is forked before any MPI is up, so a run there is a run of its own; the parent learns of every end through a
+pipe and starts another worker when one died.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from indent_sim import run as chain
+from indent_sim.config import Config
+from indent_sim.errors import BackendError, IndentSimError, UsageError
+
+LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
+PR_SET_PDEATHSIG = 1
+# What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
+LAUNCHERS = ("PMI_", "PMIX_", "OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_MCA_orte_", "OMPI_MCA_ess", "PRTE_MCA_ess")
+ABORTING = (UsageError, BackendError)  # no fault of the run: the next one would end the same way
+
+Ending = tuple[int, str]  # exit code and reason
+
+
+class Worker:
+    """Does runs in a process of its own; a context manager."""
+
+    def __init__(self) -> None:
+        self._process: Any = None
+        self._pipe: Any = None
+        self._done = 0
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._stop()
+
+    def __call__(self, config: Config, directory: Path) -> Ending:
+        """Run a config into a folder; exit code and reason. UsageError and BackendError are raised."""
+        if self._process is None or self._done >= LIFETIME:
+            self._start()
+        self._done += 1
+        try:
+            self._pipe.send((config, directory))
+            ending = self._pipe.recv()
+        except (EOFError, OSError):
+            return self._death()
+        if isinstance(ending, IndentSimError):
+            raise ending
+        return ending
+
+    def _start(self) -> None:
+        self._stop()
+        context = multiprocessing.get_context("fork")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(other, self._pipe, os.getpid()), daemon=True)
+        self._process.start()
+        other.close()
+        self._done = 0
+
+    def _stop(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._pipe.close()
+            self._process = None
+
+    def _death(self) -> Ending:
+        self._process.join()
+        code = self._process.exitcode or 0
+        self._process = None
+        if code >= 0:
+            return code or 1, f"the process of the run ended with exit code {code}"
+        with suppress(ValueError):
+            return 128 - code, f"the process of the run died of {signal.Signals(-code).name}"
+        return 128 - code, f"the process of the run died of signal {-code}"
+
+
+def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
+    """Do the runs that arrive until the parent is gone."""
+    parents.close()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    _die_with(parent)
+    for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
+        del os.environ[name]
+    _warm_up()
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send(_ending(*pipe.recv()))
+
+
+def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
+    _reset_peak_memory()
+    try:
+        chain.run(config, directory=directory)
+    except ABORTING as error:
+        return error
+    except IndentSimError as error:
+        return error.exit_code, str(error)
+    except Exception as error:
+        return 1, f"{type(error).__name__}: {error}"
+    return 0, ""
+
+
+def _warm_up() -> None:
+    """Load the libraries, and let a crash be one: PETSc would have MPI end it, which a forked process may wait for."""
+    with suppress(Exception):  # the run will say what is wrong
+        chain.warm_up()
+    for crash in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT):
+        signal.signal(crash, signal.SIG_DFL)
+
+
+def _die_with(parent: int) -> None:
+    """Ask Linux to kill this process when its parent is killed: nobody would read what it computes."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        signal.raise_signal(signal.SIGKILL)
+
+
+def _reset_peak_memory() -> None:
+    """The largest memory of this run, not of those before it."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+Run = Callable[[Config, Path], Ending]

@@ -1,0 +1,66 @@
+"""The lines of the force table and of the surface table: from a State to bytes and back, to the last digit."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from indent_sim.folder import write_atomically
+from indent_sim.state import State, Surface
+
+INTEGERS = ("step", "newton_iterations")
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
+
+
+def row(state: State, columns: tuple[str, ...]) -> bytes:
+    """The line of a state in the force table."""
+    values = (getattr(state, name) for name in columns)
+    cells = (str(int(v)) if name in INTEGERS else _number(v) for name, v in zip(columns, values, strict=True))
+    return (",".join(cells) + "\n").encode()
+
+
+def state_of(names: tuple[str, ...], line: bytes) -> State | None:
+    """The state of a line of the force table; None when the line is torn."""
+    cells = line.decode("ascii", "replace").split(",")
+    if len(cells) != len(names):
+        return None
+    try:
+        values: dict[str, Any] = {
+            name: int(cell) if name in INTEGERS else float(cell) for name, cell in zip(names, cells, strict=True)
+        }
+    except ValueError:
+        return None
+    return State(**values)
+
+
+def surface_block(step: int, surface: Surface) -> bytes:
+    """The lines of a state in the surface table."""
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
+    text = io.BytesIO()
+    np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
+    return text.getvalue()
+
+
+def drop_later_blocks(path: Path, steps: int) -> None:
+    """Keep the lines of a table of blocks that belong to the first `steps` steps, whole lines alone."""
+    if not path.exists():
+        return
+    data = path.read_bytes()
+    kept = data[: data.rfind(b"\n") + 1].splitlines(keepends=True)
+    kept = kept[:1] + [line for line in kept[1:] if _step(line) <= steps]
+    if sum(map(len, kept)) < len(data):
+        write_atomically(path, b"".join(kept))
+
+
+def _number(value: float | None) -> str:
+    return "nan" if value is None else f"{value:.17g}"
+
+
+def _step(line: bytes) -> float:
+    try:
+        return int(line.split(b",", 1)[0])
+    except ValueError:
+        return float("inf")

@@ -1,0 +1,349 @@
+"""`run --resume`: whatever stopped a run, it goes on to the same curve, and what is not its own stays untouched."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from mpi4py import MPI
+
+from indent_sim import cli, folder, run
+from indent_sim.config import load
+from indent_sim.fe.path import Walk
+from indent_sim.results import read
+from indent_sim.xdmf import FieldWriter
+
+ROOT = Path(__file__).resolve().parents[1]
+SCENE = """\
+body: {{shape: cylinder, radius: 1.0, height: 1.0, sides: roller}}
+material: {{{material}, E: 1.0, nu: 0.3}}
+indenter: {{shape: paraboloid, R: 1.0}}
+contact: {{method: {method}}}
+loading: {{{loading}}}
+mesh: {{h_contact: 0.12, h_far: 0.6}}
+output: {{fields: all, surface: all, plot: false}}
+"""
+DOWN = "delta: 0.15, steps: 15"
+UP_AND_DOWN = "deltas: [0.03, 0.06, 0.09, 0.12, 0.05, -0.01, 0.04, 0.08]"
+HYPERELASTIC = SCENE.format(material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN)
+CONDENSED = SCENE.format(material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN)
+SOME = 7  # rows of a run that was stopped
+
+# A run that kills itself at the n-th time it opens for writing, renames, removes or cuts a file of the result folder
+SELF_KILLING = """
+import os, signal, sys
+from pathlib import Path
+left, here = int(sys.argv.pop(1)), str(Path.cwd())
+def watch(event, args):
+    global left
+    if event == "open" and not (isinstance(args[2], int) and args[2] & (os.O_WRONLY | os.O_RDWR)):
+        return
+    if event in ("open", "os.rename", "os.remove", "os.truncate") and str(args[0]).startswith((here, "out", ".out")):
+        left -= 1
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+sys.addaudithook(watch)
+from indent_sim.cli import main
+main()
+"""
+
+Resume = Callable[..., Result]
+
+
+@pytest.fixture
+def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
+    """`run scene.yaml --output out` with more words, in this process."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
+    return lambda *words: CliRunner().invoke(cli.program, ["run", "scene.yaml", "--output", "out", *words])
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The folder of a scene's run that nothing disturbs; each scene is run once."""
+    done: dict[str, Path] = {}
+
+    def of(scene: str) -> Path:
+        if scene not in done:
+            place = tmp_path_factory.mktemp("undisturbed")
+            (place / "scene.yaml").write_text(scene)
+            run.run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out")
+            done[scene] = place / "out"
+        return done[scene]
+
+    return of
+
+
+def interrupt(place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt) -> list[bytes]:
+    """Run place/scene.yaml into place/out and stop it after some rows; returns the lines of its table."""
+
+    def stop(state, step, total):
+        if step == rows:
+            raise error
+
+    with pytest.raises(error):
+        run.run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop)
+    lines = (place / "out" / "force_indentation.csv").read_bytes().splitlines(keepends=True)
+    assert len(lines) == rows + 1
+    return lines
+
+
+def snapshot(place: Path) -> dict[str, tuple[bytes, int]]:
+    return {
+        str(path.relative_to(place)): (path.read_bytes(), path.stat().st_mtime_ns)
+        for path in place.rglob("*")
+        if path.is_file()
+    }
+
+
+def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
+    """The two folders hold the same files, rows, surfaces and fields; wall_s grows over the seam too."""
+    assert {entry.name for entry in out.iterdir()} == {entry.name for entry in expected.iterdir()}
+    found, wanted = read(out), read(expected)
+    assert found.report["status"] == "done" and found.report["rows"] == len(found) == len(wanted)
+    for column in set(wanted.table) - {"wall_s", "newton_iterations"}:
+        size = np.abs(wanted[column]).max()
+        np.testing.assert_allclose(found[column], wanted[column], rtol=rtol, atol=rtol * size, err_msg=column)
+    assert np.all(np.diff(found["wall_s"]) >= 0)
+    for column, values in wanted.surface.items():
+        np.testing.assert_allclose(
+            found.surface[column], values, atol=100 * rtol * np.abs(values).max() + 1e-12, err_msg=column
+        )
+    assert (out / "fields.xdmf").read_text() == (expected / "fields.xdmf").read_text()
+    with h5py.File(out / "fields.h5") as ours, h5py.File(expected / "fields.h5") as theirs:
+        for slot in theirs["state"]:
+            for name, values in theirs[f"state/{slot}"].items():
+                np.testing.assert_allclose(ours[f"state/{slot}/{name}"][()], values[()], rtol=1e-5, atol=1e-7)
+
+
+class TestKilled:
+    @pytest.mark.parametrize(
+        ("scene", "moments"),
+        [(HYPERELASTIC, (3, 17, 6, 48)), (CONDENSED, (38, 33))],
+        ids=["newton", "condensed"],
+    )
+    def test_a_run_killed_again_and_again(self, indent_sim, undisturbed, tmp_path, scene, moments):
+        (tmp_path / "scene.yaml").write_text(scene)
+        words = ["run", "scene.yaml", "--output", "out", "--resume"]
+        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        rows = [0]
+        for moment in moments:
+            killed = subprocess.run(
+                [sys.executable, "-c", SELF_KILLING, str(moment), *words],
+                env=os.environ | {"PYTHONPATH": path, "OMP_NUM_THREADS": "1"},
+                capture_output=True,
+            )
+            assert killed.returncode == -signal.SIGKILL, killed.stderr
+            rows.append(len(read(tmp_path / "out")) if (tmp_path / "out").exists() else 0)
+        assert rows == sorted(rows) and 0 < rows[-1] < 15, rows
+        before = read(tmp_path / "out")
+        done = indent_sim("--resume")
+        assert done.exit_code == 0 and f"resumed: {rows[-1]} of the 15 rows" in done.stderr
+        same_numbers(tmp_path / "out", undisturbed(scene))
+        after = read(tmp_path / "out")
+        for column in after.table:
+            assert np.array_equal(after[column][: rows[-1]], before[column])
+
+    @pytest.mark.parametrize(
+        ("method", "rows", "forget"), [("uzawa", 4, False), ("active_set", 6, True), ("penalty", 5, False)]
+    )
+    def test_any_path_by_any_method(self, indent_sim, undisturbed, tmp_path, method, rows, forget):
+        scene = SCENE.format(material="model: neo_hookean", method=method, loading=UP_AND_DOWN)
+        (tmp_path / "scene.yaml").write_text(scene)
+        interrupt(tmp_path, rows)
+        if forget:
+            (tmp_path / "out" / "checkpoint.h5").unlink()
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(scene), 1e-7 if method == "uzawa" else 1e-8)
+
+
+class TestCheckpoint:
+    def test_with_it_the_run_goes_on_as_if_nothing_had_been(self, indent_sim, undisturbed, tmp_path):
+        interrupt(tmp_path)
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC), 1e-13)
+        expected = read(undisturbed(HYPERELASTIC))
+        assert np.array_equal(read(tmp_path / "out")["newton_iterations"], expected["newton_iterations"])
+
+    @pytest.mark.parametrize("harm", ["missing", "cut", "flipped", "of another mesh", "old"])
+    def test_without_it_the_way_is_found_again(self, indent_sim, undisturbed, tmp_path, monkeypatch, harm):
+        file = tmp_path / "out" / "checkpoint.h5"
+        if harm == "old":  # as after a kill: the one written at the first row
+            monkeypatch.setattr(run.Simulation, "_save_checkpoint", lambda *_, **__: None)
+            interrupt(tmp_path, 3)
+            monkeypatch.undo()
+            monkeypatch.chdir(tmp_path)
+            monkeypatch.setattr(Walk, "states", failing_at(5))
+            assert indent_sim("--resume").exit_code == 5
+            monkeypatch.undo()
+            monkeypatch.chdir(tmp_path)
+            old = file.read_bytes()
+            interrupt(tmp_path)
+            file.write_bytes(old)
+        else:
+            interrupt(tmp_path)
+            content = bytearray(file.read_bytes())
+            content[-900] ^= 0xFF
+            if harm == "missing":
+                file.unlink()
+            elif harm == "cut":
+                file.write_bytes(content[: len(content) // 2])
+            elif harm == "flipped":
+                file.write_bytes(content)
+            else:
+                with h5py.File(file, "r+") as opened:
+                    opened.attrs["identity"] = opened.attrs["identity"].replace("dofs", "sfod")
+                report = tmp_path / "out" / "run.json"
+                report.write_text(report.read_text().replace('"hash": "', '"hash": "0'))
+        done = indent_sim("--resume")
+        assert done.exit_code == 0 and ("computed on another mesh" in done.stderr) == (harm == "of another mesh")
+        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
+        assert read(tmp_path / "out").report["resumed_after"][-1] == SOME
+
+
+def failing_at(step: int) -> Callable:
+    """`Walk.states` of a scene that has no equilibrium at a step."""
+    states = Walk.states
+
+    def fail(self, *args):
+        for state in states(self, *args):
+            if state.step == step:
+                object.__setattr__(state, "converged", False)
+            yield state
+
+    return fail
+
+
+class TestStopped:
+    def test_not_converged(self, indent_sim, undisturbed, tmp_path, monkeypatch):
+        with monkeypatch.context() as patch:
+            patch.setattr(Walk, "states", failing_at(SOME + 1))
+            failed = indent_sim()
+            again = indent_sim("--resume")
+        assert failed.exit_code == again.exit_code == 5 and "--resume goes on" in again.stderr
+        assert len(read(tmp_path / "out")) == SOME
+        assert indent_sim("--resume", "--set", "solver.max_iterations=99").exit_code == 3  # another config
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
+
+    def test_a_full_disk(self, indent_sim, undisturbed, tmp_path, monkeypatch):
+        def full(*args, **options):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        interrupt(tmp_path)
+        with monkeypatch.context() as patch:
+            patch.setattr("indent_sim.results.append_whole", full)
+            patch.setattr("indent_sim.checkpoint.write_atomically", full)
+            failed = indent_sim("--resume")
+        assert failed.exit_code == 5 and "No space left" in failed.stderr and len(read(tmp_path / "out")) == SOME
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
+
+    def test_torn_files(self, indent_sim, undisturbed, tmp_path):
+        """Half a row, a surface without a row, fields of a step without one, leftovers of writes."""
+        lines = interrupt(tmp_path)
+        out = tmp_path / "out"
+        (out / "force_indentation.csv").write_bytes(b"".join(lines[:SOME]) + lines[SOME][:20])
+        with open(out / "surface.csv", "a") as table:
+            table.write("8,0.1,0,0,")
+        (out / ".run.json.new").write_text("{")
+        (out / "mine.txt").write_text("notes")
+        assert indent_sim("--resume").exit_code == 0
+        assert (out / "mine.txt").read_text() == "notes"
+        (out / "mine.txt").unlink()
+        same_numbers(out, undisturbed(HYPERELASTIC))
+        assert read(out).report["resumed_after"] == [SOME - 1]
+
+    def test_every_row_was_there(self, indent_sim, undisturbed, tmp_path):
+        interrupt(tmp_path, 15)
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
+
+    def test_lost_fields_begin_anew(self, indent_sim, tmp_path):
+        interrupt(tmp_path)
+        (tmp_path / "out" / "fields.h5").write_bytes(b"no HDF5")
+        done = indent_sim("--resume")
+        assert done.exit_code == 0 and f"fields of steps 1 to {SOME} were lost" in done.stderr
+        assert (tmp_path / "out" / "fields.xdmf").read_text().count("<Time") == 15 - SOME
+
+    @pytest.mark.slow
+    def test_on_two_ranks(self, mpirun, undisturbed, tmp_path):
+        (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
+        interrupt(tmp_path)
+        done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out", "--resume")
+        assert done.returncode == 0, done.stderr
+        found, expected = read(tmp_path / "out"), read(undisturbed(HYPERELASTIC))
+        for column in ("step", "delta", "force", "a", "p_max", "energy"):
+            np.testing.assert_allclose(found[column], expected[column], rtol=1e-8, err_msg=column)
+
+
+class TestNothingToGoOnWith:
+    def test_no_folder_yet(self, indent_sim, undisturbed, tmp_path):
+        done = indent_sim("--resume")
+        assert done.exit_code == 0 and "resumed" not in done.stderr
+        same_numbers(tmp_path / "out", undisturbed(HYPERELASTIC))
+
+    def test_no_row_yet(self, indent_sim, tmp_path, monkeypatch):
+        with monkeypatch.context() as patch:
+            patch.setattr(Walk, "states", failing_at(1))
+            assert indent_sim().exit_code == 5 and (tmp_path / "out" / "run.json").exists()
+        assert indent_sim("--resume").exit_code == 0 and len(read(tmp_path / "out")) == 15
+
+    def test_a_finished_run_stays_as_it_is(self, indent_sim, tmp_path):
+        assert indent_sim().exit_code == 0
+        before = snapshot(tmp_path)
+        done = indent_sim("--resume")
+        assert done.exit_code == 0 and done.stdout == "out\n" and "nothing left to compute" in done.stderr
+        said = json.loads(indent_sim("--resume", "--json").stdout)
+        assert len(said["rows"]) == 15 and said["report"]["status"] == "done"
+        assert snapshot(tmp_path) == before
+
+    @pytest.mark.parametrize("override", ["loading.steps=20", "material.nu=0.31", "output.fields=last"])
+    def test_another_config_is_refused(self, indent_sim, tmp_path, override):
+        interrupt(tmp_path)
+        before = snapshot(tmp_path)
+        done = indent_sim("--resume", "--set", override)
+        key, value = override.split(".", 1)[1].split("=")
+        assert done.exit_code == 3 and f"'{key}: {value}' here" in done.stderr and done.stdout == ""
+        assert "kept" not in done.stderr and snapshot(tmp_path) == before
+
+    def test_a_foreign_folder_is_refused(self, indent_sim, tmp_path):
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out" / "thesis.tex").write_text("")
+        before = snapshot(tmp_path)
+        assert indent_sim("--resume").exit_code == 2 and snapshot(tmp_path) == before
+
+    def test_a_folder_in_use_is_refused(self, indent_sim, tmp_path):
+        interrupt(tmp_path)
+        with open(tmp_path / "out" / folder.LOCK, "w") as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
+            before = snapshot(tmp_path)
+            done = indent_sim("--resume")
+        assert done.exit_code == 2 and "in use" in done.stderr and snapshot(tmp_path) == before
+
+
+def test_the_last_fields_stay_until_the_next(tmp_path):
+    """`fields: last`: what is named is never overwritten, not by the run that goes on either."""
+    points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
+    values = np.full((3, 2), 4.0), np.zeros((1, 3, 3)), np.zeros(3)
+    for step in (1, 2, 3):
+        writer = FieldWriter(tmp_path, points, cells, done=step - 1 if step > 1 else None)
+        assert writer.continued == (step > 1)
+        before = (tmp_path / "fields.xdmf").read_text()
+        assert step == 1 or f"step {step - 1}" in before
+        writer.write(step, 0.1, *values)
+        writer.close()
+        slots = {number for number in "01" if f"/state/{number}/" in before}
+        assert len(slots) == (step > 1)
+        assert not any(f"/state/{slot}/" in (tmp_path / "fields.xdmf").read_text() for slot in slots)

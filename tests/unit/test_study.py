@@ -1,0 +1,444 @@
+"""Studies: what a file asks for, that nothing is solved twice, and that a kill or a shard changes no number."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from indent_sim import cli, study
+from indent_sim.errors import ConfigError, NotConverged, UsageError
+from indent_sim.results import Results
+from indent_sim.run import warm_up
+from indent_sim.study import cases as case_list
+from indent_sim.study import table
+from indent_sim.study.grid import Multiple
+from indent_sim.study.worker import Worker
+
+ROOT = Path(__file__).resolve().parents[2]
+SCENE = """\
+title: A coarse one
+body: {shape: cylinder, radius: 1.0, height: 1.0, sides: roller}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.01, steps: 2}
+mesh: {h_contact: 0.05, h_far: 0.5}
+"""
+METHODS = """\
+base: scene.yaml
+compare_to: theory
+vary:
+  contact.method: [penalty, active_set]
+  mesh.h_contact: [0.06, 0.05, 0.04]
+"""
+UNEQUAL = ("wall_s", "memory_MB", "peak_memory_MB")  # what the next time differs in, beside cpu_*
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _libraries_are_there() -> None:
+    """Loaded once here, not in every worker that is forked off."""
+    warm_up()
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """Write STUDY.yaml beside scene.yaml in an empty working directory; returns its path."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text(SCENE)
+
+    def write(text: str) -> Path:
+        path = tmp_path / "STUDY.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def grid(path: Path) -> list[dict]:
+    """The varied keys of every point of a study file."""
+    return [{key: value for key, value, _ in point} for point in study.read(path).points()]
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    """study.csv without what differs from one time to the next."""
+    with open(folder / "study.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    return [{k: v for k, v in row.items() if not k.startswith("cpu_") and k not in UNEQUAL} for row in rows]
+
+
+def command(*words: str | Path) -> list[str]:
+    return [sys.executable, "-m", "indent_sim.cli", "study", *map(str, words)]
+
+
+def environment() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+
+
+class TestGrid:
+    def test_keys_are_crossed_and_the_last_varies_fastest(self, written):
+        points = grid(written("base: scene.yaml\nvary: {mesh.order: [1, 2], material.nu: [0.1, 0.2, 0.3]}\n"))
+        assert points[:2] == [{"mesh.order": 1, "material.nu": 0.1}, {"mesh.order": 1, "material.nu": 0.2}]
+        assert len(points) == 6
+
+    def test_zipped_keys_go_together(self, written):
+        vary = "{zip: true, mesh.h_contact: [0.1, 0.05], mesh.h_far: [0.5, 0.25]}"
+        assert grid(written(f"base: scene.yaml\nvary: {vary}\n")) == [
+            {"mesh.h_contact": 0.1, "mesh.h_far": 0.5},
+            {"mesh.h_contact": 0.05, "mesh.h_far": 0.25},
+        ]
+
+    def test_some_keys_zipped_and_the_others_crossed(self, written):
+        vary = "{zip: [a.x, a.y], a.x: [1, 2], a.y: [3, 4], b.z: [5, 6]}"
+        points = grid(written(f"base: scene.yaml\nvary: {vary}\n"))
+        assert [tuple(point.values()) for point in points] == [(1, 3, 5), (1, 3, 6), (2, 4, 5), (2, 4, 6)]
+
+    def test_blocks_follow_one_another(self, written):
+        points = grid(written("base: scene.yaml\nvary:\n  - {mesh.order: [1, 2]}\n  - {contact.method: penalty}\n"))
+        assert points == [{"mesh.order": 1}, {"mesh.order": 2}, {"contact.method": "penalty"}]
+
+    @pytest.mark.parametrize(
+        ("wanted", "values"),
+        [
+            ("{from: 0, to: 1, count: 5}", [0, 0.25, 0.5, 0.75, 1]),
+            ("{from: 1, to: 1000, count: 4, spacing: log}", [1, 10, 100, 1000]),
+            ("{from: 1e-3, to: 1e3, count: 3, spacing: log}", [1e-3, 1.0, 1e3]),
+            ("{from: 1, to: 9, count: 3}", [1, 5, 9]),
+            ("{from: 0.1, to: 0.9, count: 1}", [0.1]),
+        ],
+    )
+    def test_ranges(self, written, wanted, values):
+        found = [point["k"] for point in grid(written(f"base: scene.yaml\nvary: {{k: {wanted}}}\n"))]
+        assert found == values
+
+    def test_whole_ends_give_whole_numbers(self, written):
+        vary = "{k: {from: 1, to: 9, count: 3}, j: {from: 1.0, to: 9, count: 3}}"
+        assert repr([*grid(written(f"base: scene.yaml\nvary: {vary}\n"))[0].values()]) == "[1, 1.0]"
+
+    def test_multiples_of_the_stiffness_of_each_mesh(self, written):
+        text = """\
+base: scene.yaml
+vary:
+  mesh.h_contact: [0.1, 0.05]
+  contact.method: penalty
+  contact.epsilon_n: {from: 2, to: 2, count: 1, unit: E*/h_contact}
+"""
+        path = written(text)
+        assert grid(path)[0]["contact.epsilon_n"] == Multiple(2.0)
+        found = case_list.of(study.read(path))
+        E_star = 1 / (1 - 0.3**2)
+        assert [case.values["contact.epsilon_n"] for case in found] == pytest.approx([20 * E_star, 40 * E_star])
+        assert [case.stiffness for case in found] == pytest.approx([2.0, 2.0])
+
+    def test_a_whole_section_is_a_value(self, written):
+        path = written("base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: nitsche}]}\n")
+        assert [case.scene.contact.method for case in case_list.of(study.read(path))] == ["penalty", "nitsche"]
+
+    def test_set_holds_for_every_run_and_an_inline_scene_will_do(self, written):
+        indented = "".join(f"  {line}\n" for line in SCENE.splitlines())
+        path = written(f"base:\n{indented}set: {{loading.delta: 0.02}}\nvary: {{mesh.order: [1, 2]}}\n")
+        assert [case.depth for case in case_list.of(study.read(path))] == pytest.approx([0.02, 0.02])
+
+
+class TestIdentity:
+    def ids(self, written, text):
+        return [case.id for case in case_list.of(study.read(written(text)))]
+
+    def test_titles_labels_and_output_have_no_part_in_it(self, written, tmp_path):
+        vary = "vary: {mesh.order: [1, 2]}\n"
+        plain = self.ids(written, f"base: scene.yaml\n{vary}")
+        (tmp_path / "scene.yaml").write_text(
+            SCENE.replace("A coarse one", "Another") + "units: {length: m, force: N}\noutput: {fields: all}\n"
+        )
+        assert self.ids(written, f"title: T\nbase: scene.yaml\noutput: {{plot: true}}\n{vary}") == plain
+        assert len(set(plain)) == 2
+
+    def test_what_auto_chooses_is_the_same_run(self, written):
+        auto, given, other = self.ids(
+            written, "base: scene.yaml\nvary: {contact.method: [auto, augmented_lagrangian, penalty]}\n"
+        )
+        assert auto == given != other
+
+    def test_steps_and_the_same_depths_one_by_one(self, written):
+        text = "base: scene.yaml\nvary: {loading: [{delta: 0.01, steps: 2}, {deltas: [0.005, 0.01]}, {delta: 0.01}]}\n"
+        first, second, third = self.ids(written, text)
+        assert first == second != third
+
+
+MALFORMED = [
+    ("vary: {mesh.order: [1]}\n", None, "base", "give the path"),
+    ("base: scene.yaml\n", None, "vary", "says nothing to vary"),
+    ("base: scene.yaml\nvary:\n  mesh.h_contct: [0.1]\n", 3, "mesh.h_contct", "did you mean 'h_contact'"),
+    ("base: scene.yaml\nvary:\n  mesh.h_contact:\n    - 0.1\n    - -0.1\n", 5, "mesh.h_contact", "must be"),
+    ("base: scene.yaml\nvary:\n  loading.delta: [0.1, 2.0]\n", 3, "loading", "beyond the body's thickness"),
+    ("base: scene.yaml\nvary: {mesh.order: []}\n", 2, "vary.mesh.order", "has no values"),
+    ("base: scene.yaml\nvary: {title: [a, b]}\n", 2, "vary.title", "does not change the physics"),
+    ("base: scene.yaml\nset: {output.plot: true}\nvary: {mesh.order: [1]}\n", 2, "set.output.plot", "physics"),
+    ("base: scene.yaml\nvary: {k: {from: 0, to: 1, count: 3, spacing: log}}\n", 2, "vary.k.from", "> 0"),
+    ("base: scene.yaml\nvary: {k: {from: 0, to: 1, cuont: 3}}\n", 2, "vary.k.cuont", "a range has"),
+    ("base: scene.yaml\nvary: {k: {from: 0, to: 1}}\n", 2, "vary.k.count", "whole number"),
+    ("base: scene.yaml\nvary: {zip: true, a: [1], b: [1, 2]}\n", 2, "vary.zip", "equally many"),
+    ("base: scene.yaml\nvary: {zip: [c], a: [1]}\n", 2, "vary.zip", "varied here"),
+    ("base: scene.yaml\nvaryy: {mesh.order: [1]}\n", 2, "varyy", "did you mean 'vary'"),
+    ("base: scene.yaml\nmesh: {order: 1}\nvary: {mesh.order: [1]}\n", 2, "mesh", "base scene"),
+    ("base: scene.yaml\ncompare_to: Theory\nvary: {mesh.order: [1]}\n", 2, "compare_to", "neither theory nor"),
+    ("base: scene.yaml\ncompare_to: theory\nvary: {material.nu: [0.3, -0.2]}\n", 2, "compare_to", "no theory"),
+    ("base: scene.yaml\noutput: {fields: some}\nvary: {mesh.order: [1]}\n", 2, "output.fields", "must be"),
+    ("base: scene.yaml\nvary: {mesh.order: [1]\n", None, "", "not YAML"),
+]
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
+    def test_wrong_studies(self, written, tmp_path, text, line, key, fragment):
+        """Exit code 3 with file, line and key, before anything is made."""
+        done = CliRunner().invoke(cli.program, ["study", str(written(text))])
+        place = "STUDY.yaml" if line is None else f"STUDY.yaml:{line}: {key}"
+        assert done.exit_code == 3 and place in done.stderr and key in done.stderr and fragment in done.stderr
+        assert {entry.name for entry in tmp_path.iterdir()} == {"scene.yaml", "STUDY.yaml"} and done.stdout == ""
+
+    def test_an_error_of_many_points_is_told_once(self, written):
+        with pytest.raises(ConfigError) as told:
+            case_list.of(study.read(written("base: scene.yaml\nvary: {a.b: [1], mesh.order: [1, 2]}\n")))
+        assert str(told.value).count("unknown key") == 1
+
+    @pytest.mark.parametrize(
+        "words", [("missing.yaml",), ("STUDY.yaml", "--shard", "3/2"), ("STUDY.yaml", "--output", "scene.yaml")]
+    )
+    def test_usage(self, written, words):
+        written(METHODS)
+        done = CliRunner().invoke(cli.program, ["study", *words])
+        assert done.exit_code == 2 and done.stderr and "Traceback" not in done.stderr
+
+    def test_a_foreign_folder(self, written, tmp_path):
+        (tmp_path / "theirs").mkdir()
+        (tmp_path / "theirs" / "thesis.tex").touch()
+        with pytest.raises(UsageError, match="not made by"):
+            study.carry_out(written(METHODS), output=tmp_path / "theirs")
+
+    def test_several_ranks(self, written, monkeypatch):
+        monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+        done = CliRunner().invoke(cli.program, ["study", str(written(METHODS))])
+        assert done.exit_code == 2 and "one rank" in done.stderr
+
+    def test_a_study_in_use(self, written, tmp_path, monkeypatch):
+        monkeypatch.setattr("indent_sim.study.folder.PATIENCE", 0.0)
+        from indent_sim.study.folder import opened
+
+        with opened(tmp_path / "out", resume=False, shared=False), pytest.raises(UsageError, match="in use"):
+            study.carry_out(written(METHODS), output=tmp_path / "out")
+
+
+class TestRuns:
+    def test_the_table_the_picture_and_the_advice(self, written, tmp_path):
+        path = written(METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]"))
+        done = CliRunner().invoke(cli.program, ["study", str(path), "--output", "out"])
+        assert done.exit_code == 0, done.stderr
+        assert done.stdout == "out\n" and "for 1 %: contact.method=" in done.stderr
+        rows = rows_of(tmp_path / "out")
+        assert [row["index"] for row in rows] == [str(i) for i in range(1, 10)]
+        assert list(rows[0])[:4] == ["index", "run", "contact.method", "mesh.h_contact"]
+        assert {row["status"] for row in rows} == {"done"} and {row["exit_code"] for row in rows} == {"0"}
+        assert all(abs(float(row["force_error_vs"])) < 0.03 for row in rows)  # measured 1.4 %
+        assert all(abs(float(row["p_error_vs"])) < 0.2 and abs(float(row["a_error_vs"])) < 0.2 for row in rows)
+        assert [row["run"] for row in rows[:3]] == [row["run"] for row in rows[3:6]]  # identical physics: solved once
+        assert len(list((tmp_path / "out" / "runs").iterdir())) == 6 and done.stderr.count("force 0.00") == 6
+        assert (tmp_path / "out" / "study.png").stat().st_size > 10_000
+
+    def test_a_failed_run_stays_a_row(self, written, tmp_path):
+        stiff = "{from: 1, to: 1e+15, count: 2, spacing: log, unit: E*/h_contact}"
+        text = f"base: scene.yaml\nvary: {{contact.method: penalty, contact.epsilon_n: {stiff}}}\n"
+        done = CliRunner().invoke(cli.program, ["study", str(written(text)), "--output", "out", "--json"])
+        rows = json.loads(done.stdout)["rows"]
+        assert done.exit_code == 0 and [row["status"] for row in rows] == ["done", "failed"], rows
+        assert rows[1]["exit_code"] == 5 and "did not converge" in rows[1]["reason"] and rows[1]["force"] is None
+
+    @pytest.mark.parametrize(
+        ("ending", "exit_code", "reason"),
+        [
+            ("raise ZeroDivisionError('x')", 1, "ZeroDivisionError: x"),
+            ("os.kill(os.getpid(), 11)", 139, "SIGSEGV"),
+            ("os._exit(3)", 3, "exit code 3"),
+            ("raise NotConverged('x')", 5, "x"),
+        ],
+    )
+    def test_whatever_ends_a_run_ends_that_run_alone(self, written, tmp_path, monkeypatch, ending, exit_code, reason):
+        from indent_sim import run as chain
+
+        whole = chain.run
+
+        def run(config, **options):
+            if config.mesh.h_contact == 0.05:
+                exec(ending)
+            return whole(config, **options)
+
+        monkeypatch.setattr(chain, "run", run)
+        text = METHODS.replace("[penalty, active_set]", "active_set")
+        done = study.carry_out(written(text), output=tmp_path / "out")
+        assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
+        assert done.rows[1]["exit_code"] == exit_code and reason in done.rows[1]["reason"]
+        again = study.carry_out(written(text), output=tmp_path / "out", resume=True)
+        assert again.rows == done.rows  # read back, failures too
+
+    def test_no_result_at_all_is_a_failure(self, written, tmp_path, monkeypatch):
+        def run(*args, **options):
+            raise NotConverged("never")
+
+        monkeypatch.setattr("indent_sim.run.run", run)
+        with pytest.raises(NotConverged, match="never"):
+            study.carry_out(written(METHODS), output=tmp_path / "out")
+        assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
+
+    def test_a_second_call_replaces_and_resume_keeps(self, written, tmp_path):
+        path, out = written(METHODS), tmp_path / "out"
+        study.carry_out(path, output=out)
+        first = {folder.name: (folder / "run.json").stat().st_ino for folder in (out / "runs").iterdir()}
+        told: list[str] = []
+        study.carry_out(path, output=out, resume=True, tell=told.append)
+        assert told == ["6 of 6 runs are there already"]
+        path.write_text(METHODS.replace(", 0.04]", "]"))
+        study.carry_out(path, output=out)
+        second = {folder.name: (folder / "run.json").stat().st_ino for folder in (out / "runs").iterdir()}
+        assert len(second) == 4 and set(second) < set(first) and len(rows_of(out)) == 4
+        assert not [entry.name for entry in out.iterdir() if "old" in entry.name]
+
+    def test_a_replacement_killed_before_its_first_run_loses_nothing(self, written, tmp_path):
+        path, out = written(METHODS), tmp_path / "out"
+        study.carry_out(path, output=out)
+        (out / "runs").rename(out / ".runs.old")
+        (out / "runs").mkdir()
+        told: list[str] = []
+        study.carry_out(path, output=out, resume=True, tell=told.append)
+        assert told == ["6 of 6 runs are there already"]
+
+    def test_shards_merge(self, written, tmp_path):
+        path = written(METHODS)
+        for i in (2, 1, 3):
+            part = CliRunner().invoke(cli.program, ["study", str(path), "--output", "parts", "--shard", f"{i}/3"])
+            assert part.exit_code == 0 and part.stdout == "parts\n"
+            assert part.stderr.count("force 0.00") == 2 and not (tmp_path / "parts" / "study.csv").exists()
+        told: list[str] = []
+        study.carry_out(path, output=tmp_path / "parts", resume=True, tell=told.append)
+        study.carry_out(path, output=tmp_path / "whole")
+        assert told == ["6 of 6 runs are there already"]
+        assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
+
+    def test_killed_at_random_and_resumed(self, written, tmp_path):
+        path = written(METHODS.replace("0.06, 0.05, 0.04", "0.06, 0.055, 0.05, 0.045"))
+        study.carry_out(path, output=tmp_path / "whole")
+        random = np.random.default_rng(1)
+        for runs in (1, 3, 6):  # are there when the kill comes
+            with subprocess.Popen(
+                command(path, "--output", "killed", "--resume"),
+                cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            ) as process:  # fmt: skip
+                while process.poll() is None and len(list(tmp_path.glob("killed/runs/*/run.json"))) < runs:
+                    time.sleep(0.005)
+                time.sleep(random.uniform(0, 0.05))
+                process.send_signal(signal.SIGKILL)
+            assert not (tmp_path / "killed" / "study.csv").exists()
+        done = subprocess.run(
+            command(path, "--output", "killed", "--resume"), cwd=tmp_path, env=environment(), capture_output=True
+        )
+        assert done.returncode == 0, done.stderr.decode()
+        assert rows_of(tmp_path / "killed") == rows_of(tmp_path / "whole")
+
+    def test_sigterm_leaves_a_table_of_what_is_there(self, written, tmp_path):
+        path = written(METHODS.replace("theory", "finest") + "set: {loading.steps: 20000}\n")
+        with subprocess.Popen(
+            command(path, "--output", "out"), cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True
+        ) as process:
+            deadline = time.monotonic() + 60
+            while not list((tmp_path / "out" / "runs").glob("*/force_indentation.csv")):
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.05)
+            process.terminate()
+            assert process.wait(30) == 143
+        assert [row["status"] for row in rows_of(tmp_path / "out")] == ["pending"] * 6
+
+    def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
+        with Worker() as worker:
+            case = case_list.of(study.read(written(METHODS)))[0]
+            assert worker(case.config, tmp_path / "run") == (0, "")
+            process = worker._process
+        assert not process.is_alive()
+
+
+class TestComparison:
+    @pytest.mark.parametrize("wanted", ["theory", "finest", "1.6e-3", "result", "result/force_indentation.csv"])
+    def test_every_form(self, written, tmp_path, wanted):
+        if wanted.startswith("result"):
+            assert CliRunner().invoke(cli.program, ["run", "scene.yaml", "--output", "result"]).exit_code == 0
+        text = f"base: scene.yaml\ncompare_to: {wanted}\nvary: {{mesh.h_contact: [0.06, 0.05]}}\n"
+        rows = study.carry_out(written(text), output=tmp_path / "out").rows
+        force = [row["force"] for row in rows]
+        layer = case_list.of(study.read(tmp_path / "STUDY.yaml"))[0].scene  # of unit height and modulus
+        theory = layer.oracle.at(0.01).force
+        reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
+        assert [row["force_error_vs"] for row in rows] == pytest.approx(
+            [value / reference - 1 for value in force], abs=1e-9
+        )
+        assert (rows[0]["p_error_vs"] is None) == (wanted == "1.6e-3")
+
+    def test_a_file_without_the_depth(self, written, tmp_path):
+        (tmp_path / "known.csv").write_text("step,delta,force,a\n1,0.02,1,1\n")
+        path = written("base: scene.yaml\ncompare_to: known.csv\nvary: {mesh.order: [1, 2]}\n")
+        with pytest.raises(ConfigError, match=r"STUDY.yaml:2: compare_to: has no depth 0.01"):
+            study.carry_out(path, output=tmp_path / "out")
+
+    def test_finest_of_each_problem(self, written, tmp_path):
+        path = written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3], mesh.h_contact: [0.06, 0.05]}\n")
+        rows = study.carry_out(path, output=tmp_path / "out").rows
+        assert [row["force_error_vs"] == 0 for row in rows] == [False, True, False, True]
+        assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
+
+    def test_inexact_theory_is_said_to_be(self, written, tmp_path):
+        path = written(
+            "base: scene.yaml\nset: {body.sides: free}\ncompare_to: theory\nvary: {mesh.h_contact: [0.06]}\n"
+        )
+        assert "not exact" in study.carry_out(path, output=tmp_path / "out").notes[0]
+
+    def test_no_peak_where_theory_has_none(self, written):
+        text = "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: {mesh.order: [1]}\n"
+        from indent_sim.study.reference import of_theory
+
+        answer = of_theory(case_list.of(study.read(written(text)))[0])
+        assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
+
+
+class TestAdvice:
+    def rows(self, *found: tuple[str, float, int, float]) -> list[dict]:
+        return [
+            {"run": str(i), "method": m, "cpu_s": s, "dofs": n, "force_error_vs": e}
+            for i, (m, s, n, e) in enumerate(found)
+        ]
+
+    def test_the_front_is_what_nothing_beats(self):
+        rows = self.rows(("a", 1, 10, 0.1), ("a", 2, 20, -0.01), ("b", 2.5, 10, 0.05), ("b", 3, 20, 0.001))
+        assert [row["run"] for row in table.pareto(rows)] == ["0", "1", "3"]
+
+    def test_luck_does_not_count(self):
+        """The coarse mesh hits 0.1 % where a finer one misses it."""
+        rows = self.rows(("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004))
+        assert [table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)] == ["0", "2"]
+        assert table.recommended(rows, ["method"], 1e-5) is None
+
+    def test_what_has_no_error_is_not_measured(self):
+        rows = self.rows(("a", 1, 10, 0.0), ("a", 1, 10, None))
+        assert table.measured(rows) == [] and table.recommendations(rows, ["method"]) == []
+
+    def test_a_run_without_rows_has_no_numbers(self, written):
+        case = case_list.of(study.read(written(METHODS)))[0]
+        report = {"status": "failed", "exit_code": 4, "reason": "no,\nmesh"}
+        empty = {name: np.empty(0) for name in ("step", "newton_iterations")}
+        row = table._row(case, [], Results(Path(), empty, report), None)
+        assert row["force"] is None and row["steps_done"] == 0
+        assert '"no, mesh"' in table.write([row])
