@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from math import pi
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import sizing
@@ -14,7 +13,7 @@ from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
 from indent_sim.model import stability
 from indent_sim.model.body import Body, HalfSpace
-from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Nitsche, Penalty
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
 from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Profile, Sphere
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
@@ -127,7 +126,7 @@ def resolve(config: Config) -> Scene:
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*_warnings(body, material, tip, center, max(deltas), a, theory, formulation),
-                  *_contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
+                  *contact.doubts(material.E_star / sizes.h_contact, a / sizes.h_contact),
                   *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
         prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
@@ -381,16 +380,6 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         )
     warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
     return warnings + _half_space_warning(tip, material, delta, theory, body)
-
-
-def _contact_warnings(contact: ContactLaw, unit: float, elements: float) -> list[str]:
-    """What a stiffness given in the config does to the answer; unit = E*/h_contact, elements in the contact radius."""
-    if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * unit:
-        return ["a stiffness beyond 1000 E*/h_contact: the pressures oscillate"]
-    soft = 1.5 / pi * unit / (contact.stiffness * elements) if isinstance(contact, Penalty) else 0.0
-    if soft > 0.3:
-        return ["penalty: at this epsilon_n the tip sinks into the body"]
-    return [f"penalty: the force is about {soft:.0%} too low at this epsilon_n"] if soft > 0.01 else []
 
 
 def _half_space_warning(
