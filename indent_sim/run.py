@@ -328,7 +328,7 @@ class Simulation:
         if self._fields is None:
             return
         L, P = self.scene.scales.length, self.scene.scales.pressure
-        self._walk.return_to_last()
+        self._walk.return_to_row()
         displacement, stress, pressure = self._fields.gather() or (None, None, None)
         if displacement is not None and stress is not None and pressure is not None:
             displacement, stress, pressure = displacement * L, stress * P, pressure * P

@@ -11,6 +11,7 @@ from indent_sim.blunting import blunted
 from indent_sim.costing import Cost, Work, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
+from indent_sim.model import stability
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
 from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Profile, Sphere
@@ -95,7 +96,7 @@ def resolve(config: Config) -> Scene:
     a = _expected_radius(theory, tip, body, max(deltas), center)
     sizes = _sizes(config, reduction, tip, a, scales, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
-    gap, gap_choice = _gap(config.contact, reduction, material, tip, scales)
+    gap, gap_choice = _gap(config.contact, reduction, material)
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
@@ -280,19 +281,13 @@ def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
         )
 
 
-def _gap(wanted: Contact, reduction: Reduction, material: Material, tip: Indenter, scales: Scales
-         ) -> tuple[str, Choice]:  # fmt: skip
+def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str, Choice]:
     auto = "reference" if material.small_strain else "current"
     gap = auto if wanted.gap == "auto" else wanted.gap
     if gap == "current" and reduction.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
-        )  # fmt: skip
-    if gap == "current" and isinstance(tip, FlatPunch) and tip.edge_radius == 0:
-        raise ConfigError(
-            "indenter.edge_radius", "a sharp edge has no normal, along which a 'current' gap presses",
-            f"round it, e.g. edge_radius: {0.02 * tip.radius * scales.length:.3g}, or use gap: reference",
         )  # fmt: skip
     reasons = {"reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
                "current": "finite strain: tested at the deformed point, pressure along the tip's normal"}  # fmt: skip
@@ -382,6 +377,7 @@ def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float
         warnings.append(
             f"nu = {material.constants[1]:g} with displacement elements: pressures oscillate, forces are too high"
         )
+    warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
     return warnings + _half_space_warning(tip, material, delta, theory, body)
 
 

@@ -130,16 +130,16 @@ class CondensedWalk:
         )
 
     def _surface(self) -> Any:
-        self.return_to_last()
+        self.return_to_row()
         return observe.surface(self.observed)
 
-    def return_to_last(self) -> None:
+    def return_to_row(self) -> None:
         """Put the whole body's displacement of the present state into the body's solution."""
         self.condenser.recover(self.contact.F)
 
 
 class RecoveredBody:
-    """The whole body at the present state, for the surface table and the fields; see `return_to_last`."""
+    """The whole body at the present state, for the surface table and the fields; see `return_to_row`."""
 
     def __init__(self, walk: CondensedWalk):
         body, self._walk = walk.body, walk

@@ -46,8 +46,15 @@ class Enforcement:
         return self.newton.failure
 
     def solve(self) -> bool:
-        """True when converged; else the problem's state is as it was."""
-        return self._algorithm()
+        """True when converged to a state that a body can have; else the problem's state is as it was."""
+        before = self.problem.snapshot()
+        if not self._algorithm():
+            return False
+        if self.problem.is_admissible():
+            return True
+        self.newton.failure = "Newton ends in a state with J <= 0, or beyond the law's limit"
+        self.problem.restore(before)
+        return False
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""

@@ -176,9 +176,11 @@ def surface(body: Observed) -> Surface | None:
         return None
     table = np.concatenate(parts)
     keys = np.round(table[:, : dim - 1], 10)
-    _, first = np.unique(keys, axis=0, return_index=True)
+    _, first, place, count = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    place = place.ravel()
     X = np.where(np.abs(table[first, :dim]) < ROUNDOFF, 0.0, table[first, :dim])  # the axis is at 0, not at 1e-18
-    u, (gap, pressure) = table[first, dim : 2 * dim], table[first, 2 * dim :].T
+    u, gap = table[first, dim : 2 * dim], table[first, 2 * dim]
+    pressure = np.bincount(place, table[:, -1]) / count  # the deformed area has a kink between facets: take the mean
     zero = np.zeros(len(first))
     if dim == 2:
         return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure)

@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
 from indent_sim.fe.problem import Problem
+from indent_sim.model.materials import Gent
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
@@ -35,6 +36,7 @@ class Walk:
         self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
+        self._row: Point | None = None
 
     @property
     def _last(self) -> Point:
@@ -76,6 +78,8 @@ class Walk:
         for step, delta in enumerate(deltas[done:], start=done + 1):
             iterations = self.enforcement.iterations
             substeps = self._reach(delta)
+            if substeps:
+                self._row = self._last
             state = self._observe(step, delta, self.enforcement.iterations - iterations, substeps, wants_surface(step))
             yield state
             if not state.converged:
@@ -89,6 +93,12 @@ class Walk:
         """Put the last equilibrium back into the problem, after a step that failed."""
         self.problem.delta.value = self._last.delta
         self.problem.restore(self._last.state)
+
+    def return_to_row(self) -> None:
+        """Put the equilibrium of the last row back: after a stop in mid-step the last one may be a substep's."""
+        row = self._row or self._last
+        self.problem.delta.value = row.delta
+        self.problem.restore(row.state)
 
     def _reach(self, target: float) -> int:
         """Step to the target, halving on failure and doubling on success; 0 when it cannot be reached."""
@@ -176,9 +186,11 @@ def failed_state(
 ) -> State:
     """The State that says that and why there is none at this depth."""
     nan, L = float("nan"), scene.scales.length
+    law = scene.material
+    limit = f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
     reason = (
         f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, even in "
-        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}"
+        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}{limit}"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

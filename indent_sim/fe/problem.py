@@ -217,6 +217,13 @@ class Problem(Body):
     def _state_vectors(self) -> list[PETSc.Vec]:
         return [self.x, compat.vector(self.frozen)] if self.law.multiplier == "frozen" else [self.x]
 
+    def is_admissible(self) -> bool:
+        """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.
+
+        Residual and tangent do not show it: the derivative of ln J is as good for J < 0.
+        """
+        return self.scene.material.small_strain or bool(np.isfinite(self._sum(self._energy)))
+
     # ---- measurements ---------------------------------------------------------------------------------------
 
     def _sum(self, form: Any) -> float:

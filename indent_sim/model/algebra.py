@@ -25,6 +25,17 @@ def sqrt(x: Any) -> Any:
     return np.sqrt(x)
 
 
+def log(x: Any) -> Any:
+    """Natural logarithm."""
+    if is_symbolic(x):
+        import ufl
+
+        return ufl.ln(x)
+    import numpy as np
+
+    return np.log(x)
+
+
 def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
     """`then` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
     if is_symbolic(a, b, then, otherwise):

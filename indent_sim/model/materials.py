@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt, Len
 
-from indent_sim.model.algebra import principal_stretches
+from indent_sim.model.algebra import log, principal_stretches
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
@@ -141,6 +141,11 @@ class _Isochoric(_Law):
         """Isochoric energy [pressure] of the modified invariants; F has det F = 1."""
         raise NotImplementedError  # pragma: no cover
 
+    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+        """Isochoric energy [pressure] of principal stretches whose product is one (floats or arrays)."""
+        a, b, c = l1 * l1, l2 * l2, l3 * l3
+        return self.isochoric(a + b + c, a * b + b * c + c * a, None)
+
     def canonical(self) -> Any:
         """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
         if (self.nu is None) == (self.kappa is None):
@@ -246,7 +251,11 @@ class Ogden(_Isochoric):
 
     def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3)."""
-        stretches = principal_stretches(F)
+        return self.energy_of_stretches(*principal_stretches(F))
+
+    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+        """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
+        stretches = (l1, l2, l3)
         terms = zip(self.mu, self.alpha, strict=True)
         return sum(mu / alpha * (sum(stretch**alpha for stretch in stretches) - 3) for mu, alpha in terms)
 
@@ -266,9 +275,7 @@ class Gent(_Isochoric):
 
     def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
         """-mu Jm/2 ln(1 - (I1 - 3)/Jm); not a number beyond the limit, which ends a Newton step."""
-        from ufl import ln
-
-        return -self.mu * self.Jm / 2 * ln(1 - (I1 - 3) / self.Jm)
+        return -self.mu * self.Jm / 2 * log(1 - (I1 - 3) / self.Jm)
 
 
 # Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)

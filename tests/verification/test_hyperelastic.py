@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpirun
+from mpi4py import MPI
 from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, scene, solve
 
+from indent_sim import geometry, run
 from indent_sim.config import from_mapping
-from indent_sim.errors import ConfigError
+from indent_sim.fe import solver
 from indent_sim.scene import Scene, resolve
 
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
@@ -260,10 +262,27 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float) -> None:
     assert one.force == pytest.approx(two.force, rel=3e-3)
 
 
-def test_sharp_punch_is_refused() -> None:
-    """The normal of a sharp edge is not a number."""
-    with pytest.raises(ConfigError, match="edge_radius"):
-        ball(indenter={"shape": "flat_punch", "radius": 0.5})
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
+    """u_z = -2 z makes J = -1; its residual is a number."""
+    base = ball(nu, 0.2)
+    problem = solver.Problem(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
+    assert problem.is_admissible()
+    z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
+    x = problem.x.copy()
+    x.array[problem.unknowns.places("u")] = np.column_stack([0 * z, -2 * z]).ravel()
+    problem.set_solution(x)
+    assert not problem.is_admissible()
+
+
+def test_gent_names_its_limit() -> None:
+    """Jm = 0.02 is a stretch of 1.08: far too little for this depth, and the run says so after what it reached."""
+    base = ball(material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5}, h_contact=0.1,
+                loading={"delta": 0.3, "steps": 2}, solver={"max_iterations": 15})  # fmt: skip
+    assert any("Gent's limit" in text for text in base.warnings)
+    *_, last = run.states(base)
+    assert not last.converged
+    assert "I1 - 3 = Jm = 0.02" in last.reason
 
 
 @pytest.mark.verify

@@ -1,0 +1,62 @@
+"""Drucker's condition: laws known to be stable, and one whose loss is known by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import WALLED, scene
+
+from indent_sim.model.indenters import Sphere
+from indent_sim.model.materials import ArrudaBoyce, Gent, MooneyRivlin, Ogden, Yeoh
+from indent_sim.model.stability import MODES, losses, reach
+
+STABLE = {
+    "mooney_rivlin": MooneyRivlin(C10=0.3, C01=0.2, nu=0.5),
+    "yeoh": Yeoh(C10=0.5, C20=0.05, C30=0.01, nu=0.5),
+    "ogden": Ogden(mu=(0.6, -0.2), alpha=(1.7, -2.3), nu=0.5),  # mu alpha > 0 in every term
+    "gent": Gent(mu=1.0, Jm=50.0, nu=0.5),
+    "arruda_boyce": ArrudaBoyce(mu=1.0, lambda_m=3.0, nu=0.5),
+}
+
+
+@pytest.mark.parametrize("name", STABLE)
+def test_stable_laws(name: str) -> None:
+    """Each energy is a sum of convex functions of the logarithmic strains: exp(alpha e) with positive factors, or an
+    increasing convex function of such a sum."""
+    assert losses(STABLE[name].energy_of_stretches, 0.7) == []
+
+
+def test_negative_C01_is_lost_where_it_is_by_hand() -> None:
+    """Equibiaxial, psi = 2 C10 e^2x + C10 e^-4x + C01 (2 e^-2x + e^4x); its second derivative along the path vanishes
+    where 8 C10 (x^2 + 2 x^-4) + C01 (8 x^-2 + 16 x^4) = 0, and across it, 4 C10 s^2 + 4 C01 s^-2 = 0, later. 1 %: the
+    stretches that are tried."""
+    law = MooneyRivlin(C10=0.5, C01=-0.05, nu=0.5)
+    found = {(loss.mode, loss.stretch > 1): loss.stretch for loss in losses(law.energy_of_stretches, 1.0)}
+    s = np.linspace(1, 3, 100_001)
+    along = 8 * law.C10 * (s**2 + 2 * s**-4) + law.C01 * (8 * s**-2 + 16 * s**4)
+    assert found["equibiaxial", True] == pytest.approx(s[np.argmax(along < 0)], rel=0.01)
+
+
+def test_gent_ends_at_its_limit() -> None:
+    """Uniaxial, stretch^2 + 2/stretch - 3 = Jm. 1 %: the stretches that are tried."""
+    (tension,) = (loss.stretch for loss in losses(Gent(mu=1.0, Jm=2.0, nu=0.5).energy_of_stretches, 1.0)
+                  if loss.mode == "uniaxial" and loss.stretch > 1)  # fmt: skip
+    assert tension**2 + 2 / tension - 3 == pytest.approx(2.0, rel=0.02)
+
+
+def test_the_scene_warns() -> None:
+    """Where the law is lost within reach, and not where it is not."""
+    sphere, deep = {"shape": "sphere", "R": 1.0}, {"delta": 0.4, "steps": 1}
+    soft = {"model": "mooney_rivlin", "C10": 0.5, "C01": -0.05, "nu": 0.5}
+    warned = scene(WALLED, material=soft, indenter=sphere, loading=deep).warnings
+    assert any("mooney_rivlin loses its stability (Drucker) in equibiaxial tension" in text for text in warned)
+    for material, loading in ((soft, {"delta": 0.01, "steps": 1}), (soft | {"C01": 0.05}, deep)):
+        quiet = scene(WALLED, material=material, indenter=sphere, loading=loading).warnings
+        assert not any("stability" in text for text in quiet)
+
+
+def test_reach_grows_with_the_tip() -> None:
+    """A sphere's slope at a = 0.6 R is 0.75; a thin layer's own compression counts too."""
+    assert reach(Sphere(R=1.0), 0.6, 0.2, 10.0) == pytest.approx(0.75, rel=0.02)
+    assert reach(Sphere(R=1.0), 0.6, 0.2, 0.25) == pytest.approx(-np.log(0.2), rel=1e-12)
+    assert set(MODES) == {"uniaxial", "equibiaxial", "planar"}
