@@ -1,7 +1,7 @@
 """The primal-dual active set: nodal pressures that are never negative, weighted gaps that are never negative.
 
-The pressure p_h = sum p_i psi_i uses the hat functions psi_i of the contact surface's nodes, piecewise linear
-between vertices and midpoints, so p_i >= 0 means p_h >= 0 everywhere. Each node carries one condition,
+The pressure p_h = sum p_i psi_i uses hat functions psi_i of the contact surface's nodes (in two dimensions vertices
+and midpoints, in three vertices alone), so p_i >= 0 means p_h >= 0 everywhere. Each node carries one condition,
 
     weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0,
 
@@ -16,15 +16,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from indent_sim.fe import compat
-from indent_sim.fe.surface import adjacent_cells, facet_nodes, facet_to_cell, hats, shapes, split_quadrature
+from indent_sim.fe.surface import (
+    FacetValues,
+    facet_nodes,
+    pressure_functions,
+    shapes,
+    split_quadrature,
+)
 
 if TYPE_CHECKING:
     from indent_sim.fe.problem import Problem
+
+
+RETURNS = 2  # active sets that came back before the nodes change one by one; a nonlinear body may need the first
 
 
 class NodalContact:
@@ -37,20 +44,29 @@ class NodalContact:
         dim, order = problem.body_mesh.dim, problem.scene.sizes.order
         self._points, reference_weights = split_quadrature(dim, order)
         self._N = shapes(self._points, order)
-        self._fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
-        self._cells, self._local = adjacent_cells(problem.mesh, facets)
+        fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
+        self._fields = FacetValues(problem.mesh, facets, fields, self._points)
         nodes = facet_nodes(problem.mesh, problem.unknowns.own_space("lam"), facets)
         self.lam_places = problem.unknowns.places("lam")[nodes]
         self._psi = self.basis(self._points)
         self._u_places = problem.trace.dofs
         self._weights = self._measures() * reference_weights
         self._active = np.zeros(0, dtype=bool)
+        index_map, places = problem.unknowns.space.dofmap.index_map, self.lam_places.astype(np.int32)
+        self._numbers = np.asarray(index_map.local_to_global(places.ravel())).reshape(places.shape)
+        self.begin_solve()
         self._work = problem.x.duplicate()
         self._unit_weights = self._gathered(np.einsum("fp,pn->fn", self._weights, self._psi))
 
+    def begin_solve(self) -> None:
+        """Forget the active sets that have been."""
+        self._visited: list[tuple[int, ...]] = []
+        self._returns = 0
+        self._settled: np.ndarray | None = None  # the set of the last Newton step
+
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The nodal pressures' functions (points, nodes) on the reference facet."""
-        return hats(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
+        return pressure_functions(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
 
     def _measures(self) -> np.ndarray:
         """Area (facets, points) per reference-facet area, times the kinematics' weight."""
@@ -60,20 +76,9 @@ class NodalContact:
         x = np.moveaxis(trace.positions(self._points), -1, 0)
         return area * self.problem.scene.kinematics.weight(x)
 
-    @cached_property
-    def _expressions(self) -> dict[int, fem.Expression]:
-        return {}
-
     def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
-        dim, points = self.problem.body_mesh.dim, self._points
-        values = np.zeros((len(self._cells), len(points), 1 + dim + dim * dim))
-        for k in np.unique(self._local):
-            here = np.flatnonzero(self._local == k)
-            if k not in self._expressions:
-                self._expressions[k] = fem.Expression(self._fields, facet_to_cell(points, k, dim))
-            found = compat.evaluate(self._expressions[k], self.problem.mesh, self._cells[here])
-            values[here] = found.reshape(len(here), len(points), -1)
+        dim, values = self.problem.body_mesh.dim, self._fields()
         return values[..., 0], values[..., 1 : 1 + dim], values[..., 1 + dim :].reshape(*values.shape[:2], dim, dim)
 
     def _gathered(self, nodal: np.ndarray) -> np.ndarray:
@@ -100,7 +105,7 @@ class NodalContact:
         share = np.einsum("fp,pn->fn", self._weights, self._psi)
         whole = self._unit_weights[self.lam_places]
         c = self.problem.stiffness_scale
-        self._active = p - c * weighted_gap / whole > 0
+        self._active = self._chosen(p - c * weighted_gap / whole > 0)
         gap_part = np.einsum("fp,fp,pn->fn", self._weights, g, self._psi)
         rows = np.where(self._active, -gap_part, -p * share / c)
         with self._work.localForm() as local:
@@ -112,6 +117,7 @@ class NodalContact:
 
     def add_tangent(self, A: PETSc.Mat) -> None:
         """Add the derivative of `add_residual`, for the active set found there; constrained rows stay identity."""
+        self._visit()
         _, normal, slope = self._evaluate()
         weights, p_h = self._weights, self.nodal_pressures() @ self._psi.T
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
@@ -128,6 +134,26 @@ class NodalContact:
             A.setValuesLocal(u, lam, coupling[f], addv=add)
             A.setValuesLocal(np.where(active, lam, np.int32(-1)), u, np.ascontiguousarray(coupling[f].T), addv=add)
             A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
+
+    def _visit(self) -> None:
+        """Remember the set of this Newton step, and how often one has come back after others."""
+        mine = hash(np.unique(self._numbers[self._active]).tobytes())
+        visit = tuple(self.problem.comm.allgather(mine))
+        if self._visited and visit != self._visited[-1] and visit in self._visited:
+            self._returns += 1
+        self._visited.append(visit)
+        self._settled = self._active
+
+    def _chosen(self, wanted: np.ndarray) -> np.ndarray:
+        """The wanted active set; once sets come back, the last one with a single node changed.
+
+        Changing the node of least number alone cannot go round in a circle (Murty 1974).
+        """
+        if self._returns < RETURNS or self._settled is None:
+            return wanted
+        changed = self._numbers[wanted != self._settled]
+        first = self.problem.comm.allreduce(int(changed.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN)
+        return np.where(self._numbers == first, wanted, self._settled)
 
     @cached_property
     def _held(self) -> np.ndarray:

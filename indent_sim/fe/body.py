@@ -39,7 +39,7 @@ def symbolic(item: Any, mesh: Any) -> Any:
 class Body:
     """Fields, constraints and strain energy of a scene's body on a mesh."""
 
-    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: bool = False):
+    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: int = 0):
         self.scene = scene
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh

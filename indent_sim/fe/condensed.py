@@ -16,11 +16,14 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
 
 from indent_sim.fe.compliance import Compliance
-from indent_sim.fe.enforce import UZAWA_LOOPS, UZAWA_TOLERANCE
+from indent_sim.fe.enforce import UZAWA_LOOPS, settled
 from indent_sim.fe.mixing import Mixing
-from indent_sim.fe.surface import contact_quadrature, hats, shapes, split_quadrature
+from indent_sim.fe.newton import softer
+from indent_sim.fe.surface import contact_quadrature, from_midpoints, pressure_functions, shapes, split_quadrature
 from indent_sim.scene import Scene
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
@@ -96,9 +99,21 @@ class CondensedContact:
     # ---- laws with a stiffness -----------------------------------------------------------------------------------
 
     def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero."""
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero.
+
+        From where it stands; if that is too far, through softer contact to the law's own.
+        """
+        start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
+        for factors in ([1.0], softer(self.law, self._scene)):
+            self.F = start
+            if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
+                return True
+        self.failure = f"no equilibrium within {ITERATIONS} iterations"
+        return False
+
+    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
         N, W, height = self._quadrature
-        epsilon_n, C = self.law.stiffness, self.compliance.C  # type: ignore[union-attr]
+        C = self.compliance.C
         D = (self.inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
@@ -118,7 +133,6 @@ class CondensedContact:
             before = active
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
-        self.failure = f"no equilibrium within {ITERATIONS} iterations"
         return False
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
@@ -141,11 +155,14 @@ class CondensedContact:
 
     @cached_property
     def _weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps."""
+        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps.
+
+        Nodes that carry no pressure have no area.
+        """
         order = self.compliance.trace.order
         points, weights = split_quadrature(self.compliance.trace.dim, order)
         W, height = self.rule(points, weights)
-        N, psi = shapes(points, order), hats(points, order)
+        N, psi = shapes(points, order), pressure_functions(points, order)
         Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
         heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
         return Q, heights, areas, Q.T @ self.compliance.C @ Q
@@ -153,32 +170,15 @@ class CondensedContact:
     def active_set(self, delta: float) -> bool:
         """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
         Q, heights, areas, A = self._weighted
-        open_gap = heights - delta * areas
+        carriers = np.flatnonzero(areas > 0)
+        open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
         scale = self._scene.material.E_star / self._scene.sizes.h_contact
-        p, seen = self.lam, set()
-        active = p - scale * (open_gap + A @ p) / areas > 0
-        while active.tobytes() not in seen:
-            seen.add(active.tobytes())
-            p = np.zeros(len(areas))
-            on = np.flatnonzero(active)
-            p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
-            self.iterations += 1
-            now = p - scale * (open_gap + A @ p) / areas > 0
-            if np.array_equal(now, active):
-                self.lam, self.F = p, Q @ p
-                return True
-            active = now
-        return self._by_nnls(A, open_gap, Q)
-
-    def _by_nnls(self, A: np.ndarray, open_gap: np.ndarray, Q: np.ndarray) -> bool:
-        """The same problem as a non-negative least-squares problem, which cannot cycle (Lawson & Hanson 1974)."""
-        from scipy.linalg import cholesky, solve_triangular
-        from scipy.optimize import nnls
-
-        L = cholesky(A, lower=True)
-        p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
-        self.iterations += 1
-        self.lam, self.F = p, Q @ p
+        p = self.lam[carriers]
+        p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
+        self.iterations += solves
+        self.lam = np.zeros(self.compliance.size)
+        self.lam[carriers] = p
+        self.F = Q @ self.lam
         return True
 
     # ---- what is observed ----------------------------------------------------------------------------------------
@@ -192,6 +192,26 @@ class CondensedContact:
         lam = self.lam[self.nodes] @ N.T
         gap = height - delta + (self.compliance.C @ self.F)[self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
+
+
+def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
+    """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the number of solves.
+
+    Primal-dual active sets, beginning with `active`; when a set comes back they go round in a circle, and the same
+    problem is solved as one of non-negative least squares, which cannot (Lawson & Hanson 1974).
+    """
+    seen: set[bytes] = set()
+    while active.tobytes() not in seen:
+        seen.add(active.tobytes())
+        p, on = np.zeros(len(A)), np.flatnonzero(active)
+        p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
+        now = np.where(active, p, -(open_gap + A @ p)) > 0
+        if np.array_equal(now, active):
+            return p, len(seen)
+        active = now
+    L = cholesky(A, lower=True)
+    p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
+    return p, len(seen) + 1
 
 
 def _penalty(contact: CondensedContact) -> Callable[[float], bool]:
@@ -218,7 +238,7 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
             size = max(np.linalg.norm(before), np.linalg.norm(image))
             change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)
-            if change <= UZAWA_TOLERANCE * size:
+            if change <= settled(contact._scene) * size:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
             contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False
@@ -260,4 +280,18 @@ class CondensedState:
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
         order = self.trace.order
-        return hats(points, order) if self.scene.contact.multiplier == "nodal" else shapes(points, order)
+        nodal = self.scene.contact.multiplier == "nodal"
+        return pressure_functions(points, order) if nodal else shapes(points, order)
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        return self.nodal_pressure()[self.trace.nodes] @ self.basis(points).T
+
+    def nodal_pressure(self) -> np.ndarray:
+        """Values at the nodes for `pressure_at` [pressure]."""
+        lam, nodes = self.contact.lam, self.trace.nodes
+        if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
+            return lam
+        pressure = lam.copy()
+        pressure[nodes] = from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])
+        return pressure

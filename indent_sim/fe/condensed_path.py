@@ -17,7 +17,7 @@ from indent_sim.fe.path import failed_state
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 6.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
+MARGIN = 8.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
 
@@ -160,3 +160,7 @@ class RecoveredBody:
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) on this rank's facets, zero beyond the candidates [pressure]."""
         return self._walk.condenser.spread(self._walk.contact.lam) @ self._walk.view.basis(points).T
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """The same without its ripples at the vertices of triangles [pressure]."""
+        return self._walk.condenser.spread(self._walk.view.nodal_pressure()) @ self._walk.view.basis(points).T

@@ -19,11 +19,19 @@ from indent_sim.fe import compat, options
 from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.newton import Newton
 from indent_sim.fe.problem import Problem
+from indent_sim.scene import Scene
 
-UZAWA_TOLERANCE = 1e-8  # last change of the multiplier, relative; the force is then good to about 1e-7
+UZAWA_TOLERANCE = 1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
 UZAWA_NEWTON = 1e-11  # Newton's tolerance inside the loop: finer than the changes it is to show
+UZAWA_NOISE = 1e-17  # relative residual per stiffness [thickness/E]
 UZAWA_LOOPS = 500
 UZAWA_PATIENCE = 60  # loops in which the change must have halved at least once
+
+
+def settled(scene: Scene) -> float:
+    """The last change of Uzawa's multiplier, relative: with a soft stiffness small changes do not mean a small gap."""
+    stiffness = scene.contact.stiffness  # type: ignore[union-attr]
+    return UZAWA_TOLERANCE * min(1.0, stiffness * scene.sizes.h_contact / scene.material.E_star)
 
 
 class Enforcement:
@@ -78,7 +86,8 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
     projection = _Projection(newton.problem)
-    newton.rtol = min(newton.rtol, UZAWA_NEWTON)
+    noise = UZAWA_NOISE * newton.problem.stiffness_scale  # what round-off in the gaps makes of the residual
+    newton.rtol = min(newton.rtol, max(UZAWA_NEWTON, noise))
 
     def solve() -> bool:
         problem = newton.problem
@@ -89,7 +98,7 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
                 break
             change = projection.update(mixing)
             newton.failure = f"the multiplier does not settle, it still changes by {change:.1e} of itself"
-            if change <= UZAWA_TOLERANCE:
+            if change <= settled(problem.scene):
                 return newton.solve()
             smallest, since = (change, 0) if change < smallest / 2 else (smallest, since + 1)
             if since > UZAWA_PATIENCE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, log10
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from petsc4py import PETSc
 from indent_sim.fe import options
 from indent_sim.fe.problem import Problem
 
+SOFT = 0.1  # E*/h_contact: from here every contact has been found
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 
 
@@ -70,10 +72,15 @@ class Newton:
     def solve(self) -> bool:
         """Find the equilibrium at the problem's delta from its current solution; True when converged.
 
-        On failure the solution is left as it was before.
+        Full steps first: at the kinks of contact a line search stalls where they get through. If they do not, through
+        softer contact to the law's own. On failure the solution is left as it was before.
         """
+        return self._solve() or self._solve_from_softer_contact()
+
+    def _solve(self) -> bool:
         start = self.problem.x.copy()
         guess = self.problem.x.copy()
+        self.problem.begin_solve()
         with options.blamed(self._user_options):
             self.snes.solve(None, guess)
         self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
@@ -83,6 +90,24 @@ class Newton:
         if converged:
             self._largest_reaction = max(self._largest_reaction, self._reaction)
         return converged
+
+    def _solve_from_softer_contact(self) -> bool:
+        """A stiffness that is too much for Newton is within reach from the solution for a tenth of it, and so on."""
+        problem, failure = self.problem, self.failure
+        if self.snes.getConvergedReason() != PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT:
+            return False
+        start, solved = problem.x.copy(), False
+        for factor in softer(problem.law, problem.scene):
+            problem.soften(factor)
+            solved = self._solve()
+            if not solved:
+                break
+        else:
+            return solved
+        problem.soften(1.0)
+        problem.set_solution(start)
+        self.failure = failure
+        return False
 
     def _why_not(self) -> str:
         """What ended the last solve, in words."""
@@ -95,6 +120,16 @@ class Newton:
         if reason == reasons.DIVERGED_FNORM_NAN:
             return "the residual is not a number"
         return f"SNES reason {reason}"
+
+
+def softer(law: Any, scene: Any) -> list[float]:
+    """Factors for the stiffness of a contact law, by decades from a soft contact to its own; none if it has none."""
+    stiffness = getattr(law, "stiffness", None)
+    if stiffness is None:
+        return []
+    soft = SOFT * scene.material.E_star / scene.sizes.h_contact
+    decades = max(1, ceil(log10(stiffness / soft)))
+    return [10.0**-k for k in range(decades, -1, -1)]
 
 
 def _norm(comm: Any, values: np.ndarray) -> float:

@@ -36,6 +36,9 @@ class Observed(Protocol):
     def multiplier_at(self, points: np.ndarray) -> np.ndarray | float:
         """lam (facets, points) [pressure]."""
 
+    def pressure_at(self, points: np.ndarray) -> np.ndarray | float:
+        """lam (facets, points) as a pressure to be looked at [pressure]."""
+
 
 ROUNDOFF = 1e-12  # of the body's height: a coordinate below it is zero
 EDGE_MULTIPLE = 4.0  # of E*/h_contact: a within 0.5 % on HERTZ and on finite-strain spheres; 2 is high, 8 low
@@ -66,7 +69,7 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
     p_hat = lam - _edge_stiffness(body) * gap
     # a multiplier is the projection of <p_hat>: the same pressure without the noise that epsilon_n g adds
     own = scene.contact.multiplier in ("unknown", "frozen", "nodal")
-    pressure = np.maximum(lam if own else p_hat, 0.0)
+    pressure = np.maximum(body.pressure_at(points) if own else p_hat, 0.0)
     if scene.gap == "current":
         pressure = pressure / _area_ratio(body, nodal, points, X, u)
     return Sample(X, u, gap, p_hat, pressure)

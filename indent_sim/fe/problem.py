@@ -7,7 +7,7 @@ residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing else here knows 
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,9 @@ from indent_sim.fe.body import CONTACT, Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import (
     QUADRATURE_DEGREE,
-    adjacent_cells,
+    FacetValues,
     facet_nodes,
-    facet_to_cell,
+    from_midpoints,
     interior_points,
     shapes,
 )
@@ -38,10 +38,20 @@ class Problem(Body):
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh):
         self.law = scene.contact
-        super().__init__(scene, body_mesh, multiplier=self.law.multiplier in ("unknown", "nodal"))
+        super().__init__(scene, body_mesh, multiplier=self._multiplier_order(scene))
         self.delta = fem.Constant(self.mesh, 0.0)
         self.nodal: NodalContact | None = None
         self._build_forms()
+
+    @staticmethod
+    def _multiplier_order(scene: Scene) -> int:
+        """The displacement's; of nodal pressures in three dimensions 1, since they live at vertices. 0 for none."""
+        match scene.contact.multiplier:
+            case "unknown":
+                return scene.sizes.order
+            case "nodal":
+                return scene.sizes.order if scene.kinematics.dim == 2 else 1
+        return 0
 
     @property
     def depth(self) -> float:
@@ -88,7 +98,7 @@ class Problem(Body):
         residual = ufl.derivative(self.strain_energy, unknowns.solution, test)
         energy, force = self.strain_energy, None
         if self.law.multiplier != "nodal":
-            law = symbolic(self.law, self.mesh)
+            law = self._symbolic_law = symbolic(self.law, self.mesh)
             unknown = self.law.multiplier == "unknown"
             g_, lam_ = ufl.variable(g), ufl.variable(self.multiplier) if unknown else self.multiplier
             potential = law.potential(g_, lam_)
@@ -149,40 +159,56 @@ class Problem(Body):
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray | float:
         """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
-        facets = self.body_mesh.surfaces["top"]
         match self.law.multiplier:
-            case "unknown":
-                nodes = facet_nodes(self.mesh, self.unknowns.own_space("lam"), facets)
-                nodal = self.local_array()[self.unknowns.places("lam")[nodes]]
+            case "unknown" | "frozen":
+                vector, places = self._multiplier_places
+                with vector.localForm() as local:
+                    nodal = local.array[places]
             case "nodal":
                 assert self.nodal is not None
                 return self.nodal.nodal_pressures() @ self.nodal.basis(points).T
-            case "frozen":
-                nodal = self.frozen.x.array[facet_nodes(self.mesh, self.frozen.function_space, facets)]
             case "stress":
                 nodal = self._stress_on_facets()
             case _:
                 return 0.0
         return self.trace.values(nodal[..., None], points)[..., 0]
 
-    def _stress_on_facets(self) -> np.ndarray:
-        """Nodal values (facets, n) of the normal stress, extrapolated from interior points (0/0 on the axis)."""
-        order, dim = self.scene.sizes.order, self.body_mesh.dim
-        points = interior_points(dim, order)
-        facets = self.body_mesh.surfaces["top"]
-        cells, local = adjacent_cells(self.mesh, facets)
-        values = np.zeros((len(facets), len(points)))
-        for k in np.unique(local):
-            here = np.flatnonzero(local == k)
-            expression = self._stress_expressions.setdefault(
-                k, fem.Expression(self.multiplier, facet_to_cell(points, k, dim))
-            )
-            values[here] = compat.evaluate(expression, self.mesh, cells[here]).reshape(len(here), len(points))
-        return values @ np.linalg.inv(shapes(points, order)).T
+    def pressure_at(self, points: np.ndarray) -> np.ndarray | float:
+        """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        if self.law.multiplier not in ("unknown", "frozen") or not self.trace.ripples:
+            return self.multiplier_at(points)
+        vector, places = self._multiplier_places
+        with vector.localForm() as local:
+            nodal = from_midpoints(local.array[places], partial(_summed, vector, places))
+        return self.trace.values(nodal[..., None], points)[..., 0]
 
     @cached_property
-    def _stress_expressions(self) -> dict[int, fem.Expression]:
-        return {}
+    def _multiplier_places(self) -> tuple[PETSc.Vec, np.ndarray]:
+        """The vector that holds the multiplier, and where in its local array its values (facets, nodes) stand."""
+        facets = self.body_mesh.surfaces["top"]
+        if self.law.multiplier == "frozen":
+            return compat.vector(self.frozen), facet_nodes(self.mesh, self.frozen.function_space, facets)
+        nodes = facet_nodes(self.mesh, self.unknowns.own_space("lam"), facets)
+        return self.x, self.unknowns.places("lam")[nodes]
+
+    def _stress_on_facets(self) -> np.ndarray:
+        """Nodal values (facets, n) of the normal stress, extrapolated from interior points (0/0 on the axis)."""
+        points = interior_points(self.body_mesh.dim, self.scene.sizes.order)
+        return self._stress_values()[..., 0] @ np.linalg.inv(shapes(points, self.scene.sizes.order)).T
+
+    @cached_property
+    def _stress_values(self) -> FacetValues:
+        points = interior_points(self.body_mesh.dim, self.scene.sizes.order)
+        return FacetValues(self.mesh, self.body_mesh.surfaces["top"], self.multiplier, points)
+
+    def soften(self, factor: float) -> None:
+        """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
+        self._symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
+
+    def begin_solve(self) -> None:
+        """Forget what the last solve has remembered."""
+        if self.nodal is not None:
+            self.nodal.begin_solve()
 
     # ---- algebra for the solver -----------------------------------------------------------------------------
 
@@ -245,3 +271,15 @@ class Problem(Body):
         vertical = self.comm.allreduce(float(values[self.z_supports].sum()), op=MPI.SUM)
         stray = self.comm.allreduce(float(np.abs(values[self.pinned]).max(initial=0.0)), op=MPI.MAX)
         return self.scene.copies * vertical, self.scene.copies * stray
+
+
+def _summed(vector: PETSc.Vec, places: np.ndarray, nodal: np.ndarray) -> np.ndarray:
+    """Contributions (facets, nodes) summed over the facets and ranks that share a node, laid out as `vector`."""
+    work = vector.duplicate()
+    with work.localForm() as local:
+        local.set(0.0)
+        np.add.at(local.array, places, nodal)
+    work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+    with work.localForm() as local:
+        return local.array[places]

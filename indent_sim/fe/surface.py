@@ -6,11 +6,13 @@ penetration, the surface table) is evaluated here from the dofs on the facets, a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 
 from indent_sim.fe import compat
 
@@ -42,35 +44,44 @@ def shape_gradients(points: np.ndarray, order: int) -> np.ndarray:
     return np.stack(gradients, axis=-1)
 
 
-def hats(points: np.ndarray, order: int) -> np.ndarray:
-    """Hat functions (points, nodes) of a facet's nodes: piecewise linear on the facet split at its midpoints."""
-    bary = shapes(points, 1)
+def pressure_functions(points: np.ndarray, order: int) -> np.ndarray:
+    """Functions (points, nodes) of the nodal pressures p_i >= 0 of a facet, which sum to one and are never negative.
+
+    On an edge the hats of all its nodes, piecewise linear between them. On a triangle those of its vertices alone,
+    zero for the midpoints: the integral of a quadratic displacement's vertex function is zero there, so that a
+    pressure at every node would be known only up to a ripple.
+    """
+    vertices = shapes(points, 1)
     if order == 1:
-        return bary
-    vertices = np.maximum(2 * bary - 1, 0.0)
-    if bary.shape[1] == 2:
-        return np.column_stack([vertices, 1 - vertices.sum(axis=1)])
-    # a midpoint's hat falls from 1 to 0 over the corner triangles of its edge and over the middle triangle
-    opposite = [(1, 2), (0, 2), (0, 1)]
-    edges = [
-        np.clip(np.minimum(1 - 2 * bary[:, k], 2 * np.minimum(bary[:, i], bary[:, j])), 0.0, None)
-        for k, (i, j) in enumerate(opposite)
-    ]
-    return np.column_stack([vertices, *edges])
+        return vertices
+    if points.shape[1] == 2:
+        return np.pad(vertices, ((0, 0), (0, 3)))
+    ends = np.maximum(2 * vertices - 1, 0.0)
+    return np.column_stack([ends, 1 - ends.sum(axis=1)])
+
+
+def from_midpoints(nodal: np.ndarray, gathered: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """A quadratic multiplier (facets, nodes) of triangles with each vertex value from the midpoints next to it.
+
+    The integral of a triangle's vertex function is zero, so a multiplier ripples there and is right at the midpoints.
+    The mean of the midpoints on the edges that meet in a vertex is exact for a constant. `gathered` sums contributions
+    (facets, nodes) over the facets that share a node.
+    """
+    midpoints = nodal[:, 3:]
+    means, ones = np.zeros_like(nodal), np.zeros_like(nodal)
+    means[:, :3], ones[:, :3] = (midpoints.sum(axis=1, keepdims=True) - midpoints) / 2, 1.0
+    return np.hstack([gathered(means)[:, :3] / gathered(ones)[:, :3], midpoints])
 
 
 @cache
 def split_quadrature(dim: int, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and weights on the reference facet, a rule on each of the parts on which the hats are linear."""
-    points, weights = compat.quadrature(*{2: ("interval", 12), 3: ("triangle", 6)}[dim])
+    """Points and weights on the reference facet, a rule for each part on which `pressure_functions` are smooth."""
+    if dim == 3:
+        return contact_quadrature(dim)
+    points, weights = compat.quadrature("interval", 12)
     if order == 1:
         return points, weights
-    corners = np.vstack([np.zeros(dim - 1), np.eye(dim - 1)])
-    parts = [(corners + corner) / 2 for corner in corners]
-    if dim == 3:
-        parts.append(np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]]))
-    pieces = [shapes(points, 1) @ part for part in parts]
-    return np.vstack(pieces), np.concatenate([weights / len(parts)] * len(parts))
+    return np.vstack([points / 2, (points + 1) / 2]), np.concatenate([weights, weights]) / 2
 
 
 @cache
@@ -117,6 +128,11 @@ class Trace:
         """Space dimension."""
         return self.X.shape[2]
 
+    @property
+    def ripples(self) -> bool:
+        """Whether a multiplier of these nodes has vertex functions without integral (see `from_midpoints`)."""
+        return self.dim == 3 and self.order == 2
+
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length]."""
         return self.values(self.X, points)
@@ -161,6 +177,28 @@ def facet_to_cell(points: np.ndarray, local: int, dim: int) -> np.ndarray:
     """Points of the reference facet as points of the reference cell whose facet number `local` it is."""
     corners = np.vstack([np.zeros(dim), np.eye(dim)])
     return shapes(points, 1) @ np.delete(corners, local, axis=0)
+
+
+class FacetValues:
+    """A UFL expression at points of the reference facet, on every one of this rank's facets."""
+
+    def __init__(self, mesh: Any, facets: np.ndarray, expression: Any, points: np.ndarray):
+        """Collective: all ranks compile what any of them needs, or those with few facets would leave others waiting."""
+        self._mesh = mesh
+        self._cells, self._local = adjacent_cells(mesh, facets)
+        self._points = len(points)
+        numbers = sorted(set().union(*mesh.comm.allgather(set(self._local.tolist()))))
+        self._compiled = {k: fem.Expression(expression, facet_to_cell(points, k, mesh.topology.dim)) for k in numbers}
+        self._size = int(np.prod(expression.ufl_shape, dtype=int))
+
+    def __call__(self) -> np.ndarray:
+        """Values (facets, points, components) at the present solution."""
+        values = np.zeros((len(self._cells), self._points, self._size))
+        for k in np.unique(self._local):
+            here = np.flatnonzero(self._local == k)
+            found = compat.evaluate(self._compiled[k], self._mesh, self._cells[here])
+            values[here] = found.reshape(len(here), self._points, self._size)
+        return values
 
 
 @cache

@@ -17,16 +17,16 @@ class Unknowns:
     """Space, solution and dof numbering; `fields` maps the name of each unknown to its UFL expression.
 
     u has the displacement's order, q (mixed formulation) one less, lam (on the whole body, but constrained to zero
-    off the contact surface) the displacement's.
+    off the contact surface) the order given by `multiplier`, 0 for none.
     """
 
-    def __init__(self, mesh: Any, order: int, *, body_pressure: bool, multiplier: bool):
+    def __init__(self, mesh: Any, order: int, *, body_pressure: bool, multiplier: int):
         dim = mesh.geometry.dim
         elements = {"u": compat.lagrange(dim, order, dim)}
         if body_pressure:
             elements["q"] = compat.lagrange(dim, 1)
         if multiplier:
-            elements["lam"] = compat.lagrange(dim, order)
+            elements["lam"] = compat.lagrange(dim, multiplier)
         self.names = tuple(elements)
         self.dim = dim
         alone = len(elements) == 1

@@ -1,0 +1,167 @@
+"""p >= 0, g >= 0, p g = 0 at every step, integrated here by other means than the program's.
+
+The surface of an axisymmetric body is a row of quadratic elements: everything is taken from the surface table and the
+multiplier at its nodes, and the contact law is integrated over r with Gauss' rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scenes import CYLINDER, E_STAR, scene, solve
+
+from indent_sim import geometry
+from indent_sim.fe import active_set, condensed, solver
+from indent_sim.fe.condensed import complementary
+from indent_sim.scene import Scene
+from indent_sim.state import Surface
+
+DELTA, H = 0.01, 0.01
+PATH = {"deltas": [0.001, 0.004, 0.007, DELTA, 0.006, -0.001, 0.005]}
+GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n)) for n in (8, 11)}
+
+
+def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
+    """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
+    walk = solver.walk(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
+    for state in walk.states(base.deltas, lambda step: True):
+        assert state.converged and state.surface is not None, state.reason
+        trace = walk.observed.trace
+        r = trace.X[..., 0].ravel()
+        lam = np.broadcast_to(walk.observed.multiplier_at(trace.node_points()), trace.X.shape[:2]).ravel()
+        places, first = np.unique(np.round(r, 10), return_index=True)
+        assert places == pytest.approx(state.surface.x, abs=1e-9)
+        yield state.surface, lam[first], state.delta, state.force
+
+
+def gauss(a: float, b: float, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights of n points for the integral of 2 pi r f(r) over [a, b]."""
+    x, w = GAUSS[n]
+    r = (a + b) / 2 + (b - a) / 2 * x
+    return r, w * (b - a) / 2 * 2 * np.pi * r
+
+
+def quadratic(x: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Lagrange functions (points, 3) of three nodes."""
+    return np.column_stack([np.prod([(r - o) / (n - o) for o in np.delete(x, k)], axis=0) for k, n in enumerate(x)])
+
+
+@pytest.mark.parametrize("method", ["condensed", "newton"])
+def test_active_set_is_complementary(method: str) -> None:
+    """Nodal pressures against gaps weighted with the hats of all nodes. A mean gap may be negative by 1e-8 of the
+    depth, and a pressure by as much of E*: hundred times the solver's tolerance."""
+    base = scene(CYLINDER, contact={"method": "active_set"}, loading=PATH, mesh={"h_contact": H},
+                 solver={"method": method})  # fmt: skip
+    for surface, p, delta, force in walked(base):
+        x, u = surface.x, surface.u[:, 2]
+        gaps, areas, thrust = np.zeros(len(x)), np.zeros(len(x)), 0.0
+        for first in range(0, len(x) - 1, 2):
+            three = slice(first, first + 3)
+            for k in (first, first + 1):
+                r, w = gauss(x[k], x[k + 1], 8)
+                gap = r**2 / 2 - delta - quadratic(x[three], r) @ u[three]
+                right = (r - x[k]) / (x[k + 1] - x[k])
+                for node, hat in ((k, 1 - right), (k + 1, right)):
+                    gaps[node] += w @ (hat * gap)
+                    areas[node] += w @ hat
+                    thrust += p[node] * (w @ hat)
+        mean = gaps / areas
+        assert mean.min() >= -1e-8 * DELTA
+        assert p.min() >= -1e-8 * E_STAR * DELTA
+        assert np.abs(p * mean).max() <= 1e-8 * E_STAR * DELTA**2
+        assert thrust == pytest.approx(force, rel=1e-9, abs=1e-14)
+
+
+@pytest.mark.parametrize("multiple", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("method", ["condensed", "newton"])
+def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: float) -> None:
+    """Equation 3.7: int N (<lam - epsilon_n g> - lam) = 0 for every multiplier, with the eleven points an edge that the
+    program takes (the bracket's kink is seen by them), and the force is the integral of <lam - epsilon_n g> >= 0.
+    1e-9 of the peak pressure is ten times the solver's tolerance."""
+    epsilon_n = multiple * E_STAR / H
+    base = scene(CYLINDER, contact={"method": "augmented_lagrangian", "epsilon_n": epsilon_n}, loading=PATH,
+                 mesh={"h_contact": H}, solver={"method": method})  # fmt: skip
+    for surface, lam, delta, force in walked(base):
+        x, u = surface.x, surface.u[:, 2]
+        residual, areas, thrust = np.zeros(len(x)), np.zeros(len(x)), 0.0
+        for first in range(0, len(x) - 1, 2):
+            three = slice(first, first + 3)
+            r, w = gauss(x[first], x[first + 2], 11)
+            N = quadratic(x[three], r)
+            gap = r**2 / 2 - delta - N @ u[three]
+            pressure = np.maximum(N @ lam[three] - epsilon_n * gap, 0.0)
+            residual[three] += (w * (pressure - N @ lam[three])) @ N
+            areas[three] += w @ np.abs(N)
+            thrust += w @ pressure
+        near = x < 0.12  # beyond the candidates a condensed multiplier is cut off where it has faded to 1e-8
+        assert np.abs(residual / areas)[near].max() <= 1e-9 * 0.072
+        assert np.abs(residual / areas).max() <= 1e-7 * 0.072
+        assert thrust == pytest.approx(force, rel=1e-9, abs=1e-14)
+
+
+# ---- active sets that go round in a circle --------------------------------------------------------------------
+
+
+def circling() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A symmetric positive definite matrix, gaps and a first set from which active sets come back to themselves."""
+    random = np.random.default_rng(0)
+    for _ in range(20000):
+        half = random.normal(size=(4, 4))
+        A, gap = half @ half.T + 0.02 * np.eye(4), random.normal(size=4)
+        active, seen = gap < 0, set()
+        while active.tobytes() not in seen:
+            seen.add(active.tobytes())
+            on, p = np.flatnonzero(active), np.zeros(4)
+            p[on] = np.linalg.solve(A[np.ix_(on, on)], -gap[on])
+            now = np.where(active, p, -(gap + A @ p)) > 0
+            if np.array_equal(now, active):
+                break
+            active = now
+        else:
+            return A, gap, gap < 0
+    raise AssertionError("none found")
+
+
+def test_circling_sets_are_resolved() -> None:
+    """Such matrices exist; least squares finds the pressures, to round-off."""
+    A, gap, start = circling()
+    p, solves = complementary(A, gap, start)
+    G = gap + A @ p
+    assert p.min() >= 0
+    assert G.min() >= -1e-12
+    assert np.abs(p * G).max() <= 1e-12
+    assert solves > 2
+
+
+def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forced on a real contact by calling every set a repetition: the same force to 1e-9, another algorithm."""
+    base = scene(CYLINDER, contact={"method": "active_set"}, mesh={"h_contact": H})
+    expected = solve(base)[-1]
+    real = condensed.complementary
+
+    def tired(A: np.ndarray, gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
+        class Full(set):  # type: ignore[type-arg]
+            def __contains__(self, item: object) -> bool:
+                return True
+
+        with monkeypatch.context() as patch:
+            patch.setattr(condensed, "set", Full, raising=False)
+            return real(A, gap, active)
+
+    monkeypatch.setattr(condensed, "complementary", tired)
+    found = solve(base)[-1]
+    assert found.force == pytest.approx(expected.force, rel=1e-9)
+    assert found.surface.pressure == pytest.approx(expected.surface.pressure, abs=1e-8 * expected.p_max)
+
+
+def test_one_node_at_a_time_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forced on Newton from the first step on: more iterations, the same force to 1e-9."""
+    base = scene(CYLINDER, contact={"method": "active_set"}, solver={"method": "newton"}, mesh={"h_contact": 0.004})
+    expected = solve(base)
+    monkeypatch.setattr(active_set, "RETURNS", 0)
+    found = solve(base)
+    assert sum(s.newton_iterations for s in found) > sum(s.newton_iterations for s in expected)
+    assert [s.force for s in found] == pytest.approx([s.force for s in expected], rel=1e-9)

@@ -1,0 +1,295 @@
+"""Every contact method beside the others: one answer, for any stiffness, from one solver or the other.
+
+HERTZ is the benchmark of test_hertz, W = 2 the layer in a frictionless wall of test_layer_wall. References are layer
+theory and the benchmark's converged forces; what the methods owe each other needs none.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scenes import BOX, CYLINDER, E_STAR, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
+from test_hertz import CUBE, FORCES, RADII
+
+from indent_sim import cli, run
+from indent_sim.fe import condensed
+from indent_sim.state import State
+
+METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche")
+CONDENSABLE = ("augmented_lagrangian", "uzawa", "active_set", "penalty")
+SOLVERS = ("condensed", "newton")
+TEN_STEPS = {"delta": 0.01, "steps": 10}
+
+
+def method(name: str, multiple: float | None = None, h: float = 0.01) -> dict[str, Any]:
+    """The section `contact` with a stiffness of so many E*/h."""
+    if multiple is None:
+        return {"method": name}
+    return {"method": name, "gamma" if name == "nitsche" else "epsilon_n": multiple * E_STAR / h}
+
+
+def extrapolated(soft: list[State], stiff: list[State]) -> np.ndarray:
+    """Forces for an infinite stiffness, from one and from twice that: the error falls as 1/epsilon_n."""
+    return np.array([2 * there.force - here.force for here, there in zip(soft, stiff, strict=True)])
+
+
+# ---- one answer -----------------------------------------------------------------------------------------------
+
+
+def test_methods_agree_on_the_cylinder() -> None:
+    """0.05 % between the extremes of all five, at every step. With h_contact = 0.0025 thirteen elements are in the
+    first contact radius, and what jumps there is less than half of it; at that first step two times as much."""
+    h = 0.0025
+    curves = [np.array([state.force for state in hertz(name, h)]) for name in METHODS]
+    curves.append(extrapolated(hertz("penalty", h, 50.0), hertz("penalty", h, 100.0)))
+    spread = np.ptp(np.array(curves) / FORCES, axis=0)
+    assert spread[0] < 1e-3
+    assert spread[1:].max() < 5e-4
+    assert np.abs(np.array(curves)[:, -1] / FORCES[-1] - 1).max() < 5e-4
+
+
+@cache
+def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -> list[State]:
+    """HERTZ on the cylinder."""
+    loading = TEN_STEPS | {"steps": steps}
+    return solve(scene(CYLINDER, contact=method(name, multiple, h), loading=loading, mesh={"h_contact": h}))
+
+
+@pytest.mark.parametrize(
+    ("h", "names"),
+    [(0.03, ("augmented_lagrangian", "uzawa", "active_set")),
+     pytest.param(0.03, METHODS, marks=pytest.mark.verify),
+     pytest.param(0.02, METHODS, marks=pytest.mark.verify)],
+)  # fmt: skip
+def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
+    """0.3 % between the extremes on one mesh, of three and a half elements in the contact radius; and that mesh is
+    itself within 0.3 % of the converged force."""
+
+    def last(contact: dict[str, Any]) -> list[State]:
+        return solve(scene(BOX, contact=contact, mesh={"h_contact": h}))
+
+    forces = [last(method(name))[-1].force for name in names]
+    forces.append(extrapolated(last(method("penalty", 50.0, h)), last(method("penalty", 100.0, h)))[-1])
+    assert np.ptp(forces) / CUBE < 3e-3
+    assert np.abs(np.array(forces) / CUBE - 1).max() < 3e-3
+
+
+# ---- against theory -------------------------------------------------------------------------------------------
+
+TIPS = {
+    "paraboloid": (PARABOLOID, 0.01, 0.004),
+    "sphere": ({"shape": "sphere", "R": 1.0}, 0.01, 0.004),
+    "cone": ({"shape": "cone", "half_angle": 70}, 0.1, 0.008),
+}
+
+
+def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
+    """Relative errors of the force at ten steps, and of a and p(0) (cone: p(a/2)) at the last, at W = 2."""
+    indenter, delta, h = TIPS[tip]
+    base = scene(WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h},
+                 loading={"delta": delta, "steps": 10})  # fmt: skip
+    assert base.prediction["dofs"] < 6000
+    assert base.oracle is not None and base.oracle.exact
+    theory, states = base.oracle.curve(base.deltas), solve(base)
+    assert theory is not None
+    forces = np.array([state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)])
+    place = theory[-1].a / 2 if tip == "cone" else 0.0
+    surface = states[-1].surface
+    pressure = np.interp(place, surface.x, surface.pressure) / theory[-1].pressure(place)
+    return forces, states[-1].a / theory[-1].a - 1, pressure - 1
+
+
+@pytest.mark.parametrize("tip", TIPS)
+def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
+    """0.03 % of the force (the cone, whose pressure is infinite at the apex, 0.1 %) on about 3 000 dofs: h_contact =
+    0.004 is a twenty-fifth of the last radius and an eighth of the first, and P2 leaves less than 0.01 % of either.
+    p(0) 0.5 % and a 1 %: derivatives of what is known to 0.01 %, and a fraction of an element."""
+    forces, radius, pressure = beside_theory(tip, "augmented_lagrangian")
+    assert np.abs(forces).max() < (1e-3 if tip == "cone" else 3e-4)
+    assert abs(radius) < 0.01
+    assert abs(pressure) < 0.005
+
+
+@pytest.mark.parametrize("name", ["active_set", "nitsche"])
+@pytest.mark.parametrize("tip", TIPS)
+def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
+    """0.15 %: the set of nodal pressures ends at a node, which shows at the first step, where eight elements are in
+    contact; under the cone's apex, where two are, it may be 0.4 %."""
+    forces, radius, pressure = beside_theory(tip, name)
+    assert np.abs(forces[1:]).max() < 1.5e-3
+    assert abs(forces[0]) < (4e-3 if tip == "cone" else 1.5e-3)
+    assert abs(radius) < 0.01
+    assert abs(pressure) < 0.005
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_hertz_at_every_step(name: str) -> None:
+    """Free sides: 0.03 % of the converged forces for the augmented Lagrangian, 0.15 % for the others (0.05 % found);
+    the radii have four digits, of which the last is 0.3 % of the first."""
+    states = hertz(name, 0.004)
+    errors = np.array([state.force for state in states]) / FORCES - 1
+    assert np.abs(errors).max() < (3e-4 if name == "augmented_lagrangian" else 1.5e-3)
+    assert [state.a for state in states] == pytest.approx(RADII, rel=0.01)
+
+
+# ---- the parameter --------------------------------------------------------------------------------------------
+
+DECADES = {"augmented_lagrangian": range(-3, 4), "uzawa": range(0, 4)}
+FAR_DECADES = {"augmented_lagrangian": (-6, 6), "uzawa": (5,), "nitsche": (6,), "penalty": (6,)}
+
+
+def three_steps(name: str, decade: int, solver: str) -> State:
+    """The last state of HERTZ with a stiffness of 10^decade E*/h."""
+    base = scene(CYLINDER, contact=method(name, 10.0**decade), solver={"method": solver}, mesh={"h_contact": 0.01},
+                 loading={"delta": 0.01, "steps": 3})  # fmt: skip
+    return solve(base)[-1]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", DECADES)
+def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
+    """Force within 0.1 %: how the bracket's kink is seen by the quadrature depends on the stiffness. The penetration
+    is what the mesh leaves, not p/epsilon_n: over d decades it would fall by 10^d, and falls by less than 10^(d/3)."""
+    states = [three_steps(name, decade, solver) for decade in DECADES[name]]
+    forces = np.array([state.force for state in states])
+    assert np.ptp(forces) / forces.mean() < 1e-3
+    assert np.abs(forces / FORCES[-1] - 1).max() < 1e-3
+    depths = [state.penetration for state in states]
+    assert max(depths) / min(depths) < 10.0 ** (len(depths) / 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "decade", "solver"),
+    [(name, decade, solver) for name, decades in FAR_DECADES.items() for decade in decades for solver in SOLVERS
+     if (name, solver) != ("nitsche", "condensed")],
+)  # fmt: skip
+def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: str) -> None:
+    """Newton alone finds none of these at 10^6 E*/h; through softer contact all are found. 0.1 % as above: as many
+    constraints as quadrature points make the surface a little too stiff."""
+    assert three_steps(name, decade, solver).force == pytest.approx(FORCES[-1], rel=1e-3)
+
+
+def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
+    monkeypatch.setattr(condensed, "UZAWA_LOOPS", 15)
+    (state,) = run.states(scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05}))
+    assert not state.converged
+    assert np.isnan(state.force)
+    assert "uzawa did not converge" in state.reason and "does not settle" in state.reason
+
+
+@pytest.mark.parametrize(
+    ("name", "multiple", "says"),
+    [("nitsche", 1e4, "oscillate"), ("penalty", 1e4, "oscillate"),
+     ("penalty", 1.0, "too low"), ("penalty", 1e-3, "sinks")],
+)  # fmt: skip
+def test_plan_warns_of_a_stiffness_that_spoils_the_answer(name: str, multiple: float, says: str) -> None:
+    warnings = scene(CYLINDER, contact=method(name, multiple), mesh={"h_contact": 0.01}).warnings
+    assert any(says in warning for warning in warnings)
+    plain = scene(CYLINDER, contact=method(name), mesh={"h_contact": 0.01}).warnings
+    assert len(warnings) == len(plain) + 1
+
+
+def test_active_set_has_no_parameter(tmp_path: Path) -> None:
+    """Exit 3, naming the key."""
+    config = tmp_path / "scene.yaml"
+    config.write_text(
+        "body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: linear_elastic, E: 1.0, nu: 0.3}\n"
+        "indenter: {shape: paraboloid, R: 1.0}\nloading: {delta: 0.01}\n"
+        "contact: {method: active_set, epsilon_n: 10.0}\n"
+    )
+    result = CliRunner().invoke(cli.program, ["plan", str(config)])
+    assert result.exit_code == 3
+    assert "epsilon_n" in result.output + result.stderr
+
+
+# ---- work -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", ["augmented_lagrangian", "active_set"])
+def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
+    """At h_contact = 0.005, twenty elements in the last radius; and one step ends where ten do: 1e-8."""
+    base = {"contact": method(name), "solver": {"method": solver}, "mesh": {"h_contact": 0.005}}
+    states = solve(scene(CYLINDER, loading=TEN_STEPS, **base))
+    assert sum(state.newton_iterations for state in states) <= 50
+    assert solve(scene(CYLINDER, **base))[-1].force == pytest.approx(states[-1].force, rel=1e-8)
+
+
+@pytest.mark.parametrize("name", ["uzawa", "nitsche", "penalty"])
+def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
+    """1e-8; Uzawa, which stops at 1e-8 of its multiplier, ten times that."""
+    one, ten = (hertz(name, 0.01, None, steps)[-1].force for steps in (1, 10))
+    assert one == pytest.approx(ten, rel=1e-7 if name == "uzawa" else 1e-8)
+
+
+BODIES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "axisymmetric": (CYLINDER, {"mesh": {"h_contact": 0.02}, "loading": {"delta": 0.01, "steps": 5}}),
+    "plane_strain": (STRIP, {"mesh": {"h_contact": 0.02}, "loading": {"delta": 0.01, "steps": 3}}),
+    "box": (BOX, {"mesh": {"h_contact": 0.12}, "loading": {"delta": 0.04, "steps": 2}}),
+    "mixed": (WALLED, {"mesh": {"h_contact": 0.02}, "material": ELASTIC | {"nu": 0.5}}),
+}
+
+
+@pytest.mark.parametrize("name", CONDENSABLE)
+@pytest.mark.parametrize("body", BODIES)
+def test_condensed_is_newton(body: str, name: str) -> None:
+    """One discrete problem: forces to 1e-9, what Newton's tolerance of 1e-10 leaves (1e-13 found); pressures to 1e-7
+    of the largest, since a condensed multiplier is projected on the candidates alone, where it has faded to that."""
+    shape, sections = BODIES[body]
+    one_by_one = (
+        solve(scene(shape, contact=method(name), solver={"method": solver}, **sections)) for solver in SOLVERS
+    )
+    for one, other in zip(*one_by_one, strict=True):
+        assert one.force == pytest.approx(other.force, rel=1e-9)
+        assert one.surface.pressure == pytest.approx(other.surface.pressure, rel=0, abs=1e-7 * other.p_max)
+
+
+# ---- smooth results -------------------------------------------------------------------------------------------
+
+
+def rise(r: np.ndarray, pressure: np.ndarray) -> float:
+    """By how much the pressure rises again outward, relative to the largest."""
+    p = pressure[np.argsort(r)]
+    return float(np.maximum(p - np.minimum.accumulate(p), 0.0).max() / p.max())
+
+
+@pytest.mark.parametrize("h", [0.01, 0.005])
+@pytest.mark.parametrize("name", METHODS)
+def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None:
+    """They fall outward, up to 1 % of the peak."""
+    surface = hertz(name, h)[-1].surface
+    assert rise(surface.x, surface.pressure) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("name", "h"),
+    [("augmented_lagrangian", 0.02), ("uzawa", 0.02), ("active_set", 0.02), ("nitsche", 0.03),
+     *[pytest.param(name, h, marks=pytest.mark.verify) for name in METHODS[:3] for h in (0.015, 0.01)],
+     pytest.param("nitsche", 0.02, marks=pytest.mark.verify)],
+)  # fmt: skip
+def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: float) -> None:
+    """They fall outward, up to 1 % of the peak, with the five elements in the radius that `auto` takes."""
+    surface = solve(scene(BOX, contact=method(name), mesh={"h_contact": h}))[-1].surface
+    x, y = surface.x - 1.0, surface.y - 1.0
+    for on_axis, distance in ((np.abs(y) < 1e-9, np.abs(x)), (np.abs(x) < 1e-9, np.abs(y))):
+        assert rise(distance[on_axis], surface.pressure[on_axis]) < 0.01
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_contact_radius_grows_without_stairs(name: str) -> None:
+    """In eighty small steps the edge crosses two elements, a thirty-fourth of one at a time. A radius read off at
+    nodes would stand still for a dozen steps and then jump by half an element; this one is never off by more than a
+    twelfth of an element, nor are two neighbours off by amounts that differ by a tenth."""
+    h = 0.01
+    base = scene(WALLED, contact=method(name), mesh={"h_contact": h},
+                 loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()})  # fmt: skip
+    theory = base.oracle.curve(base.deltas)
+    off = np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
+    assert np.abs(off).max() < 1 / 12
+    assert np.abs(np.diff(off)).max() < 0.05

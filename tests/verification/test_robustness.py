@@ -1,0 +1,95 @@
+"""Paths on which contact begins, ends, jumps or slides to where no mesh line is: every method, both solvers.
+
+What a path leads to must not depend on the path: the reference is the same depth reached in one step, or the other
+solver. Errors against theory are tested elsewhere.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from scenes import BOX, CYLINDER, PARABOLOID, STRIP, scene, solve
+from test_hertz import FORCES
+
+from indent_sim.state import State
+
+PAIRS = [
+    (name, solver)
+    for name in ("augmented_lagrangian", "uzawa", "active_set", "nitsche", "penalty")
+    for solver in ("condensed", "newton")
+    if (name, solver) != ("nitsche", "condensed")
+]
+every_method = pytest.mark.parametrize(("name", "solver"), PAIRS)
+TIGHT = {"uzawa": 1e-6}  # its multiplier stops at 1e-8 of itself from either side; the others at 1e-10
+
+
+def walk(name: str, solver: str, deltas: list[float], body: dict[str, Any] = CYLINDER, h: float = 0.01,
+         **sections: Any) -> list[State]:  # fmt: skip
+    """The states of a path."""
+    return solve(scene(body, contact={"method": name}, solver={"method": solver}, loading={"deltas": deltas},
+                       mesh={"h_contact": h}, **sections))  # fmt: skip
+
+
+@every_method
+def test_first_touch_at_a_node(name: str, solver: str) -> None:
+    """Depth 0 touches the node on the axis and nothing else; then tiny steps, then the whole depth at once, which is
+    what one step gives. No force at 0, a force that is not negative after."""
+    states = walk(name, solver, [0.0, 1e-10, 1e-6, 0.01])
+    (direct,) = walk(name, solver, [0.01])
+    assert states[0].force == pytest.approx(0.0, abs=1e-20)
+    assert 0 <= states[1].force <= states[2].force < 1e-8
+    assert states[-1].force == pytest.approx(direct.force, rel=TIGHT.get(name, 1e-8))
+
+
+@every_method
+def test_from_no_contact_to_deep_at_once(name: str, solver: str) -> None:
+    """Out of contact, then a twentieth of the thickness: as one step from rest."""
+    outside, deep = walk(name, solver, [-0.01, 0.05])
+    (direct,) = walk(name, solver, [0.05])
+    assert (outside.force, outside.a, outside.p_max) == (0.0, 0.0, 0.0)
+    assert deep.force == pytest.approx(direct.force, rel=TIGHT.get(name, 1e-8))
+    assert deep.newton_iterations < 60
+
+
+@every_method
+def test_release_and_contact_again(name: str, solver: str) -> None:
+    """Nothing is remembered: equal depths, equal forces; and released is released, to 1e-20 of a force of 1e-3."""
+    down, out, half, at_zero, again = walk(name, solver, [0.01, -0.01, 0.005, 0.0, 0.01])
+    direct, _ = walk(name, solver, [0.005, 0.01])
+    assert again.force == pytest.approx(down.force, rel=TIGHT.get(name, 1e-8))
+    assert half.force == pytest.approx(direct.force, rel=TIGHT.get(name, 1e-8))
+    assert [out.force, at_zero.force] == pytest.approx([0.0, 0.0], abs=1e-20)
+
+
+@every_method
+def test_two_elements_in_the_contact(name: str, solver: str) -> None:
+    """Two, and one and a half at half the depth: 3 %, a sixteenth of (h/a)^2, 2 % found."""
+    for state, expected in zip(walk(name, solver, [0.005, 0.01], h=0.05), (FORCES[4], FORCES[9]), strict=True):
+        assert state.force == pytest.approx(expected, rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["augmented_lagrangian", "uzawa", "active_set", "penalty"])
+@pytest.mark.parametrize(
+    ("body", "center", "h", "deltas"),
+    [(STRIP, [1.2345], 0.02, [0.005, 0.01]), (BOX, [1.2345, 0.8], 0.15, [0.03, 0.06])],
+    ids=["plane_strain", "box"],
+)
+def test_tip_off_the_middle(
+    body: dict[str, Any], center: list[float], h: float, deltas: list[float], name: str
+) -> None:
+    """Where no mesh line marks the axis and nothing is symmetric: condensed and full Newton are one problem, 1e-9."""
+    tip = PARABOLOID | {"center": center}
+    if name == "uzawa" and body is BOX:
+        deltas = deltas[-1:]
+    paths = (walk(name, solver, deltas, body, h, indenter=tip) for solver in ("condensed", "newton"))
+    for one, other in zip(*paths, strict=True):
+        assert one.force == pytest.approx(other.force, rel=1e-9)
+
+
+def test_nitsche_off_the_middle_is_the_augmented_lagrangian() -> None:
+    """On one mesh the two differ by a tenth of the mesh error of 1 %."""
+    tip = PARABOLOID | {"center": [1.2345]}
+    one, other = (walk(name, "newton", [0.01], STRIP, 0.02, indenter=tip)[-1].force
+                  for name in ("nitsche", "augmented_lagrangian"))  # fmt: skip
+    assert one == pytest.approx(other, rel=1e-3)
