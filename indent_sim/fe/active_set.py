@@ -121,11 +121,12 @@ class NodalContact:
         _, normal, slope = self._evaluate()
         weights, p_h = self._weights, self.nodal_pressures() @ self._psi.T
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
-        coupling = coupling.reshape(len(coupling), -1, self._psi.shape[1])
+        size = int(np.prod(self._u_places.shape[1:]))  # a rank may have no facet: numpy cannot infer sizes there
+        coupling = coupling.reshape(len(coupling), size, self._psi.shape[1])
         mass = -np.einsum("fp,pn->fn", weights, self._psi) / self.problem.stiffness_scale
         uu = -np.einsum("fp,fpde,pn,pm->fndme", weights * p_h, slope, self._N, self._N)
-        uu = uu.reshape(len(uu), coupling.shape[1], coupling.shape[1])
-        u_places = self._u_places.reshape(len(uu), -1)
+        uu = uu.reshape(len(uu), size, size)
+        u_places = self._u_places.reshape(len(uu), size)
         held = self._held
         for f in range(len(uu)):
             u, lam, active = self._masked(u_places[f], held), self.lam_places[f].astype(np.int32), self._active[f]
