@@ -143,7 +143,7 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
     from indent_sim import study as studies
     from indent_sim.results import to_json
 
-    with stoppable():
+    with _quiet_libraries(True), stoppable():
         done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
     say(to_json(studies.as_json(done)) if as_json else str(done.directory))
     for line in (*done.notes, *done.recommendations):

@@ -110,7 +110,7 @@ def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
 
 def _draw_cylinder(gmsh: Any, scene: Scene, radius: float) -> None:
     """The cylinder, or the half or quarter of it on one side of the mirror planes, from arcs of a quarter turn."""
-    (x0, _), (y0, _), (z0, z1) = np.round(scene.extent, DIGITS).tolist()
+    (x0, _), (y0, _), (z0, z1) = _rounded(scene.extent)
     first = -1 if x0 == 0 and y0 < 0 else 0
     quarters = (2 if x0 < 0 else 1) * (2 if y0 < 0 else 1)
     geo = gmsh.model.geo

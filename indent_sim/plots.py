@@ -174,7 +174,8 @@ def _draw_pressure(axes: Axes, results: Results) -> None:
     pressure = _scaled("pressure", [results], p, "pressure")
     axes.set_title(f"step {step:g}, depth {_depth_text(results, step)}", color=GREY, loc="left", fontsize=9)
     if np.ptp(y) > 0:
-        return _draw_map(axes, length(x), length(y), pressure(p), length(center), length(VIEW * a).item(),
+        reach = float(np.asarray(length(VIEW * a)).ravel()[0])
+        return _draw_map(axes, length(x), length(y), pressure(p), length(center), reach,
                          pressure.label, Axis("x", unit=length.unit))  # fmt: skip
     shown = np.argsort(x)
     axes.fill_between(length(x[shown]), pressure(p[shown]), color=COLOURS[0], alpha=0.15, lw=0)

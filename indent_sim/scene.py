@@ -11,14 +11,14 @@ from indent_sim.blunting import blunted
 from indent_sim.costing import Cost, Work, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.model import stability
+from indent_sim.expectation import contact_warnings, prediction_of, warnings_of
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
-from indent_sim.model.indenters import FlatPunch, Indenter, Paraboloid, Profile, Sphere
+from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.model.kinematics import Kinematics
-from indent_sim.model.materials import Material
+from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.quantities import scaled
-from indent_sim.oracle import Oracle, half_space_force, oracle
+from indent_sim.oracle import Oracle, oracle
 from indent_sim.reduction import Pins, Reduction, reduce
 from indent_sim.sizing import Sizes, rounded
 from indent_sim.state import Scales
@@ -27,7 +27,6 @@ from indent_sim.truncation import Truncation, half_space_oracle, truncate
 if TYPE_CHECKING:
     from indent_sim.config import Config
 
-LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
@@ -125,10 +124,10 @@ def resolve(config: Config) -> Scene:
         material=material, formulation=formulation, indenter=blunt.tip if blunt else tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
-        warnings=(*_warnings(body, material, tip, center, max(deltas), a, theory, formulation),
-                  *contact.doubts(material.E_star / sizes.h_contact, a / sizes.h_contact),
+        warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
+                  *contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
                   *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
-        prediction=_prediction(theory, tip, material, max(deltas), a, scales) | {
+        prediction=prediction_of(theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
             "seconds": float(f"{cost.seconds:.2g}")},
@@ -341,55 +340,3 @@ def _pin_choices(reduction: Reduction) -> list[Choice]:
             "pins", len(reduction.pins), "roller base and free sides leave rigid modes; reactions audited to be zero"
         )
     ]
-
-
-# ---- what to expect -------------------------------------------------------------------------------------------
-
-
-def _prediction(theory: Oracle | None, tip: Indenter, material: Material, delta: float, a: float, scales: Scales
-                ) -> dict[str, float]:  # fmt: skip
-    prediction = {"a": a * scales.length}
-    solution = theory.at(delta) if theory and delta > 0 else None
-    if solution:
-        prediction["force"] = solution.force * scales.force
-    closed = half_space_force(tip, delta, material.E_star) if scales.dim == 3 else None
-    if closed:
-        prediction["force_half_space"] = closed[1] * scales.force
-    return prediction
-
-
-def _warnings(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], delta: float, a: float,
-              theory: Oracle | None, formulation: str) -> list[str]:  # fmt: skip
-    if delta <= 0:
-        return ["the tip never reaches the body: every depth is <= 0"]
-    warnings = []
-    R = tip.R if isinstance(tip, (Paraboloid, Sphere)) else None
-    if material.small_strain and R and 0.2 * a / R > 0.05:
-        warnings.append(f"strains near 0.2 a/R = {0.2 * a / R:.2g}: small strain is no longer a good model")
-    if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
-        warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
-    if material.small_strain and delta > 0.1 * body.height:
-        warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
-    if isinstance(tip, Profile) and tip.radius_at(delta) >= tip.points[-1][0]:
-        warnings.append("deeper than the profile is high: where it ends the contact may end like under a punch")
-    if a > 0.8 * body.rim_distance(center):
-        warnings.append("the contact comes close to the edge of the body")
-    if formulation == "displacement" and material.constants[1] >= LOCKING:
-        warnings.append(
-            f"nu = {material.constants[1]:g} with displacement elements: pressures oscillate, forces are too high"
-        )
-    warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
-    return warnings + _half_space_warning(tip, material, delta, theory, body)
-
-
-def _half_space_warning(
-    tip: Indenter, material: Material, delta: float, theory: Oracle | None, body: Body
-) -> list[str]:
-    solution = theory.at(delta) if theory and body.shape != "strip" else None
-    closed = half_space_force(tip, delta, material.E_star)
-    if not (solution and closed):
-        return []
-    low = 1 - closed[1] / solution.force
-    if abs(low) < 0.01:
-        return []
-    return [f"{closed[0]}, half-space, does not apply: for a contact this large the body is not thick enough"]

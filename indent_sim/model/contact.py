@@ -11,7 +11,6 @@ its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
 from typing import Any, ClassVar, Literal
 
 from indent_sim.model.algebra import macaulay
@@ -42,14 +41,6 @@ class _StiffnessLaw:
         """( <p_hat>^2 - lam^2 ) / (2 stiffness) per area [pressure length]."""
         return (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
 
-    def doubts(self, unit: float, elements: float) -> list[str]:
-        """What the stiffness does to the answer, in words; unit = E*/h_contact, elements in the contact radius."""
-        return []
-
-    def _too_stiff(self, unit: float) -> list[str]:
-        beyond = self.stiffness > 1e3 * unit
-        return ["contact stiffness beyond 1000 E*/h_contact: the pressures oscillate"] if beyond else []
-
 
 class _NormalStiffness(_StiffnessLaw):
     epsilon_n: Any
@@ -70,14 +61,6 @@ class Penalty(_NormalStiffness):
 
     multiplier: ClassVar[Multiplier] = "none"
     auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact: 0.1 % of the force on HERTZ
-
-    def doubts(self, unit: float, elements: float) -> list[str]:
-        """Too soft by dF/F = 3/(2 pi) E*/(a epsilon_n), Hertz' pressure given; or so stiff that pressures oscillate."""
-        soft = 1.5 / pi * unit / (self.stiffness * elements)
-        if soft > 0.3:
-            return ["penalty: at this epsilon_n the tip sinks into the body"]
-        low = [f"penalty: the force is about {soft:.0%} too low at this epsilon_n"] if soft > 0.01 else []
-        return low + self._too_stiff(unit)
 
 
 @dataclass(frozen=True)
@@ -130,10 +113,6 @@ class Nitsche(_StiffnessLaw):
         """gamma [pressure per length]."""
         return self.gamma
 
-    def doubts(self, unit: float, elements: float) -> list[str]:
-        """A gamma so large that pressures oscillate."""
-        return self._too_stiff(unit)
-
 
 @dataclass(frozen=True)
 class ActiveSet:
@@ -143,10 +122,6 @@ class ActiveSet:
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "nodal"
-
-    def doubts(self, unit: float, elements: float) -> list[str]:
-        """None: there is no parameter."""
-        return []
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

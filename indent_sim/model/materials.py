@@ -17,6 +17,7 @@ from indent_sim.model.algebra import log, principal_stretches
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
+LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 

@@ -114,7 +114,7 @@ class TestPressure:
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
         figures = []
-        monkeypatch.setattr(plots, "_save", lambda figure, path: figures.append(figure))
+        monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
 
         def draw(result):
             plots.force_indentation(result, tmp_path / "picture.png")

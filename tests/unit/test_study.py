@@ -22,6 +22,7 @@ from indent_sim.run import warm_up
 from indent_sim.study import cases as case_list
 from indent_sim.study import table
 from indent_sim.study.grid import Multiple
+from indent_sim.study.reference import Comparison
 from indent_sim.study.worker import Worker
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -412,6 +413,14 @@ class TestComparison:
 
         answer = of_theory(case_list.of(study.read(written(text)))[0])
         assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs" / "studies").rglob("*.yaml")), ids=lambda path: path.name)
+def test_shipped_studies_can_be_run(path):
+    planned = study.read(path)
+    found = case_list.of(planned)
+    assert len({case.id for case in found}) == len(found) > 1  # nothing in them is asked twice
+    assert all(Comparison(planned, found).answer(case) for case in found)
 
 
 class TestAdvice:
