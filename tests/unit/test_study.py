@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import signal
 import subprocess
@@ -253,14 +252,6 @@ class TestRuns:
         assert [row["run"] for row in rows[:3]] == [row["run"] for row in rows[3:6]]  # identical physics: solved once
         assert len(list((tmp_path / "out" / "runs").iterdir())) == 6 and done.stderr.count("force 0.00") == 6
         assert (tmp_path / "out" / "study.png").stat().st_size > 10_000
-
-    def test_a_failed_run_stays_a_row(self, written, tmp_path):
-        stiff = "{from: 1, to: 1e+15, count: 2, spacing: log, unit: E*/h_contact}"
-        text = f"base: scene.yaml\nvary: {{contact.method: penalty, contact.epsilon_n: {stiff}}}\n"
-        done = CliRunner().invoke(cli.program, ["study", str(written(text)), "--output", "out", "--json"])
-        rows = json.loads(done.stdout)["rows"]
-        assert done.exit_code == 0 and [row["status"] for row in rows] == ["done", "failed"], rows
-        assert rows[1]["exit_code"] == 5 and "did not converge" in rows[1]["reason"] and rows[1]["force"] is None
 
     @pytest.mark.parametrize(
         ("ending", "exit_code", "reason"),
