@@ -69,7 +69,7 @@ def grid(path: Path) -> list[dict]:
 
 
 def assert_same_rows(found, expected):
-    """Word for word, numbers to 1e-6: how memory is aligned moves the last bits of a solve, more so of a difference."""
+    """Word for word, numbers to 1e-6: on a busy machine they were seen to differ, which and why is not known yet."""
     assert [list(row) for row in found] == [list(row) for row in expected]
     for row, other in zip(found, expected, strict=True):
         for name, value in row.items():
