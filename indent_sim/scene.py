@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from indent_sim import sizing
+from indent_sim import confinement, sizing
 from indent_sim.blunting import blunted
 from indent_sim.costing import Cost, Work, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.expectation import contact_warnings, prediction_of, warnings_of
+from indent_sim.expectation import contact_warnings, prediction_of, shallow_doubts, stated_error, warnings_of
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
 from indent_sim.model.indenters import FlatPunch, Indenter
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from indent_sim.config import Config
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
-NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
+NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak there
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -83,6 +84,7 @@ def resolve(config: Config) -> Scene:
     whole, truncation = _finite(config, material)
     center = whole.centre if truncation else config.center or whole.centre
     _check_scene(whole, config.indenter, center, config.loading.path())
+    _check_room(whole, material, config.indenter, center, max(config.loading.path()))
     E, _ = material.constants
     scales = Scales(whole.height, E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
@@ -92,7 +94,8 @@ def resolve(config: Config) -> Scene:
     deltas = tuple(delta / scales.length for delta in config.loading.path())
     reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
-    a = _expected_radius(theory, tip, body, max(deltas), center)
+    radius = partial(_expected_radius, theory, tip, body, center)
+    a = radius(max(deltas))
     sizes = _sizes(config, reduction, tip, a, scales, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
     gap, gap_choice = _gap(config.contact, reduction, material)
@@ -125,10 +128,12 @@ def resolve(config: Config) -> Scene:
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
-                  *contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
-                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
+                  *contact_warnings(contact, material, sizes, theory, max(deltas), a),
+                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ()),
+                  *shallow_doubts(sizes, deltas, radius)),
         prediction=prediction_of(theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
+            "force_error": stated_error(contact, material, sizes, theory, deltas[-1], radius(deltas[-1])),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
             "seconds": float(f"{cost.seconds:.2g}")},
     )  # fmt: skip
@@ -183,6 +188,17 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: t
                           f"stay below {body.height:g}")  # fmt: skip
 
 
+def _check_room(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], delta: float) -> None:
+    room = confinement.deepest(body, material, tip, center)
+    if delta >= room:
+        raise ConfigError(
+            "loading",
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at {room:g} the tip would "
+            "cover its whole top",
+            "stay well below, free a side, or nu < 0.5",
+        )
+
+
 def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...], work: Work) -> Cost:
     found = cost_of(sizes, reduction.extent, center, work, is_round=reduction.radius is not None)
     available = machine_memory()
@@ -218,7 +234,7 @@ def _rounded_body(body: Body) -> Body:
 
 
 def _expected_radius(
-    theory: Oracle | None, tip: Indenter, body: Body, delta: float, center: tuple[float, ...]
+    theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
@@ -232,7 +248,7 @@ def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales
            center: tuple[float, ...]) -> Sizes:  # fmt: skip
     mesh, dim = config.mesh, reduction.kinematics.dim
     sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
-    edge = rounded(tip.radius) if isinstance(tip, FlatPunch) and sharp else None
+    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and sharp else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
     h_contact = None if mesh.h_contact == "auto" else mesh.h_contact / scales.length

@@ -20,6 +20,7 @@ from indent_sim.state import State
 MARGIN = 8.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
+PATIENCE = 10  # failures in a requested step: what still fails will
 
 
 class CondensedWalk:
@@ -92,12 +93,13 @@ class CondensedWalk:
     def _creep(self, delta: float) -> bool:
         """Reach a depth in substeps from the last one, halving them as long as they fail."""
         start, reached, fraction = self._depth, 0.0, 0.5
-        while reached < 1.0 and fraction >= SMALLEST_CUT:
+        failures = 0
+        while reached < 1.0 and fraction >= SMALLEST_CUT and failures < PATIENCE:
             fraction = min(fraction, 1.0 - reached)
             if self.contact.solve(start + (delta - start) * (reached + fraction)):
                 reached, fraction = reached + fraction, 2 * fraction
             else:
-                fraction /= 2
+                fraction, failures = fraction / 2, failures + 1
         return reached >= 1.0
 
     def _inside(self) -> bool:
