@@ -112,7 +112,7 @@ def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | No
     if scene.scales.dim == 2:
         return None
     closed = half_space_force(scene.indenter, delta, scene.material.E_star)
-    if closed is None:
+    if closed is None or force == 0:
         return None
     name, value = closed
     return {"name": name, "force": value * scene.scales.force, "deviation": value * scene.scales.force / force - 1}

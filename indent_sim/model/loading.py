@@ -9,6 +9,8 @@ from annotated_types import Gt, Le, Len
 
 from indent_sim.model.quantities import LENGTH, Coordinate, Length
 
+MOST_STEPS = 100_000
+
 
 @dataclass(frozen=True)
 class Loading:
@@ -18,8 +20,8 @@ class Loading:
     """
 
     delta: Length | None = None
-    steps: Annotated[int, Gt(0), Le(100_000)] = 10
-    deltas: Annotated[tuple[Coordinate, ...], Len(1), LENGTH] | None = None
+    steps: Annotated[int, Gt(0), Le(MOST_STEPS)] = 10
+    deltas: Annotated[tuple[Coordinate, ...], Len(1, MOST_STEPS), LENGTH] | None = None
 
     def path(self) -> tuple[float, ...]:
         """The requested depths in order [length]."""
