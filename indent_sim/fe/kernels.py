@@ -2,11 +2,12 @@
 
 FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the first without the
 second waits for another process to finish. A process that was killed never does: its entry is told by its age.
-One that is interrupted takes its claim back.
+One that is interrupted takes its claim back when it ends.
 """
 
 from __future__ import annotations
 
+import atexit
 import logging
 import time
 from collections.abc import Callable, Iterator
@@ -25,6 +26,7 @@ FAILED = "Failed just-in-time compilation"  # so dolfinx tells the other ranks
 _found: Callable[..., Any] = jit.get_cached_module
 _compiled: Callable[..., Any] = jit._compile_objects
 _told: set[str] = set()
+_claimed: set[Path] = set()
 
 
 def watch_the_cache() -> None:
@@ -56,6 +58,8 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
             if _age(entry) > 0.0:  # somebody may still be at it; it ends when done or stale
                 continue
             raise
+        if found[0] is None:
+            _claimed.add(entry)
         if found[0] is None and not _told:
             _told.add("compiling")
             logger.info("compiling kernels (first run only)")
@@ -65,15 +69,19 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
 def compile_kernels(
     declaration: Any, objects: Any, names: Any, module: str, options: Any, cache: Any, *more: Any
 ) -> Any:
-    """FFCx's own compilation. Raises BackendError when the compiler fails; gives the claim back when interrupted."""
+    """FFCx's own compilation; BackendError when the compiler fails."""
     try:
         return _compiled(declaration, objects, names, module, options, cache, *more)
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error
-    except KeyboardInterrupt:
-        (Path(cache) / f"{module}.c").unlink(missing_ok=True)
-        raise
+
+
+@atexit.register
+def _give_claims_back() -> None:
+    for entry in _claimed:
+        if _age(entry) > 0.0:
+            entry.unlink(missing_ok=True)
 
 
 def _age(entry: Path) -> float:
