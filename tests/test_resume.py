@@ -35,6 +35,7 @@ mesh: {{h_contact: 0.12, h_far: 0.6}}
 output: {{fields: all, surface: all, plot: false}}
 """
 DOWN = "delta: 0.15, steps: 15"
+FORCES = "forces: [0.01, 0.03, 0.06, 0.02, 0, 0.04, 0.05]"
 UP_AND_DOWN = "deltas: [0.03, 0.06, 0.09, 0.12, 0.05, -0.01, 0.04, 0.08]"
 HYPERELASTIC = SCENE.format(material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN)
 CONDENSED = SCENE.format(material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN)
@@ -166,6 +167,20 @@ class TestKilled:
             (tmp_path / "out" / "checkpoint.h5").unlink()
         assert indent_sim("--resume").exit_code == 0
         same_numbers(tmp_path / "out", undisturbed(scene), 1e-7 if method == "uzawa" else 1e-8)
+
+    @pytest.mark.parametrize(("material", "rows", "forget"), [
+        ("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)
+    ])  # fmt: skip
+    def test_prescribed_forces(self, indent_sim, undisturbed, tmp_path, material, rows, forget):
+        """A force is met within 1e-10, and its depth known as well, whatever was known of the curve before."""
+        scene = SCENE.format(material=f"model: {material}", method="augmented_lagrangian", loading=FORCES)
+        (tmp_path / "scene.yaml").write_text(scene)
+        interrupt(tmp_path, rows)
+        if forget:
+            (tmp_path / "out" / "checkpoint.h5").unlink()
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(scene))
+        assert read(tmp_path / "out").report["control"] == "force"
 
 
 class TestCheckpoint:

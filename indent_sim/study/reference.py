@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ class Answer:
     force: np.ndarray
     a: np.ndarray
     p_max: np.ndarray
-    between: bool = False
+    between: bool = field(default=False, kw_only=True)
 
     def at(self, delta: float) -> tuple[float, float, float]:
         """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it is not known."""
@@ -70,9 +70,7 @@ class Comparison:
             self._take_theory(cases, where)
         elif isinstance(self._wanted, float):
             if any(case.scene.path.control == "force" for case in cases):
-                raise _error(
-                    where, "a force, where forces are prescribed and depths found", "theory, finest or a result"
-                )
+                raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
         elif not isinstance(self._wanted, str):
             self._file = of_results(results.read(self._wanted))
             missing = [case for case in cases if math.isnan(_for(case, self._file).at(case.depth)[0])]

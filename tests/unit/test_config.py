@@ -15,7 +15,7 @@ from indent_sim.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.model.body import Box, BoxSides, Cylinder
 from indent_sim.model.contact import AutoContact, Penalty
 from indent_sim.model.indenters import Cone, Paraboloid
-from indent_sim.model.loading import LoadPath, Loading
+from indent_sim.model.loading import Loading, LoadPath
 from indent_sim.model.materials import LinearElastic
 from indent_sim.yaml_strict import parse
 
