@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -290,6 +291,34 @@ class TestRuns:
         assert done.rows[1]["exit_code"] == exit_code and reason in done.rows[1]["reason"]
         again = study.carry_out(written(text), output=tmp_path / "out", resume=True)
         assert again.rows == done.rows  # read back, failures too
+
+    def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
+        """Batch systems send SIGTERM to every process of a job; that the study's own one ends is enough."""
+        from indent_sim import run as chain
+
+        whole = chain.run
+
+        def run(config, **options):
+            os.kill(os.getpid(), signal.SIGTERM)
+            return whole(config, **options)
+
+        monkeypatch.setattr(chain, "run", run)
+        assert study.carry_out(written(METHODS), output=tmp_path / "out").failures == []
+
+    def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
+        """And one whose folder holds something else is begun anew."""
+        path, out = written(METHODS.replace("[penalty, active_set]", "penalty")), tmp_path / "out"
+        whole = study.carry_out(path, output=out)
+        cut, strange, _ = sorted((out / "runs").iterdir())
+        for folder in (cut, strange):
+            report = json.loads((folder / "run.json").read_text())
+            (folder / "run.json").write_text(json.dumps(report | {"status": "interrupted"}))
+        table_of_cut = cut / "force_indentation.csv"
+        table_of_cut.write_text("".join(table_of_cut.read_text().splitlines(keepends=True)[:2]))
+        (strange / "config.yaml").write_text("another: 1\n")
+        again = study.carry_out(path, output=out, resume=True)
+        assert [json.loads((f / "run.json").read_text()).get("resumed_after") for f in (cut, strange)] == [[1], None]
+        assert [row["force"] for row in again.rows] == pytest.approx([row["force"] for row in whole.rows], rel=1e-9)
 
     def test_no_result_at_all_is_a_failure(self, written, tmp_path, monkeypatch):
         def run(*args, **options):
