@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 
 from indent_sim import run
 from indent_sim.errors import ConfigError
 from indent_sim.scene import Scene
 from indent_sim.state import State
-from tests.scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 
 COARSE = {"mesh": {"h_contact": 0.04}}
 UP_AND_DOWN = [0.004, 0.012, 0.02, 0.007, 0.012, 0.02]
@@ -70,8 +70,8 @@ TIPS: dict[str, tuple[dict[str, Any], float]] = {
 @pytest.mark.parametrize("body", [WALLED, STRIP], ids=["layer", "strip"])
 @pytest.mark.parametrize("tip", TIPS)
 def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
-    """A layer between roller walls is theory's own body. What `h_contact: auto` promises is 0.3 % of the force, 1 % under
-    a sharp edge; of the depth it is less. Sizes follow from the contact to expect at the force."""
+    """A layer between roller walls is theory's own body. What `h_contact: auto` promises is 0.3 % of the force, 1 %
+    under a sharp edge; of the depth it is less. Sizes follow from the contact to expect at the force."""
     shape, force = TIPS[tip]
     base = scene(body, indenter=shape, loading={"force": force, "steps": 2})
     half, whole = solve(base)
@@ -89,15 +89,13 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
     given = {"material": material} if material else {}
     path = [0.001, 0.003, 0.0, 0.003, 0.002, 0.001, 0.0]
     states = solve(scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given))
-    first = {state.force: state for state in reversed(states)}
     for state, force in zip(states, path, strict=True):
         twin = states[path.index(force)]
         for name in ("delta", "force", "a", "p_max", "energy"):
-            # a row is known within 1e-10 of its force; a is read off signs of pressures
-            assert getattr(state, name) == pytest.approx(getattr(twin, name), rel=1e-7, abs=1e-12), name
+            # a row is known within 1e-10 of its force; a is read off signs of pressures, at the first touch of noise
+            assert getattr(state, name) == pytest.approx(getattr(twin, name), rel=1e-7, abs=1e-10), name
         if force == 0.0:
             assert state.delta == 0.0 and abs(state.force) < 1e-15 and state.newton_iterations < 30
-    assert len(first) >= 4
 
 
 @pytest.mark.parametrize(("body", "symmetries"), [
@@ -147,9 +145,8 @@ def test_tiny_forces(force: float) -> None:
     base = scene(WALLED, loading={"force": force, "steps": 1})
     (state,) = solve(base)
     assert state.force == pytest.approx(force, rel=1e-10)
-    assert state.delta == pytest.approx(
-        (0.75 * force * (1 - 0.3**2)) ** (2 / 3), rel=0.02
-    )  # Hertz, and the layer's part
+    hertz = (0.75 * force * (1 - 0.3**2)) ** (2 / 3)
+    assert state.delta == pytest.approx(hertz, rel=0.005)  # the mesh's 0.2 %, and the layer's part
 
 
 def test_half_space_is_sized_for_the_force() -> None:
