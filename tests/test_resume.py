@@ -6,6 +6,7 @@ import errno
 import fcntl
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -121,7 +122,9 @@ def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
         np.testing.assert_allclose(
             found.surface[column], values, atol=100 * rtol * np.abs(values).max() + 1e-12, err_msg=column
         )
-    assert (out / "fields.xdmf").read_text() == (expected / "fields.xdmf").read_text()
+    without_depths = [re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text())
+                      for place in (out, expected)]  # fmt: skip
+    assert without_depths[0] == without_depths[1]  # the depths are those of the table
     with h5py.File(out / "fields.h5") as ours, h5py.File(expected / "fields.h5") as theirs:
         for slot in theirs["state"]:
             for name, values in theirs[f"state/{slot}"].items():
