@@ -19,7 +19,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 8.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
+MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
 
@@ -125,7 +125,7 @@ class CondensedWalk:
             return True
         trace = self.contact.compliance.trace
         distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.center)[: trace.dim - 1], axis=-1)
-        rim = distance.max() - 2 * self.scene.sizes.h_contact
+        rim = self._reach_of_candidates - 2 * self.scene.sizes.h_contact
         loaded = np.abs(self.contact.F[trace.nodes]) > 0
         return bool(distance[loaded].max(initial=0.0) < rim)
 
@@ -177,7 +177,7 @@ class RecoveredBody:
         return self._walk.view.stiffness_scale
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) on this rank's facets, zero beyond the candidates [pressure]."""
+        """lam (facets, points) on this rank's facets [pressure]."""
         return self._walk.condenser.spread(self._walk.contact.lam) @ self._walk.view.basis(points).T
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
