@@ -13,6 +13,7 @@ LARGEST = 1e30  # of a length or pressure, and one over the smallest: squares of
 SLENDER = 1e5  # of a body: beyond it gmsh finds no mesh
 UNLIKE = 1e15  # between two lengths of a scene: beside the longer one, a shorter is lost in its rounding
 
+FORCE = Unit(length=2, pressure=1)
 Measure = tuple[str, float, Unit]  # key, size, dimension
 
 
@@ -37,6 +38,7 @@ def _measures(name: str, section: Any) -> Iterator[Measure]:
     """The numbers of a section that have a dimension, zeros left out; of a list the largest, of a body both ends."""
     for field, unit in field_units(type(section)).items():  # type: ignore[arg-type]
         value = getattr(section, field)
+        unit = FORCE if field in ("force", "forces") else unit  # which are scaled by the kind of body
         if unit is None or value is None or isinstance(value, str):
             continue
         sizes = [abs(number) for number in _numbers(value)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,7 +150,7 @@ class _Reader:
             return float(wanted)
         if isinstance(wanted, str) and wanted in ("theory", "finest"):
             return wanted
-        if isinstance(wanted, str) and wanted and (self.path.parent / wanted).exists():
+        if isinstance(wanted, str) and wanted and os.path.exists(self.path.parent / wanted):  # whatever the name
             return self.path.parent / wanted
         raise self.error(("compare_to",), f"is neither theory nor finest, nor a force, nor a result: {wanted!r}",
                          "a path counts from the study's folder")  # fmt: skip
