@@ -57,6 +57,11 @@ class CondensedContact:
         self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
 
+    @property
+    def depth(self) -> float:
+        """The depth of the last equilibrium found [length]."""
+        return self._path[-1][0]
+
     def solve(self, delta: float) -> bool:
         """Find the equilibrium at a depth; on failure the state is as it was."""
         before = self.F, self.lam

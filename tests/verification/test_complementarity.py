@@ -28,7 +28,7 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
     walk = solver.walk(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
-    for state in walk.states(base.deltas, lambda step: True):
+    for state in walk.states(base.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
         trace = walk.observed.trace
         r = trace.X[..., 0].ravel()
