@@ -161,8 +161,6 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
     say(to_json(studies.as_json(done)) if as_json else str(done.directory))
     for line in (*done.notes, *done.recommendations):
         tell(line)
-    if any(done.verdicts.values()):
-        tell(", ".join(f"{count} {name}" for name, count in done.verdicts.items()))
     if done.failures:
         tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
 

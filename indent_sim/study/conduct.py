@@ -40,7 +40,9 @@ class Study:
 
     @property
     def recommendations(self) -> list[str]:
-        """For 5 %, 1 % and 0.1 % of the force, what to choose."""
+        """For 5 %, 1 % and 0.1 % of the force, what to choose; with a tolerance the count of each verdict."""
+        if any(self.verdicts.values()):
+            return [", ".join(f"{count} {name}" for name, count in self.verdicts.items())]
         return table.recommendations(self.rows, self.keys)
 
     @property
