@@ -7,6 +7,7 @@ pipe and starts another worker when one died.
 from __future__ import annotations
 
 import ctypes
+import gc
 import multiprocessing
 import os
 import signal
@@ -117,6 +118,8 @@ def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
         return error.exit_code, str(error)
     except Exception as error:
         return 1, f"{type(error).__name__}: {error}"
+    finally:
+        gc.collect()  # what PETSc holds is freed with the Python objects, which hold one another
     return 0, ""
 
 
