@@ -48,6 +48,13 @@ SCENES: dict[str, dict[str, Any]] = {
         "loading": {"delta": 0.01},
     },
     "box": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"delta": 0.04, "steps": 2}},
+    "forces": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"forces": [0.005, 0.01, 0.0]}},
+    "forces_newton": {
+        "body": CYLINDER,
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        "mesh": {"h_contact": 0.05},
+        "loading": {"forces": [0.002, 0.0, 0.001]},
+    },
 }
 
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche", "penalty")
