@@ -129,7 +129,9 @@ def run(
                         plan=_plan(scene) | {"auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
-            states = Simulation(config, scene, record, clock).follow(progress)
+            simulation = Simulation(config, scene, record, clock)
+            states = simulation.follow(progress)
+            simulation.release()
     except ConfigError as error:
         raise located(config, error) from None
     if config.output.plot:
@@ -223,7 +225,7 @@ class Simulation:
             fe = _backend()
         with clock.stage("mesh"):
             grid = on_root(record.comm, geometry.build, scene)
-            mesh = fe.distribute(grid, scene, record.comm)
+            self._mesh = mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
@@ -290,6 +292,11 @@ class Simulation:
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
         return self.states
+
+    def release(self) -> None:
+        """Give the memory of the solution back (collective); a process may have many runs before it."""
+        self._walk = self._fields = None
+        _backend().release(self._mesh)
 
     def _wants_surface(self, step: int) -> bool:
         total = len(self.scene.deltas)

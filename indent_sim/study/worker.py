@@ -7,7 +7,6 @@ pipe and starts another worker when one died.
 from __future__ import annotations
 
 import ctypes
-import gc
 import multiprocessing
 import os
 import signal
@@ -118,8 +117,6 @@ def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
         return error.exit_code, str(error)
     except Exception as error:
         return 1, f"{type(error).__name__}: {error}"
-    finally:
-        gc.collect()  # what PETSc holds is freed with the Python objects, which hold one another
     return 0, ""
 
 
@@ -149,7 +146,9 @@ def _die_with(parent: int) -> None:
 
 
 def _reset_peak_memory() -> None:
-    """The largest memory of this run, not of those before it."""
+    """The largest memory of this run, not of those before it: what they freed goes back to the system."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
