@@ -116,8 +116,11 @@ def program() -> None:
 @set_option
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
+@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, as_json: bool) -> None:
+def run(
+    config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, error_bars: bool, as_json: bool
+) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
     with together(comm), stoppable(comm.rank) as check:
@@ -126,7 +129,7 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: b
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check, resume)
+        outcome = _simulate(settings, comm, directory, check, resume, error_bars)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -290,7 +293,8 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool,
+              error_bars: bool) -> Outcome:  # fmt: skip
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
@@ -303,7 +307,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
                 if show is not None:
                     show(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow, resume=resume)
+            return simulate(settings, comm, directory=directory, progress=follow, resume=resume, error_bars=error_bars)
     except (IndentSimError, KeyboardInterrupt) as end:
         if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)
