@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
 
-from indent_sim.accuracy import MOST, RATE, Fineness
+from indent_sim.accuracy import MOST, RATE, Fineness, target_of
+from indent_sim.config import Config
 from indent_sim.error_bars import FORCELESS, RATIOS, Budget, Companion, ErrorBars
 from indent_sim.errors import ConfigError, VerificationError
 from indent_sim.scene import Scene
@@ -85,7 +87,7 @@ def _finer(
     if worst.truncation >= allowed:
         return None, "the finite body that stands for the half-space costs more"
     if attempts >= ATTEMPTS:
-        return None, f"{attempts} refinements were not enough"
+        return None, f"{attempts} attempts were not enough"
     room = (allowed - worst.truncation) / (worst.total - worst.truncation)
     factor = min(max(AIM * room ** (-1 / RATE[fineness.order]), LEAST), GREATEST)
     if fineness.n * factor > MOST:
@@ -99,3 +101,14 @@ def _finer(
 def entry(fineness: Fineness) -> dict[str, float]:
     """What run.json says of the accuracy: what was asked for, and the elements in a contact radius."""
     return {"target": fineness.target, "elements": fineness.n}
+
+
+def refuse_other_bars(before: Mapping[str, Any], config: Config, with_bars: bool, folder: Path) -> None:
+    """ConfigError when the run of a folder, by its run.json, asked for other error bars than the one to resume it."""
+    if before and with_bars and "error_budget" not in before:
+        raise ConfigError("", f"{folder} holds a run without error bars", "leave --resume out to replace it")
+    asked = (before.get("accuracy") or {}).get("target")
+    if before and asked != target_of(config.accuracy):
+        there, here = (f"accuracy {one:g}" if one else "no accuracy" for one in (asked, target_of(config.accuracy)))
+        raise ConfigError("accuracy", f"{folder} holds a run with {there}, this one has {here}",
+                          "leave --resume out to replace it")  # fmt: skip

@@ -20,7 +20,7 @@ from indent_sim.model.indenters import Indenter
 from indent_sim.model.quantities import scaled
 from indent_sim.parallel import on_root
 from indent_sim.record import Clock, Record
-from indent_sim.refinement import check, entry, pursue
+from indent_sim.refinement import check, entry, pursue, refuse_other_bars
 from indent_sim.resolved import left_open, resolved
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
@@ -83,6 +83,7 @@ class Attempt:
         self._before = comm.bcast(on_root(comm, read_report, target)) if resume else {}
         self._resume = resume
         self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
+        refuse_other_bars(self._before, config, self._with_bars, target)
 
     def resolve(self, elements: float | None = None) -> Scene:
         """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""

@@ -21,7 +21,8 @@ class Sizes:
 
     h_contact inside `patch` of the tip's axis, growing by `grading` per unit distance outside it up to h_far;
     around a sharp edge at radius `edge` it shrinks to h_edge. Where h_axis is given, sizes inside the expected contact
-    radius `a` grow evenly from h_axis at the axis to h_contact, so that small contacts find small elements.
+    radius `a` are the share of it that the distance from the axis is, but at least h_axis: so a contact of any radius
+    down to a h_axis/h_contact finds as many elements as the last one.
     """
 
     h_contact: float
@@ -46,12 +47,12 @@ class Sizes:
 
     @property
     def slope(self) -> float:
-        """Growth of the size per unit distance from the axis, inside the contact."""
-        return 0.0 if self.h_axis is None else (self.h_contact - self.h_axis) / self.a
+        """Growth of the size per unit distance from the axis, inside the contact, where there is one."""
+        return self.h_contact / self.a
 
     def at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """The element size [length] at distance r from the tip's axis and a depth below the surface."""
-        near = self.h_contact if self.h_axis is None else np.minimum(self.h_contact, self.h_axis + self.slope * r)
+        near = self.h_contact if self.h_axis is None else np.clip(self.slope * r, self.h_axis, self.h_contact)
         size = near + self.grading * np.hypot(np.maximum(r - self.patch, 0.0), depth)
         if self.edge is not None and self.h_edge is not None:
             size = np.minimum(size, self.h_edge + self.grading * np.hypot(r - self.edge, depth))

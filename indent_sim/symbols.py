@@ -130,7 +130,7 @@ MESH = (
     Symbol(
         "h_axis",
         "",
-        "element size at the tip's axis, from which sizes grow to h_contact where the deepest contact "
+        "element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest contact "
         "ends; without it h_contact is everywhere under the tip",
         "length",
     ),

@@ -56,7 +56,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "resolved": {"config", "scene"},
     "error_bars": {"accuracy", "model", "scene", "state"},
-    "refinement": {"accuracy", "error_bars", "scene", "state"},
+    "refinement": {"accuracy", "config", "error_bars", "scene", "state"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
     "comparison": {"oracle", "scene", "state"},
