@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from indent_sim import __version__
-from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError
 from indent_sim.stopping import stoppable
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class Program(click.Group):
         """One BLAS thread unless the user says otherwise; must be said before numpy is loaded."""
         for name in THREADS:
             os.environ.setdefault(name, "1")
+        _open_closed_streams()
         return super().main(*args, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -52,6 +53,16 @@ class Program(click.Group):
             raise
         except (Exception, KeyboardInterrupt) as error:
             ctx.exit(explain(error))
+
+
+def _open_closed_streams() -> None:
+    """Libraries take stdin, stdout and stderr for granted; one that the shell closed becomes /dev/null."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number:
+                os.dup2(null, number)
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
 def explain(error: BaseException) -> int:
@@ -67,19 +78,21 @@ def explain(error: BaseException) -> int:
 
 
 def say(text: str) -> None:
-    """Print to stdout; that nobody listens any more is no error."""
+    """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space is one."""
     try:
         click.echo(text)
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(error, BrokenPipeError):
+            raise NotConverged(f"cannot write to stdout: {error.strerror or error}") from error
 
 
 def tell(text: str) -> None:
-    """Print to stderr; that nobody listens any more is no error."""
+    """Print to stderr; that nobody listens any more, or that it fills a disk, is no error."""
     try:
         click.echo(text, err=True)
-    except BrokenPipeError:
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
@@ -118,9 +131,7 @@ def program() -> None:
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
 @json_option
-def run(
-    config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, error_bars: bool, as_json: bool
-) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
     with together(comm), stoppable(comm.rank) as check:
@@ -129,7 +140,7 @@ def run(
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check, resume, error_bars)
+        outcome = _simulate(settings, comm, directory, check, **how)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -273,6 +284,8 @@ def together(comm: Any) -> Iterator[None]:
     except BaseException as error:
         if comm.size == 1:
             raise
+        if comm.rank and isinstance(error, KeyboardInterrupt):
+            _all_arrive(meeting)  # rank 0 closes its files and ends all
         expected = isinstance(error, IndentSimError)
         speaks = comm.rank == 0 or not expected  # and before any rank ends: mpirun kills the rest then
         code = explain(error) if speaks else getattr(error, "exit_code", 1)
@@ -293,8 +306,7 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool,
-              error_bars: bool) -> Outcome:  # fmt: skip
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], **how: bool) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
@@ -307,7 +319,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
                 if show is not None:
                     show(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow, resume=resume, error_bars=error_bars)
+            return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
         if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)

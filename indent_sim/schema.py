@@ -15,12 +15,13 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
+from indent_sim import magnitudes
 from indent_sim.errors import ConfigError, ConfigErrors
 from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.indenters import Indenter, Profile
-from indent_sim.model.loading import Loading
+from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.yaml_strict import Path
@@ -117,9 +118,14 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        if problems := [*_constants(self), *_path(self), *_axis(self), *_tip(self), *_sizes(self)]:
+        checks = (_constants, _path, _axis, _tip, _sizes)
+        if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
+
+
+def _magnitudes(config: Config) -> list[ConfigError]:
+    return magnitudes.beyond({name: getattr(config, name) for name in sections()})
 
 
 def _constants(config: Config) -> list[ConfigError]:
@@ -134,11 +140,13 @@ def _constants(config: Config) -> list[ConfigError]:
 
 
 def _path(config: Config) -> list[ConfigError]:
-    loading = config.loading
-    if loading.delta is None and loading.deltas is None:
-        return [ConfigError("loading", "says no depth", "give delta (with steps) or deltas")]
-    if loading.delta is not None and loading.deltas is not None:
-        return [ConfigError("loading.deltas", "contradicts delta", "give one of delta and deltas")]
+    given = config.loading.given
+    if not given:
+        return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
+    if len(given) > 1:
+        return [ConfigError(f"loading.{given[1]}", f"contradicts {given[0]}", f"give one of {', '.join(WAYS)}")]
+    if config.loading.forces is not None and not any(config.loading.forces):
+        return [ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")]
     return []
 
 

@@ -34,7 +34,8 @@ ROOMS: dict[str, set[str]] = {
     # the scene file
     "yaml_strict": set(),
     "hints": set(),
-    "schema": {"hints", "model", "yaml_strict"},
+    "magnitudes": {"model"},
+    "schema": {"hints", "magnitudes", "model", "yaml_strict"},
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
@@ -59,7 +60,7 @@ ROOMS: dict[str, set[str]] = {
     "refinement": {"accuracy", "config", "error_bars", "scene", "state"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
-    "comparison": {"oracle", "scene", "state"},
+    "comparison": {"oracle", "scene", "state", "theory"},
     "folder": set(),
     "xdmf": {"folder"},
     "checkpoint": {"folder"},

@@ -11,12 +11,17 @@ import numpy as np
 
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
+from indent_sim.fe.load_control import LoadControl, Pair
 from indent_sim.fe.problem import Problem
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Gent
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
+
+
+EVEN = f"even in substeps of {SMALLEST_CUT:.1e} of the step"
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,7 @@ class Point:
 
 
 class Walk:
-    """Newton along the requested depths, with a linear predictor, and cutback where a step is too long."""
+    """Newton along the requested depths or forces, with a linear predictor, and cutback where a step is too long."""
 
     def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
         self.problem = self.observed = problem
@@ -37,6 +42,8 @@ class Walk:
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
         self._row: Point | None = None
+        self._substeps = 0  # so far
+        self._control = LoadControl(self._go, problem.scene.body.height, enforcement.force_tolerance)
 
     @property
     def _last(self) -> Point:
@@ -61,6 +68,7 @@ class Walk:
                 vector.array[:] = values
             self._points = [*self._points[-1:], Point(delta, vectors)]
         self.return_to_last()
+        self._control.know(*self._pair)
         start = self._points
         if all(self._reach(delta) for delta in deltas[-2:]):
             return True
@@ -70,20 +78,39 @@ class Walk:
 
     @property
     def failure(self) -> str:
-        """Why the last solve did not converge."""
-        return self.enforcement.failure
+        """Why the last value was not reached."""
+        return self._control.failure or f"{self.enforcement.failure}, {EVEN}"
 
-    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
-        """One State per requested depth after the first `done`; after one that is not converged there is no other."""
-        for step, delta in enumerate(deltas[done:], start=done + 1):
+    def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
+        """One State per requested value after the first `done`; after one that is not converged there is no other."""
+        if path.control == "force":
+            self.enforcement.sharpen()
+        for step, value in enumerate(path.values[done:], start=done + 1):
             iterations = self.enforcement.iterations
-            substeps = self._reach(delta)
-            if substeps:
-                self._row = self._last
-            state = self._observe(step, delta, self.enforcement.iterations - iterations, substeps, wants_surface(step))
-            yield state
-            if not state.converged:
+            substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
+            iterations = self.enforcement.iterations - iterations
+            if not substeps:
+                yield failed_state(self.problem.scene, step, value, iterations, self._pair, self.started, self.failure)
                 return
+            self._row = self._last
+            yield self._observe(step, iterations, substeps, wants_surface(step))
+
+    def _press(self, force: float, step: int) -> int:
+        """Find the depth of a force; the number of steps to it, 0 when it is not found."""
+        before, substeps = self._last, self._substeps
+        if not self._control.press(force, self.problem.scene.deltas[step - 1]):
+            return 0
+        self._points = [before, self._last]  # the tries between them are too close together to extrapolate from
+        return self._substeps - substeps
+
+    def _go(self, delta: float) -> Pair:
+        """Stand at a depth, or as near to it as there is an equilibrium."""
+        self._substeps += self._reach(delta)
+        return self._pair
+
+    @property
+    def _pair(self) -> Pair:
+        return self.problem.force(), self._last.delta
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for."""
@@ -147,17 +174,13 @@ class Walk:
     def _accept(self, delta: float) -> None:
         self._points = [*self._points[-1:], Point(delta, self.problem.snapshot())]
 
-    def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
-        if substeps == 0:
-            return failed_state(
-                self.problem.scene, step, delta, iterations, self._last.delta, self.started, self.enforcement.failure
-            )
+    def _observe(self, step: int, iterations: int, substeps: int, with_surface: bool) -> State:
         problem = self.problem
         reaction, stray = problem.reactions()
         a, p_max, penetration = observe.contact(problem)
         return State(
             step=step,
-            delta=delta,
+            delta=self._last.delta,
             force=problem.force(),
             a=a,
             p_max=p_max,
@@ -182,15 +205,18 @@ def _leading(points: list[Point], delta: float) -> list[Point]:
 
 
 def failed_state(
-    scene: Scene, step: int, delta: float, iterations: int, last: float, started: float, failure: str
+    scene: Scene, step: int, value: float, iterations: int, last: Pair, started: float, failure: str
 ) -> State:
-    """The State that says that and why there is none at this depth."""
-    nan, L = float("nan"), scene.scales.length
+    """The State that says that and why there is none at this depth or force; last: force and depth of the last one."""
+    nan, L, F = float("nan"), scene.scales.length, scene.scales.force
     law = scene.material
     limit = f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
+    wanted, place, delta = f"delta = {value * L:.6g}", f"delta = {last[1] * L:.6g}", value
+    if scene.path.control == "force":
+        wanted, place, delta = f"force = {value * F:.6g}", f"{place}, force = {last[0] * F:.6g}", last[1]
     reason = (
-        f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, even in "
-        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}{limit}"
+        f"contact method {scene.contact.method} did not converge at {wanted}: {failure}; "
+        f"the last equilibrium found is at {place}{limit}"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

@@ -46,11 +46,11 @@ def bars_of(base: Scene, run: list[State], others: list[Companion], soft: list[S
 
 
 def test_a_bar_holds_an_error_that_falls_as_expected() -> None:
-    """A power law is what two companions can tell; the safety of 2 and the blunter law of coarse meshes make it at most
-    four times too wide."""
+    """A power law is what two companions can tell; the safety and the blunter law of coarse meshes make it at most five
+    times too wide."""
     bars = bars_of(scene(accuracy=0.01), states(ERROR), companions())
     relative = bars / np.array(list(EXACT.values()))
-    assert np.all(relative > ERROR) and np.all(relative < 4 * ERROR)
+    assert np.all(relative > ERROR) and np.all(relative < 5 * ERROR)
 
 
 def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
@@ -78,6 +78,23 @@ def test_the_error_of_a_penalty_is_extrapolated() -> None:
     own, soft = ([replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2))
     bars = bars_of(scene(contact={"method": "penalty"}), own, [Companion(ratio, own) for ratio in RATIOS], soft)
     assert bars == pytest.approx([EXACT[k] - state.force for k, state in enumerate(own, 1)], rel=1e-9)
+
+
+def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
+    """A body whose force is c delta^1.5: the same curves, read at equal depths or at equal forces."""
+    depths = {k: (EXACT[k] / 1.6) ** (2 / 3) for k in EXACT}
+
+    def walked(error: float, control: str) -> list[State]:
+        shift = (1 + error) ** (-2 / 3) if control == "force" else 1.0
+        high = 1.0 if control == "force" else 1 + error
+        return [State(k, depths[k] * shift, EXACT[k] * high, 0.05 * k**0.5, 0, 0, 0, 1, 0.0) for k in EXACT]
+
+    by_depth, by_force = (
+        bars_of(scene(accuracy=0.01), walked(ERROR, control),
+                [Companion(q, walked(ERROR * q ** RATE[2], control)) for q in RATIOS])
+        for control in ("depth", "force")
+    )  # fmt: skip
+    assert by_force == pytest.approx(by_depth, rel=0.02)  # one is relative to the wrong force, 1 + ERROR q^RATE
 
 
 def test_a_coarser_scene_is_coarser_everywhere() -> None:
