@@ -139,6 +139,17 @@ def test_too_large_a_force() -> None:
     assert not last.converged and "force = 10000" in last.reason and "last equilibrium" in last.reason
 
 
+def test_beyond_the_end_of_a_profile() -> None:
+    """Theory ends with the tip; the body pushes back on as under the punch that is left, and the depth is found."""
+    profile = {"shape": "profile", "points": [[0, 0], [0.05, 0.01], [0.1, 0.03]]}
+    base = scene(CYLINDER, indenter=profile, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02})
+    (state,) = solve(base)
+    flat = {"shape": "flat_punch", "radius": 0.1}
+    (punch,) = solve(scene(CYLINDER, indenter=flat, loading={"force": 0.1, "steps": 1}, mesh={"h_contact": 0.02}))
+    # the tip's relief is below 0.03, on the mean half of that; the punch's own depth is 0.4
+    assert punch.delta < state.delta < punch.delta + 0.03
+
+
 @pytest.mark.parametrize("force", [1e-12, 1e-7])
 def test_tiny_forces(force: float) -> None:
     """As small as one likes: the mesh follows the contact to expect."""
