@@ -18,7 +18,7 @@ from indent_sim.oracle import Oracle, half_space_depth, half_space_force, sectio
 from indent_sim.state import Scales
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
-MOST_FORCES = 20  # at which theory is asked for a depth
+MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 
 
 def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Material, height: float, scales: Scales
