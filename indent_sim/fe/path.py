@@ -16,6 +16,7 @@ from indent_sim.model.materials import Gent
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
+NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
 
 
@@ -28,7 +29,7 @@ class Point:
 
 
 class Walk:
-    """Newton along the requested depths, with a linear predictor, and cutback where a step is too long."""
+    """Newton along the requested depths, from a predicted state, with cutback where a step is too long."""
 
     def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
         self.problem = self.observed = problem
@@ -52,17 +53,17 @@ class Walk:
     def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
         """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths passed since.
 
-        Equilibria without friction do not depend on the path, so the way is straight to the last two depths, from
+        Equilibria without friction do not depend on the path, so the way is straight to the last three depths, from
         which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
         """
         for delta, arrays in points:
             vectors = self.problem.snapshot()
             for vector, values in zip(vectors, arrays, strict=True):
                 vector.array[:] = values
-            self._points = [*self._points[-1:], Point(delta, vectors)]
+            self._points = [*self._points[-2:], Point(delta, vectors)]
         self.return_to_last()
         start = self._points
-        if all(self._reach(delta) for delta in deltas[-2:]):
+        if all(self._reach(delta) for delta in deltas[-3:]):
             return True
         self._points = start
         self.return_to_last()
@@ -129,7 +130,7 @@ class Walk:
         return False
 
     def _extrapolate(self, delta: float) -> bool:
-        """Predict by the line through the last two states; False where it leads nowhere."""
+        """Predict by the line or parabola through the last states; False where it leads nowhere."""
         points = _leading(self._points, delta)
         if len(points) < 2:
             return False
@@ -145,7 +146,7 @@ class Walk:
         return True
 
     def _accept(self, delta: float) -> None:
-        self._points = [*self._points[-1:], Point(delta, self.problem.snapshot())]
+        self._points = [*self._points[-2:], Point(delta, self.problem.snapshot())]
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
         if substeps == 0:
@@ -173,12 +174,20 @@ class Walk:
 
 
 def _leading(points: list[Point], delta: float) -> list[Point]:
-    """The last points from which the path leads straight on to delta; one alone where a line predicts nothing."""
-    if len(points) < 2:
-        return points
-    step, behind = delta - points[-1].delta, points[-1].delta - points[-2].delta
-    leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
-    return points if leads else points[-1:]
+    """The last points from which the path leads straight on to delta; one alone where nothing is predicted.
+
+    Three if the step is small beside the depth; two otherwise, since the contact edge leaves kinks in the states.
+    """
+    step = delta - points[-1].delta
+    most = 3 if abs(step) <= NEAR * abs(delta) else 2
+    leading = points[-1:]
+    for before, after in zip(points[-2::-1], points[:0:-1], strict=True):
+        behind = after.delta - before.delta
+        leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
+        if not leads or len(leading) == most:
+            break
+        leading = [before, *leading]
+    return leading
 
 
 def failed_state(
