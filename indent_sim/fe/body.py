@@ -14,6 +14,8 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from indent_sim.fe import compat
+from indent_sim.fe.failure import Crushed
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import Trace, facet_nodes
 from indent_sim.fe.unknowns import Unknowns
@@ -124,6 +126,7 @@ class Body:
         if not scene.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.strain_energy = psi * self.weight * volume
+        self._volume_ratio = ufl.det(F)
 
     def _guide_curved_wall(self, stiffness: float) -> None:
         """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
@@ -150,6 +153,17 @@ class Body:
         matrix = fem_petsc.assemble_matrix(self.stiffness)
         matrix.assemble()
         return matrix
+
+    def least_volume_ratio(self) -> Crushed | None:
+        """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
+        if self.scene.material.small_strain:
+            return None
+        points, _ = compat.quadrature(compat.CELLS[self.body_mesh.dim], 2 * self.scene.sizes.order)
+        values = ufl.as_vector([self._volume_ratio, *(self.X[k] for k in range(self.body_mesh.dim))])
+        cells = np.arange(self.mesh.topology.index_map(self.mesh.topology.dim).size_local, dtype=np.int32)
+        table = compat.evaluate(fem.Expression(values, points), self.mesh, cells).reshape(-1, 1 + self.body_mesh.dim)
+        J, *X = min(self.comm.allgather(tuple(map(float, table[np.argmin(table[:, 0])]))))
+        return Crushed(J, tuple(X))
 
     # ---- the state ---------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from indent_sim.fe import observe
 from indent_sim.fe.body import Body
 from indent_sim.fe.compliance import Condenser
 from indent_sim.fe.condensed import CondensedContact, CondensedState
-from indent_sim.fe.path import failed_state
+from indent_sim.fe.failure import failed_state
 from indent_sim.scene import Scene
 from indent_sim.state import State
 

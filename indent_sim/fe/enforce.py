@@ -81,15 +81,14 @@ def _simultaneous(newton: Newton) -> Callable[[], bool]:
 
 
 def _penalty(newton: Newton) -> Callable[[], bool]:
-    """One semismooth Newton, which comes to a stiff contact through softer ones."""
+    """One semismooth Newton, which comes to a stiff contact through softer ones, or at once where those mislead."""
 
     def solve() -> bool:
         before = newton.problem.snapshot()
-        newton.approach()
-        if newton.solve():
+        if newton.approach() and newton.solve():
             return True
         newton.problem.restore(before)
-        return False
+        return newton.solve()
 
     return solve
 

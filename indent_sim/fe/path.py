@@ -5,19 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import ceil, inf
 from typing import Any
 
 import numpy as np
 
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
+from indent_sim.fe.failure import failed_state
 from indent_sim.fe.problem import Problem
-from indent_sim.model.materials import Gent
-from indent_sim.scene import Scene
 from indent_sim.state import State
 
 NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
+PATIENCE = 10  # failures in a requested step: what still fails will
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class Walk:
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
         self._row: Point | None = None
+        self._stride = inf  # the longest step that is tried
+        self._successes = 0  # at this stride
 
     @property
     def _last(self) -> Point:
@@ -65,7 +68,7 @@ class Walk:
         start = self._points
         if all(self._reach(delta) for delta in deltas[-3:]):
             return True
-        self._points = start
+        self._points, self._stride = start, inf
         self.return_to_last()
         return all(self._reach(delta) for delta in deltas)
 
@@ -102,22 +105,31 @@ class Walk:
         self.problem.restore(row.state)
 
     def _reach(self, target: float) -> int:
-        """Step to the target, halving on failure and doubling on success; 0 when it cannot be reached."""
-        start = self._last.delta
-        fraction, reached, substeps = 1.0, 0.0, 0
-        while reached < 1.0:
-            fraction = min(fraction, 1.0 - reached)
-            goal = target if reached + fraction >= 1.0 else start + (target - start) * (reached + fraction)
+        """Step to the target in equal parts, no longer than what works; 0 when it cannot be reached."""
+        smallest, failures, substeps = SMALLEST_CUT * abs(target - self._last.delta), 0, 0
+        self._stride = max(self._stride, smallest)
+        while failures < PATIENCE and self._stride > smallest / 2:
+            ahead = target - self._last.delta
+            parts = max(1, ceil(abs(ahead) / self._stride - 1e-9))
+            goal = target if parts == 1 else self._last.delta + ahead / parts
             if self._attempt(goal):
-                reached, fraction, substeps = reached + fraction, 2 * fraction, substeps + 1
-            elif fraction <= SMALLEST_CUT:
-                return 0
+                substeps += 1
+                self._lengthen()
+                if parts == 1:
+                    return substeps
             else:
-                fraction /= 2
-        return substeps
+                failures += 1
+                self._stride, self._successes = abs(ahead) / parts / 2, 0
+        return 0
+
+    def _lengthen(self) -> None:
+        """Twice the stride after two successes: where one length has failed, the next step does not begin with it."""
+        self._successes += 1
+        if self._successes == 2:
+            self._stride, self._successes = 2 * self._stride, 0
 
     def _attempt(self, delta: float) -> bool:
-        """Solve at delta, first from the extrapolated state, then from the last one."""
+        """Solve at delta, first from the predicted state, then from the last one."""
         self.problem.delta.value = delta
         if self._extrapolate(delta) and self.enforcement.solve():
             self._accept(delta)
@@ -149,11 +161,10 @@ class Walk:
         self._points = [*self._points[-2:], Point(delta, self.problem.snapshot())]
 
     def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
-        if substeps == 0:
-            return failed_state(
-                self.problem.scene, step, delta, iterations, self._last.delta, self.started, self.enforcement.failure
-            )
         problem = self.problem
+        if substeps == 0:
+            return failed_state(problem.scene, step, delta, iterations, self._last.delta, self.started,
+                                self.enforcement.failure, problem.least_volume_ratio())  # fmt: skip
         reaction, stray = problem.reactions()
         a, p_max, penetration = observe.contact(problem)
         return State(
@@ -188,18 +199,3 @@ def _leading(points: list[Point], delta: float) -> list[Point]:
             break
         leading = [before, *leading]
     return leading
-
-
-def failed_state(
-    scene: Scene, step: int, delta: float, iterations: int, last: float, started: float, failure: str
-) -> State:
-    """The State that says that and why there is none at this depth."""
-    nan, L = float("nan"), scene.scales.length
-    law = scene.material
-    limit = f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
-    reason = (
-        f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, even in "
-        f"substeps of {SMALLEST_CUT:.1e} of the step; the last equilibrium found is at delta = {last * L:.6g}{limit}"
-    )
-    elapsed = time.perf_counter() - started
-    return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)
