@@ -270,6 +270,8 @@ def together(comm: Any) -> Iterator[None]:
     except BaseException as error:
         if comm.size == 1:
             raise
+        if comm.rank and isinstance(error, KeyboardInterrupt):
+            _all_arrive(meeting)  # rank 0 closes its files and ends all
         expected = isinstance(error, IndentSimError)
         speaks = comm.rank == 0 or not expected  # and before any rank ends: mpirun kills the rest then
         code = explain(error) if speaks else getattr(error, "exit_code", 1)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.oracle import half_space_force
+from indent_sim.oracle import half_space_depth, half_space_force
 from indent_sim.scene import Scene
 from indent_sim.state import State
+from indent_sim.theory.solution import Solution
 
 POINTS = 50  # of the theory curve that is kept for the plot
 
@@ -66,35 +67,48 @@ def energy_balance(states: list[State]) -> float | None:
 def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | None:
     """Small-strain theory beside the deepest state, and its curve over the depths walked; None without theory.
 
-    `force_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
+    Theory is asked for what the run found: for the force at its depth, or for the depth at the force prescribed.
+    `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
     """
     pushed = [state for state in states if state.delta > 0]
     if scene.oracle is None or not pushed:
         return None
     deepest = max(pushed, key=lambda state: state.delta)
     L, F = scene.scales.length, scene.scales.force
-    delta = deepest.delta / L
-    solution = scene.oracle.at(delta)
+    solution = _theory_beside(scene, deepest)
     if solution is None:
         return None
-    depths = [delta * n / POINTS for n in range(1, POINTS + 1)]
+    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)]
+    found = {"force_deviation": deepest.force / (solution.force * F) - 1}
+    if scene.path.control == "force":
+        found = {"delta_deviation": deepest.delta / (solution.delta * L) - 1}
     curve = scene.oracle.curve(depths) or []
     return {
         "name": scene.oracle.name,
         "exact": not _difference(scene),
         "why": "; ".join(_difference(scene)) or scene.oracle.why,
-        "delta": deepest.delta,
+        "delta": solution.delta * L,
         "force": solution.force * F,
         "a": solution.a * L,
-        "force_deviation": deepest.force / (solution.force * F) - 1,
+        **found,
         "a_deviation": deepest.a / (solution.a * L) - 1,
-        "half_space": _half_space(scene, delta, deepest.force),
+        "half_space": _half_space(scene, deepest),
         "curve": {
             "delta": [s.delta * L for s in curve],
             "force": [s.force * F for s in curve],
             "a": [s.a * L for s in curve],
         },
     }
+
+
+def _theory_beside(scene: Scene, state: State) -> Solution | None:
+    """Theory at the state's depth, or, where forces are prescribed, at its force."""
+    assert scene.oracle is not None
+    delta, height = state.delta / scene.scales.length, scene.body.height
+    if scene.path.control == "depth":
+        return scene.oracle.at(delta)
+    found = scene.oracle.depth(state.force / scene.scales.force, delta, height)
+    return scene.oracle.at(found) if found is not None and found < height else None
 
 
 def _difference(scene: Scene) -> tuple[str, ...]:
@@ -108,11 +122,16 @@ def _difference(scene: Scene) -> tuple[str, ...]:
     return tuple(why for applies, why in parts if applies)
 
 
-def _half_space(scene: Scene, delta: float, force: float) -> dict[str, Any] | None:
+def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
+    """The half-space formula's force at the state's depth, or depth at its force, and how that differs from the run."""
     if scene.scales.dim == 2:
         return None
-    closed = half_space_force(scene.indenter, delta, scene.material.E_star)
+    L, F, E_star = scene.scales.length, scene.scales.force, scene.material.E_star
+    if scene.path.control == "force":
+        closed, name, unit = half_space_depth(scene.indenter, state.force / F, E_star), "delta", L
+    else:
+        closed, name, unit = half_space_force(scene.indenter, state.delta / L, E_star), "force", F
     if closed is None:
         return None
-    name, value = closed
-    return {"name": name, "force": value * scene.scales.force, "deviation": value * scene.scales.force / force - 1}
+    value = closed[1] * unit
+    return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1}

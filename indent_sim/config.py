@@ -37,6 +37,7 @@ __all__ = [
     "varied",
 ]
 
+LISTS = {"deltas", "forces"}  # ways to say the load path that have no steps
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
 
@@ -116,7 +117,7 @@ def to_mapping(config: Config) -> dict[str, Any]:
 
 def _section(item: Any) -> dict[str, Any]:
     """A dataclass as the section of a file; what is not given is left out."""
-    unused = {"steps"} if isinstance(item, Loading) and item.deltas is not None else set()
+    unused = {"steps"} if isinstance(item, Loading) and LISTS & set(item.given) else set()
     values = {name: getattr(item, name) for name in schema.file_order(type(item)) if name not in unused}
     return {name: _given(value) for name, value in values.items() if value is not None}
 
@@ -200,8 +201,9 @@ def _validated(document: dict[str, Any], source: Source) -> Config:
     try:
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
-        if config.loading.deltas is not None and "steps" in document["loading"]:
-            raise ConfigError("loading.steps", "belongs to delta, and deltas are given", "remove one of them")
+        if LISTS & set(config.loading.given) and "steps" in document["loading"]:
+            of, given = ("delta", "deltas") if config.loading.deltas is not None else ("force", "forces")
+            raise ConfigError("loading.steps", f"belongs to {of}, and {given} are given", "remove one of them")
     except ValidationError as error:
         raise located(source, in_words(error, document)) from None
     except ConfigError as error:

@@ -19,7 +19,7 @@ CELLS = {2: 2.63, 3: 5.8}  # per size^dim
 NODES = {(2, 2): 2.12, (2, 1): 0.55, (3, 2): 1.65, (3, 1): 0.25}  # per cell, by (dim, order)
 VERTICES = {2: 0.55, 3: 0.25}  # per cell
 FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
-CANDIDATES = 6.0  # elements between the fine patch and the rim of the surface that is condensed
+CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
 START = 1.05  # s: imports, gmsh, writing
 PROCESS = 1.7e8  # bytes

@@ -2,21 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
 
+import numpy as np
+
+from indent_sim.errors import ConfigError
 from indent_sim.model import stability
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.indenters import Indenter, Paraboloid, Profile, Sphere
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
-from indent_sim.oracle import Oracle, half_space_force
+from indent_sim.oracle import Oracle, half_space_depth, half_space_force, section_depth
 from indent_sim.state import Scales
 
+DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
+MOST_FORCES = 20  # at which theory is asked for a depth
 
-def prediction_of(theory: Oracle | None, tip: Indenter, material: Material, delta: float, a: float, scales: Scales
-                  ) -> dict[str, float]:  # fmt: skip
-    """Expected contact radius, and force by layer theory and by the half-space formula, in the user's units."""
+
+def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Material, height: float, scales: Scales
+              ) -> tuple[float, ...]:  # fmt: skip
+    """The requested depths, or those to expect at the requested forces, within DEEPEST of the body's height.
+
+    ConfigError when theory says that a linear body does not bear the largest force.
+    """
+    if path.control == "depth":
+        return path.values
+    deepest, force = DEEPEST * height, max(path.values) * scales.force
+    depths = _depths_at(path.values, theory, tip, material.E_star, scales.dim, deepest)
+    if material.small_strain and theory and max(depths) == deepest:
+        problem = f"a force of {force:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
+        raise ConfigError("loading", problem, "use a smaller force")
+    return depths
+
+
+def _depths_at(forces: Sequence[float], theory: Oracle | None, tip: Indenter, E_star: float, dim: int, deepest: float
+               ) -> tuple[float, ...]:  # fmt: skip
+    """From theory, or from the tip's section where there is none; between MOST_FORCES of many by power laws."""
+    pushed = np.unique([force for force in forces if force > 0])
+    some = pushed if len(pushed) <= MOST_FORCES else np.geomspace(pushed[0], pushed[-1], MOST_FORCES)
+    depths = []
+    for force in map(float, some):
+        start = section_depth(tip, force, E_star, dim)
+        found = theory.depth(force, start, deepest) if theory else None
+        depths.append(min(float(f"{found or start:.9g}"), deepest))  # the same in all units, and so is the mesh
+    return tuple(
+        float(np.exp(np.interp(np.log(force), np.log(some), np.log(depths)))) if force > 0 else 0.0 for force in forces
+    )
+
+
+def prediction_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Material, delta: float, a: float,
+                  scales: Scales) -> dict[str, float]:  # fmt: skip
+    """Expected contact radius, and force (or depth, if forces are prescribed) by layer theory and by the half-space
+    formula, in the user's units."""
     prediction = {"a": a * scales.length}
+    if path.control == "force":
+        closed = half_space_depth(tip, max(path.values), material.E_star) if scales.dim == 3 else None
+        half_space = {"delta_half_space": closed[1] * scales.length} if closed else {}
+        return prediction | {"delta": delta * scales.length} | half_space
     solution = theory.at(delta) if theory and delta > 0 else None
     if solution:
         prediction["force"] = solution.force * scales.force

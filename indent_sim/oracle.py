@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,10 @@ from indent_sim.model.body import Body
 from indent_sim.model.indenters import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
 from indent_sim.model.materials import Material
 from indent_sim.theory import half_space, layer, plane_strain, tips
+from indent_sim.theory.roots import increasing_root
 from indent_sim.theory.solution import Solution
+
+MOST_ENDS = 6  # depths tried in vain, for theory ends before them
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,25 @@ class Oracle:
         """The Solution at one depth, or None."""
         solutions = self.curve([delta])
         return solutions[0] if solutions else None
+
+    def depth(self, force: float, start: float, deepest: float) -> float | None:
+        """The depth at which theory's force is this one, searched from `start`, the half-space's.
+
+        `deepest` when the force there is not larger; None when theory ends before (contact meets the wall).
+        """
+        ends = 0
+
+        def force_at(delta: float) -> float:
+            nonlocal ends
+            solution = self.at(delta)
+            ends += solution is None
+            if ends > MOST_ENDS:
+                raise ArithmeticError("theory ends before")
+            return solution.force if solution else np.inf
+
+        if start > deepest / 2 and (last := self.at(deepest)) and last.force <= force:
+            return deepest
+        return depth_at(force_at, force, start, deepest)
 
 
 def oracle(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> Oracle | None:
@@ -106,6 +128,35 @@ def _strip_tip(tip: Indenter) -> Any:
         case FlatPunch(radius=radius, edge_radius=0.0):
             return plane_strain.flat_punch(radius)
     return None
+
+
+def depth_at(force_at: Callable[[float], float], force: float, start: float, deepest: float) -> float | None:
+    """The depth below `deepest` at which an increasing force_at(depth) is `force` > 0; None when it is not reached."""
+    with contextlib.suppress(ValueError, ArithmeticError), np.errstate(all="ignore"):
+        return increasing_root(force_at, force, min(start, deepest / 2), deepest)
+    return None
+
+
+def section_depth(tip: Indenter, force: float, E_star: float, dim: int) -> float:
+    """About the depth at which a half-space gives this force, for any tip: force = E* radius_at(depth) depth.
+
+    In plane strain (dim = 2) force = E* depth.
+    """
+    size = force / E_star
+    if dim == 2:
+        return size
+    start = float(np.sqrt(size))
+    return depth_at(lambda depth: tip.radius_at(depth) * depth, size, start, 1e15 * start) or start
+
+
+def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
+    """Name and depth of the half-space closed form of a tip at a force; None for the tips without one."""
+    start = section_depth(tip, force, E_star, 3)
+    closed = half_space_force(tip, start, E_star)
+    if closed is None:
+        return None
+    found = depth_at(lambda depth: half_space_force(tip, depth, E_star)[1], force, start, 1e15 * start)  # type: ignore[index]
+    return (closed[0], found) if found else None
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:

@@ -84,8 +84,8 @@ def plot_run(folder: Path | str) -> Path:
 def force_indentation(results: Results, path: Path | str, theory: Mapping[str, Any] | None = None) -> None:
     """The picture of a run: force against depth beside theory, contact radius, and the last pressure profile.
 
-    `theory` as in run.json (taken from there when not given): name, force_deviation, and curve with delta,
-    force and a.
+    `theory` as in run.json (taken from there when not given): name, force_deviation (load control:
+    delta_deviation), and curve with delta, force and a.
     """
     theory = theory if theory is not None else results.report.get("theory")
     has_pressure = bool(results.surface) and bool(np.any(results.surface["pressure"] > 0))
@@ -146,7 +146,8 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
     closed = (theory or {}).get("half_space")
     if theory and closed:
         label = f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}"
-        axes.plot(depth([theory["delta"]]), force([closed["force"]]), **_hollow("D", GREY), label=label)
+        at = theory | closed  # the formula's force at the run's depth, or its depth at the run's force
+        axes.plot(depth([at["delta"]]), force([at["force"]]), **_hollow("D", GREY), label=label)
     _name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.legend(loc="upper left")
@@ -311,6 +312,8 @@ def _names(runs: Sequence[Results]) -> list[str]:
 def _theory_label(theory: Mapping[str, Any]) -> str:
     deviation = theory.get("force_deviation")
     beside = "" if deviation is None else f", this run {deviation:+.2%}"
+    if "delta_deviation" in theory:
+        beside = f", depth of this run {theory['delta_deviation']:+.2%}"
     return f"{theory.get('name', 'theory')}{beside}"
 
 

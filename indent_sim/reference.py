@@ -29,7 +29,8 @@ def json_schema() -> dict[str, Any]:
     center = found["properties"].pop("center")
     for kind in schema.sections()["indenter"]:
         found["$defs"][kind.__name__]["properties"]["center"] = center
-    one_of = [{"required": ["delta"]}, {"required": ["deltas"], "not": {"required": ["steps"]}}]
+    lists = [{"required": [way], "not": {"required": ["steps"]}} for way in ("deltas", "forces")]
+    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
     found["$defs"]["Loading"]["oneOf"] = one_of
     return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
 

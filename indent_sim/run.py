@@ -124,6 +124,7 @@ def run(
             return outcome
         with Record(comm, target, to_yaml(decided), surface=config.output.surface, resume=resume) as record:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
+                        control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],
                         plan=_plan(scene) | {"auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=comm.size,
@@ -152,7 +153,7 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     fe = _backend()
     comm = comm if comm is not None else _alone()
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
-    for state in fe.walk(scene, mesh).states(scene.deltas, lambda step: True):
+    for state in fe.walk(scene, mesh).states(scene.path, lambda step: True):
         yield state.in_units(scene.scales)
 
 
@@ -178,10 +179,10 @@ class CondensedBody:
         if indenter is not None:
             changes["indenter"] = scaled(indenter, L, P)
         if deltas is not None:
-            changes["deltas"] = tuple(delta / L for delta in deltas)
+            changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
         scene = replace(self.scene, **changes)
         walk = self.walk.under(scene)
-        return [state.in_units(scene.scales) for state in walk.states(scene.deltas, lambda step: False)]
+        return [state.in_units(scene.scales) for state in walk.states(scene.path, lambda step: False)]
 
 
 def condense(scene: Scene, comm: Any = None) -> CondensedBody:
@@ -248,9 +249,15 @@ class Simulation:
             return
         saved = self.record("read_checkpoint", self._identity) if comm.size == 1 else Checkpoint()
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, self.scene.deltas[saved.step : done]):
+            if not self._walk.resume(saved.points, self._depths()[saved.step :]):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
+
+    def _depths(self) -> tuple[float, ...]:
+        """The depths of the rows that are there, in the scene's units."""
+        if self.scene.path.control == "depth":
+            return self.scene.deltas[: len(self.states)]
+        return tuple(state.delta / self.scene.scales.length for state in self.states)
 
     def _save_checkpoint(self, now: bool = False) -> None:
         """Keep the last equilibria; at most once a second and for a twentieth of the time, unless it must be `now`."""
@@ -268,7 +275,7 @@ class Simulation:
         if progress is not None and self.states:
             progress(self.states[-1], done, total)
         try:
-            for state in self._timed(self._walk.states(self.scene.deltas, self._wants_surface, done)):
+            for state in self._timed(self._walk.states(self.scene.path, self._wants_surface, done)):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {total}: {state.reason}")
                 self._keep(state.in_units(self.scene.scales), state.step == total)

@@ -11,27 +11,30 @@ from indent_sim.blunting import blunted
 from indent_sim.costing import Cost, Work, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.expectation import contact_warnings, prediction_of, warnings_of
+from indent_sim.expectation import contact_warnings, depths_of, prediction_of, warnings_of
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
 from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.model.kinematics import Kinematics
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.quantities import scaled
 from indent_sim.oracle import Oracle, oracle
 from indent_sim.reduction import Pins, Reduction, reduce
 from indent_sim.sizing import Sizes, rounded
 from indent_sim.state import Scales
-from indent_sim.truncation import Truncation, half_space_oracle, truncate
+from indent_sim.truncation import Truncation, expected_depth, half_space_oracle, truncate
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
+SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
+FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
 WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
 
 
@@ -65,13 +68,19 @@ class Scene:
     center: tuple[float, ...]
     contact: ContactLaw
     gap: str  # reference | current
-    deltas: tuple[float, ...]
+    deltas: tuple[float, ...]  # requested, or expected at the requested forces
     sizes: Sizes
     solver: dict[str, Any]
+    forces: tuple[float, ...] | None = None  # of the whole body, when they are requested instead of depths
     oracle: Oracle | None = field(default=None, repr=False)
     choices: tuple[Choice, ...] = ()
     warnings: tuple[str, ...] = ()
     prediction: dict[str, float] = field(default_factory=dict)  # in the user's units
+
+    @property
+    def path(self) -> LoadPath:
+        """What is prescribed, step by step."""
+        return LoadPath("depth", self.deltas) if self.forces is None else LoadPath("force", self.forces)
 
 
 def resolve(config: Config) -> Scene:
@@ -82,16 +91,18 @@ def resolve(config: Config) -> Scene:
     material = _material(config)
     whole, truncation = _finite(config, material)
     center = whole.centre if truncation else config.center or whole.centre
-    _check_scene(whole, config.indenter, center, config.loading.path())
+    path = config.loading.path()
+    _check_scene(whole, config.indenter, center, path)
     E, _ = material.constants
     scales = Scales(whole.height, E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
     body, tip = scaled(whole, *unit), scaled(config.indenter, *unit)
     material = scaled(material, *unit)
     center = tuple(rounded(c / scales.length) for c in center)
-    deltas = tuple(delta / scales.length for delta in config.loading.path())
+    path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
+    deltas = depths_of(path, theory, tip, material, body.height, scales)
     a = _expected_radius(theory, tip, body, max(deltas), center)
     sizes = _sizes(config, reduction, tip, a, scales, center)
     contact, contact_choice = _contact(config.contact, sizes, material, scales)
@@ -100,7 +111,8 @@ def resolve(config: Config) -> Scene:
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
     solver_choice = _solver(config, material, contact, gap)
-    work = Work(str(solver_choice.value), formulation == "mixed", len(deltas), gap == "current" or not
+    solves = len(deltas) * (SEARCH if path.control == "force" else 1)
+    work = Work(str(solver_choice.value), formulation == "mixed", solves, gap == "current" or not
                 material.small_strain)  # fmt: skip
     cost = _affordable(sizes, reduction, center, work)
     choices = (
@@ -108,6 +120,7 @@ def resolve(config: Config) -> Scene:
         Choice("symmetry", reduction.symmetry, reduction.why),
         Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
         Choice("strain", *_strain_measure(material)),
+        *([Choice("control", "force", FORCE_WHY)] if path.control == "force" else []),
         formulation_choice,
         gap_choice,
         contact_choice,
@@ -123,11 +136,12 @@ def resolve(config: Config) -> Scene:
         supports=dict(reduction.supports), pins=reduction.pins, wall_stiffness=wall,
         material=material, formulation=formulation, indenter=blunt.tip if blunt else tip, center=center,
         contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
+        forces=path.values if path.control == "force" else None,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
                   *contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
                   *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
-        prediction=prediction_of(theory, tip, material, max(deltas), a, scales) | {
+        prediction=prediction_of(path, theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
             "seconds": float(f"{cost.seconds:.2g}")},
@@ -147,7 +161,11 @@ def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None
     """The body as given, or the one that stands for a half-space."""
     if not isinstance(config.body, HalfSpace):
         return config.body, None
-    truncation = truncate(config.indenter, material, max(config.loading.path()))
+    path = config.loading.path()
+    delta = max(path.values)
+    if path.control == "force":
+        delta = expected_depth(config.indenter, material, delta)
+    truncation = truncate(config.indenter, material, delta)
     return truncation.body, truncation
 
 
@@ -166,7 +184,7 @@ def _material(config: Config) -> Material:
     return material
 
 
-def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: tuple[float, ...]) -> None:
+def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.centre)
@@ -178,8 +196,8 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], deltas: t
             raise ConfigError(
                 "indenter.edge_radius", "must be smaller than the punch's radius", f"below {tip.radius:g}"
             )
-    if max(deltas) >= body.height:
-        raise ConfigError("loading", f"depth {max(deltas):g} is beyond the body's thickness {body.height:g}",
+    if path.control == "depth" and max(path.values) >= body.height:
+        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {body.height:g}",
                           f"stay below {body.height:g}")  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, membe
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.indenters import Indenter, Profile
-from indent_sim.model.loading import Loading
+from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.yaml_strict import Path
@@ -129,11 +129,13 @@ def _constants(config: Config) -> list[ConfigError]:
 
 
 def _path(config: Config) -> list[ConfigError]:
-    loading = config.loading
-    if loading.delta is None and loading.deltas is None:
-        return [ConfigError("loading", "says no depth", "give delta (with steps) or deltas")]
-    if loading.delta is not None and loading.deltas is not None:
-        return [ConfigError("loading.deltas", "contradicts delta", "give one of delta and deltas")]
+    given = config.loading.given
+    if not given:
+        return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
+    if len(given) > 1:
+        return [ConfigError(f"loading.{given[1]}", f"contradicts {given[0]}", f"give one of {', '.join(WAYS)}")]
+    if config.loading.forces is not None and not any(config.loading.forces):
+        return [ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")]
     return []
 
 

@@ -44,6 +44,10 @@ class Scales:
         """Unit of force."""
         return self.pressure * self.length ** (self.dim - 1)
 
+    def of(self, control: str) -> float:
+        """Unit of what a load path prescribes: depth or force."""
+        return self.length if control == "depth" else self.force
+
     @property
     def energy(self) -> float:
         """Unit of energy."""

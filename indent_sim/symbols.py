@@ -109,12 +109,19 @@ CONTACT = (
 
 LOADING = (
     Symbol("delta", r"\delta", "indentation depth, > 0 pushes in", "length"),
-    Symbol("steps", "", "number of equal steps to `delta`", "1"),
+    Symbol("loading.force", "F", "final force of the whole body, > 0 pushes; the depth is found", "force"),
+    Symbol("steps", "", "number of equal steps to `delta` or `force`", "1"),
     Symbol(
         "deltas",
         r"\delta_i",
         "the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of the body",
         "length",
+    ),
+    Symbol(
+        "forces",
+        "F_i",
+        "the forces one by one instead of `force`, unloading too; 0: the tip just touches, at delta = 0",
+        "force",
     ),
 )
 

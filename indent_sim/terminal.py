@@ -56,8 +56,9 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(_theory(theory))
     if closed := theory.get("half_space"):
         side = "below" if closed["deviation"] < 0 else "above"
-        beside = f"force {closed['force']:.6g}, {abs(closed['deviation']):.2%} {side} this run"
-        lines.append(f"{closed['name']}, half-space, at delta {theory['delta']:.6g}: {beside}")
+        given, asked = _given_and_asked(theory)
+        beside = f"{asked} {closed[asked]:.6g}, {abs(closed['deviation']):.2%} {side} this run"
+        lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")
@@ -139,8 +140,14 @@ def _resumed(outcome: Outcome) -> str:
 
 def _theory(theory: dict[str, Any]) -> str:
     exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
-    beside = f"force {theory['force']:.6g}; this run {theory['force_deviation']:+.3%} ({exact})"
-    return f"{theory['name']} at delta {theory['delta']:.6g}: {beside}"
+    given, asked = _given_and_asked(theory)
+    beside = f"{asked} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
+    return f"{theory['name']} at {given} {theory[given]:.6g}: {beside}"
+
+
+def _given_and_asked(theory: dict[str, Any]) -> tuple[str, str]:
+    """What the path prescribes, and what theory was asked for beside the run."""
+    return ("force", "delta") if "delta_deviation" in theory else ("delta", "force")
 
 
 def _shown(value: Any) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from indent_sim.model.body import Box, BoxSides, Cylinder
 from indent_sim.model.indenters import Indenter
 from indent_sim.model.materials import Material
-from indent_sim.oracle import Oracle, layer_tip
+from indent_sim.oracle import Oracle, layer_tip, section_depth
 from indent_sim.theory import layer, tips
 from indent_sim.theory.solution import Solution
 
@@ -71,6 +71,13 @@ def half_space_oracle(tip: Indenter, material: Material, size: float) -> Oracle 
     # the half-space feels E and nu only as E*
     arguments = {"E": material.E_star, "nu": 0.0, "h": DEEP * size, "base": "fixed", "wall": None}
     return Oracle("half-space theory", exact, why, layer, theory, arguments)
+
+
+def expected_depth(tip: Indenter, material: Material, force: float) -> float:
+    """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
+    start = section_depth(tip, force, material.E_star, 3)
+    theory = half_space_oracle(tip, material, 10 * max(start, tip.radius_at(start)))
+    return (theory and theory.depth(force, start, 1e6 * start)) or start
 
 
 def _deep(theory: tips.Tip, delta: float, size: float) -> Solution | None:

@@ -53,7 +53,7 @@ ROOMS: dict[str, set[str]] = {
     "resolved": {"config", "scene"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
-    "comparison": {"oracle", "scene", "state"},
+    "comparison": {"oracle", "scene", "state", "theory"},
     "folder": set(),
     "xdmf": {"folder"},
     "checkpoint": {"folder"},

@@ -48,6 +48,13 @@ SCENES: dict[str, dict[str, Any]] = {
         "loading": {"delta": 0.01},
     },
     "box": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"delta": 0.04, "steps": 2}},
+    "forces": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"forces": [0.005, 0.01, 0.0]}},
+    "forces_newton": {
+        "body": CYLINDER,
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        "mesh": {"h_contact": 0.05},
+        "loading": {"forces": [0.002, 0.0, 0.001]},
+    },
 }
 
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche", "penalty")
@@ -180,3 +187,29 @@ def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path)
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("beyond the body's thickness") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
+
+
+# Rank 0 is stopped while it writes the second row: the others wait for it there
+STOPPED_IN_A_ROW = """
+import os, signal, sys
+from indent_sim.results import ResultFolder
+append = ResultFolder.append
+def stop(folder, state):
+    append(folder, state)
+    if state.step == 2:
+        os.kill(os.getpid(), signal.SIGTERM)
+ResultFolder.append = stop
+from indent_sim.cli import main
+main()
+"""
+
+
+def test_a_signal_while_a_row_is_written_is_everybodys(mpirun: Mpirun, tmp_path: Path) -> None:
+    """The other ranks learn of it by a message, and leave rank 0 the time to close its files."""
+    config = tmp_path / "scene.yaml"
+    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
+    finished = mpirun(2, "-c", STOPPED_IN_A_ROW, "run", config, "--output", tmp_path / "two")
+    assert finished.returncode == 143 and "Traceback" not in finished.stderr, finished.stderr
+    assert finished.stderr.count("stopped by SIGTERM") == 1
+    report = json.loads((tmp_path / "two" / "run.json").read_text())
+    assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 2)

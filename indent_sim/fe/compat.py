@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import itertools
 import platform
 from collections.abc import Iterable
 from typing import Any
@@ -17,8 +18,18 @@ from petsc4py import PETSc
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 CELLS = {2: "triangle", 3: "tetrahedron"}
 
+FIRST_CONSTANT = 10**9
+
 if VERSION >= (0, 8):
     import basix.ufl
+
+# UFL orders the constants of a sum or product by the text of their running numbers, and there 10 comes before 9. With
+# as many digits in all of them the order is that of their making, whatever this process has made before: one kernel,
+# compiled once, and the same bits in every run.
+if hasattr(ufl.Constant, "_globalcount"):
+    ufl.Constant._globalcount = FIRST_CONSTANT
+else:
+    ufl.Constant._counter = itertools.count(FIRST_CONSTANT)
 
 
 def lagrange(dim: int, order: int, components: int | None = None) -> Any:

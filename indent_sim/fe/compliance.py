@@ -20,14 +20,17 @@ BLOCK = 128  # right-hand sides solved at once
 
 @dataclass(frozen=True)
 class Compliance:
-    """C (n, n) [1/(pressure length)] between nodes of the contact surface, the same on all ranks.
+    """C (n, n) [1/(pressure length)] between the candidates, nodes of the contact surface; the same on all ranks.
 
-    trace: the facets between these nodes, with `nodes` numbering rows of C; support and stray (n,): what a unit force
-    at a node makes the supports and the rigid-mode pins feel.
+    trace: the facets between the candidates, with `nodes` numbering rows of C; surface: all facets of the contact
+    surface, whose node places[i] is candidate i; support and stray (n,): what a unit force at a candidate makes the
+    supports and the rigid-mode pins feel.
     """
 
     C: np.ndarray
     trace: Trace
+    surface: Trace
+    places: np.ndarray
     support: np.ndarray
     stray: np.ndarray
 
@@ -54,8 +57,8 @@ class Condenser:
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
         self._pc.setUp()
-        self._owned_nodes, self._keys = self._surface_nodes()
-        self._condensed = np.zeros(0, dtype=np.int64)
+        self._owned_nodes, self._owned_rows, self._rows = self._number_surface_nodes()
+        self._surface = self._whole_surface()
         self._last: Compliance | None = None
 
     def _all_pins(self) -> list[int]:
@@ -73,68 +76,56 @@ class Condenser:
         matrix.mult(marks, total)
         return total.array.copy()
 
-    def _surface_nodes(self) -> tuple[np.ndarray, np.ndarray]:
-        """This rank's own surface nodes, and the global numbers of all of them in an order given by their places."""
-        body = self.body
+    def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """This rank's own surface nodes, their rows among those of all ranks, and the rows of its facets' nodes.
+
+        The rows are in an order given by the nodes' places.
+        """
+        body, trace = self.body, self.body.trace
         space = body.unknowns.own_space("u")
         index_map = space.dofmap.index_map
-        local = np.unique(body.trace.nodes)
-        owned = local[local < index_map.size_local].astype(np.int32)
-        keys = np.asarray(index_map.local_to_global(owned), dtype=np.int64)
-        coordinates = space.tabulate_dof_coordinates()[owned, : body.body_mesh.dim]
-        parts = body.comm.allgather((keys, coordinates))
+        local, inverse = np.unique(trace.nodes, return_inverse=True)
+        keys = np.asarray(index_map.local_to_global(local.astype(np.int32)), dtype=np.int64)
+        own = local < index_map.size_local
+        coordinates = space.tabulate_dof_coordinates()[local[own], : trace.dim]
+        parts = body.comm.allgather((keys[own], coordinates))
         all_keys, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-        order = np.lexsort(np.round(X[:, ::-1].T, 10))
-        return owned, all_keys[order]
+        by_place = np.lexsort(np.round(X[:, ::-1].T, 10))
+        by_key = np.argsort(all_keys[by_place])
+        rows = by_key[np.searchsorted(all_keys[by_place], keys, sorter=by_key)]
+        return local[own], rows[own], rows[inverse].reshape(trace.nodes.shape)
+
+    def _whole_surface(self) -> Trace:
+        """The contact surface of all ranks, its facets sorted by place and its nodes numbered by row."""
+        trace = self.body.trace
+        parts = self.body.comm.allgather((self._rows, trace.X))
+        rows, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+        order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
+        return Trace(rows[order], X[order], rows[order], trace.order)
 
     def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
         """The compliance of all facets that come within `reach` [length] of the tip's axis."""
-        keys, nodes, X, order = self._facets_within(reach, center)
-        if self._last is None or not np.array_equal(keys, self._condensed):
-            self._condensed = keys
-            C, support, stray = self._solve(keys)
-            self._last = Compliance((C + C.T) / 2, Trace(nodes, X, nodes, order), support, stray)
+        surface = self._surface
+        distance = np.linalg.norm(surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1).min(axis=1)
+        near = distance <= reach
+        places, nodes = np.unique(surface.nodes[near], return_inverse=True)
+        if self._last is None or not np.array_equal(places, self._last.places):
+            C, support, stray = self._solve(places)
+            nodes = nodes.reshape(surface.nodes[near].shape)
+            trace = Trace(nodes, surface.X[near], nodes, surface.order)
+            self._last = Compliance((C + C.T) / 2, trace, surface, places, support, stray)
         return self._last
 
-    def _facets_within(self, reach: float, center: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        """Global numbers of the nodes near the tip, and the facets (as rows of these, sorted by place) between them."""
-        body, trace = self.body, self.body.trace
-        index_map = body.unknowns.own_space("u").dofmap.index_map
-        numbers = np.asarray(index_map.local_to_global(trace.nodes.ravel().astype(np.int32))).reshape(trace.nodes.shape)
-        parts = body.comm.allgather((numbers, trace.X))
-        numbers, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-        axis = np.asarray(center)[: X.shape[2] - 1]
-        distance = np.linalg.norm(X[..., :-1] - axis, axis=-1).min(axis=1)
-        near = np.flatnonzero(distance <= reach)
-        middle = np.round(X[near].mean(axis=1), 10)
-        near = near[np.lexsort(middle[:, ::-1].T)]
-        wanted = np.isin(self._keys, numbers[near])
-        keys = self._keys[wanted]
-        rows = {key: row for row, key in enumerate(keys)}
-        nodes = np.array([[rows[key] for key in facet] for facet in numbers[near]], dtype=np.int64)
-        return keys, nodes.reshape(len(near), -1), X[near], trace.order
-
     def spread(self, nodal: np.ndarray) -> np.ndarray:
-        """Values at the condensed nodes as (facets, nodes) of this rank's facets; zero at all other nodes."""
-        index_map = self.body.unknowns.own_space("u").dofmap.index_map
-        nodes = self.body.trace.nodes
-        numbers = np.asarray(index_map.local_to_global(nodes.ravel().astype(np.int32))).reshape(nodes.shape)
-        order = np.argsort(self._condensed)
-        place = np.clip(np.searchsorted(self._condensed[order], numbers), 0, len(order) - 1)
-        found = self._condensed[order][place] == numbers
-        return np.where(found, nodal[order][place], 0.0)
+        """Values at the nodes of the whole surface as (facets, nodes) of this rank's facets."""
+        return nodal[self._rows]
 
-    def _solve(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """u_z at the nodes, support and pin reactions for unit downward forces at each of the nodes."""
-        body, n = self.body, len(keys)
-        unknowns = body.unknowns
-        index_map = unknowns.own_space("u").dofmap.index_map
-        mine = np.asarray(index_map.local_to_global(self._owned_nodes), dtype=np.int64)
-        rows = {key: row for row, key in enumerate(keys)}
-        pairs = [(node, rows[key]) for node, key in zip(self._owned_nodes, mine, strict=True) if key in rows]
-        nodes = np.array([node for node, _ in pairs], dtype=np.int64)
-        columns = np.array([column for _, column in pairs], dtype=np.int64)
-        dofs = unknowns.displacement_places(nodes)[..., -1].reshape(-1)
+    def _solve(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """u_z at the candidates, support and pin reactions for unit downward forces at each of them."""
+        body, n = self.body, len(places)
+        mine = np.isin(self._owned_rows, places)
+        columns = np.searchsorted(places, self._owned_rows[mine])
+        dofs = body.unknowns.displacement_places(self._owned_nodes[mine])[..., -1].reshape(-1)
         free = ~np.isin(dofs, body.constrained)
         self._placed = (dofs, columns, free)
         C, reactions = np.zeros((n, n)), np.zeros((1 + len(self._pin_rows), n))

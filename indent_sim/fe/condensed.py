@@ -5,7 +5,8 @@ stiffness is one equation in F alone,
 
     F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F   (or given, or zero):
 
-the full problem's equations with displacement and multiplier eliminated, so both paths give the same numbers.
+the full problem's equations with displacement and multiplier eliminated, so both paths give the same numbers. Forces
+act on the candidates alone; M and lam are those of the whole contact surface, so no number knows the candidates.
 """
 
 from __future__ import annotations
@@ -18,12 +19,21 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 from indent_sim.fe.compliance import Compliance
 from indent_sim.fe.enforce import UZAWA_LOOPS, settled
 from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.newton import softer
-from indent_sim.fe.surface import contact_quadrature, from_midpoints, pressure_functions, shapes, split_quadrature
+from indent_sim.fe.surface import (
+    Trace,
+    contact_quadrature,
+    from_midpoints,
+    pressure_functions,
+    shapes,
+    split_quadrature,
+)
 from indent_sim.scene import Scene
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
@@ -37,13 +47,20 @@ class CondensedContact:
         self.compliance = compliance
         self.law = scene.contact
         self.nodes = compliance.trace.nodes
+        self.places = compliance.places
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
         self.F: np.ndarray = np.zeros(compliance.size)
-        self.lam: np.ndarray = np.zeros(compliance.size)  # nodal multiplier (active set: nodal pressures)
+        # multiplier at the nodes of the whole surface (active set: nodal pressures)
+        self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self._scene = scene
         self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
+
+    @property
+    def depth(self) -> float:
+        """The depth of the last equilibrium found [length]."""
+        return self._path[-1][0]
 
     def solve(self, delta: float) -> bool:
         """Find the equilibrium at a depth; on failure the state is as it was."""
@@ -70,11 +87,15 @@ class CondensedContact:
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted areas (facets, points) and the tip's height (facets, points) there."""
         trace, scene = self.compliance.trace, self._scene
-        tangents = trace.tangents(trace.X, points)
-        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
         x = np.moveaxis(trace.positions(points), -1, 0)
         horizontal = scene.kinematics.horizontal(x, scene.center)
-        return area * weights * scene.kinematics.weight(x), scene.indenter.height(*horizontal)
+        return self._areas(trace, points, weights), scene.indenter.height(*horizontal)
+
+    def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Areas (facets, points) of quadrature points, times the kinematics' weight."""
+        tangents = trace.tangents(trace.X, points)
+        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
+        return area * weights * self._scene.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
 
     @cached_property
     def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,10 +103,25 @@ class CondensedContact:
         return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
 
     @cached_property
-    def inverse_mass(self) -> np.ndarray:
-        """M^-1 (n, n) [1/area] of the mass matrix of the contact surface: lam = M^-1 F."""
-        N, W, _ = self._quadrature
-        return np.linalg.inv(self._matrix(np.einsum("fp,pn,pm->fnm", W, N, N)))
+    def _mass(self) -> Any:
+        """The factored mass matrix M [area] of the whole contact surface."""
+        surface = self.compliance.surface
+        points, weights = contact_quadrature(surface.dim)
+        N, W, nodes = shapes(points, surface.order), self._areas(surface, points, weights), surface.nodes
+        local = np.einsum("fp,pn,pm->fnm", W, N, N)
+        rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+        return splu(csc_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2))
+
+    def _projected(self, F: np.ndarray) -> np.ndarray:
+        """M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
+        whole = np.zeros((len(self.lam), *F.shape[1:]))
+        whole[self.places] = F
+        return self._mass.solve(whole)
+
+    @cached_property
+    def _inverse_mass(self) -> np.ndarray:
+        """M^-1 (n, n) [1/area] between the candidates: their lam = M^-1 F."""
+        return self._projected(np.eye(self.compliance.size))[self.places]
 
     def _matrix(self, local: np.ndarray) -> np.ndarray:
         """Sum facet matrices (facets, n, n) into a dense one over the nodes."""
@@ -114,10 +150,10 @@ class CondensedContact:
     def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
         N, W, height = self._quadrature
         C = self.compliance.C
-        D = (self.inverse_mass if with_multiplier else 0.0) - epsilon_n * C
+        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
         if frozen is not None:
-            offset = offset + frozen[self.nodes] @ N.T
+            offset = offset + frozen[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
         before: np.ndarray | None = None
         for _ in range(ITERATIONS):
@@ -173,12 +209,12 @@ class CondensedContact:
         carriers = np.flatnonzero(areas > 0)
         open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
         scale = self._scene.material.E_star / self._scene.sizes.h_contact
-        p = self.lam[carriers]
+        p = self.lam[self.places[carriers]]
         p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
         self.iterations += solves
-        self.lam = np.zeros(self.compliance.size)
-        self.lam[carriers] = p
-        self.F = Q @ self.lam
+        self.lam = np.zeros(len(self.lam))
+        self.lam[self.places[carriers]] = p
+        self.F = Q[:, carriers] @ p
         return True
 
     # ---- what is observed ----------------------------------------------------------------------------------------
@@ -189,7 +225,7 @@ class CondensedContact:
         if self.law.multiplier == "nodal":
             return strain
         N, W, height = self._quadrature
-        lam = self.lam[self.nodes] @ N.T
+        lam = self.lam[self.places][self.nodes] @ N.T
         gap = height - delta + (self.compliance.C @ self.F)[self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
 
@@ -222,7 +258,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
             return False
-        contact.lam = contact.inverse_mass @ contact.F
+        contact.lam = contact._projected(contact.F)
         return True
 
     return solve
@@ -234,7 +270,7 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
-            before, image = contact.lam, contact.inverse_mass @ contact.F
+            before, image = contact.lam, contact._projected(contact.F)
             size = max(np.linalg.norm(before), np.linalg.norm(image))
             change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)
@@ -275,7 +311,7 @@ class CondensedState:
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) [pressure]."""
-        return self.contact.lam[self.trace.nodes] @ self.basis(points).T
+        return self.contact.lam[self.contact.places][self.trace.nodes] @ self.basis(points).T
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
@@ -285,11 +321,11 @@ class CondensedState:
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""
-        return self.nodal_pressure()[self.trace.nodes] @ self.basis(points).T
+        return self.nodal_pressure()[self.contact.places][self.trace.nodes] @ self.basis(points).T
 
     def nodal_pressure(self) -> np.ndarray:
-        """Values at the nodes for `pressure_at` [pressure]."""
-        lam, nodes = self.contact.lam, self.trace.nodes
+        """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
+        lam, nodes = self.contact.lam, self.contact.compliance.surface.nodes
         if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
             return lam
         pressure = lam.copy()

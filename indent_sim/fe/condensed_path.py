@@ -13,11 +13,13 @@ from indent_sim.fe import observe
 from indent_sim.fe.body import Body
 from indent_sim.fe.compliance import Condenser
 from indent_sim.fe.condensed import CondensedContact, CondensedState
-from indent_sim.fe.failure import failed_state
+from indent_sim.fe.failure import EVEN, failed_state
+from indent_sim.fe.load_control import LoadControl, Pair
+from indent_sim.model.loading import LoadPath
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 8.0  # elements between the fine patch and the candidates' rim: the multiplier's ripples die out in them
+MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 SMALLEST_CUT = 2.0**-10
 
@@ -33,6 +35,7 @@ class CondensedWalk:
         self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
         self._whole *= 1.5  # the corners of a box
         self._depth, self._solves = 0.0, 0
+        self._control = LoadControl(self._go, scene.body.height)
         self.observed = RecoveredBody(self)
         self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
 
@@ -60,24 +63,40 @@ class CondensedWalk:
             if not self._solve(delta):
                 return False
             self._depth = self.view.depth = delta
+            self._control.know(*self._pair)
         return True
 
     @property
     def failure(self) -> str:
-        """Why the last solve did not converge."""
-        return self.contact.failure
+        """Why the last value was not reached."""
+        return self._control.failure or f"{self.contact.failure}, {EVEN}"
 
-    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
-        """One State per requested depth after the first `done`; after one that is not converged there is no other."""
-        for step, delta in enumerate(deltas[done:], start=done + 1):
+    def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
+        """One State per requested value after the first `done`; after one that is not converged there is no other."""
+        for step, value in enumerate(path.values[done:], start=done + 1):
             before = self._solves
-            if not self._solve(delta):
-                yield failed_state(
-                    self.scene, step, delta, self._solves - before, self._depth, self.started, self.contact.failure
-                )
+            if not (self._stand_at(value) if path.control == "depth" else self._press(value, step)):
+                solves = self._solves - before
+                yield failed_state(self.scene, step, value, solves, self._pair, self.started, self.failure)
                 return
-            self._depth = self.view.depth = delta
-            yield self._observe(step, delta, self._solves - before, wants_surface(step))
+            yield self._observe(step, self._solves - before, wants_surface(step))
+
+    def _stand_at(self, delta: float) -> bool:
+        if not self._solve(delta):
+            return False
+        self._depth = self.view.depth = delta
+        return True
+
+    def _press(self, force: float, step: int) -> bool:
+        return self._control.press(force, self.scene.deltas[step - 1])
+
+    def _go(self, delta: float) -> Pair:
+        self._stand_at(delta)
+        return self._pair
+
+    @property
+    def _pair(self) -> Pair:
+        return self.scene.copies * float(self.contact.F.sum()), self.contact.depth
 
     def _solve(self, delta: float) -> bool:
         while True:
@@ -106,12 +125,12 @@ class CondensedWalk:
             return True
         trace = self.contact.compliance.trace
         distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.center)[: trace.dim - 1], axis=-1)
-        rim = distance.max() - 2 * self.scene.sizes.h_contact
+        rim = self._reach_of_candidates - 2 * self.scene.sizes.h_contact
         loaded = np.abs(self.contact.F[trace.nodes]) > 0
         return bool(distance[loaded].max(initial=0.0) < rim)
 
-    def _observe(self, step: int, delta: float, iterations: int, with_surface: bool) -> State:
-        contact, copies = self.contact, self.scene.copies
+    def _observe(self, step: int, iterations: int, with_surface: bool) -> State:
+        contact, copies, delta = self.contact, self.scene.copies, self._depth
         a, p_max, penetration = observe.contact(self.view)
         compliance = contact.compliance
         return State(
@@ -158,7 +177,7 @@ class RecoveredBody:
         return self._walk.view.stiffness_scale
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) on this rank's facets, zero beyond the candidates [pressure]."""
+        """lam (facets, points) on this rank's facets [pressure]."""
         return self._walk.condenser.spread(self._walk.contact.lam) @ self._walk.view.basis(points).T
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:

@@ -22,8 +22,8 @@ from indent_sim.fe.problem import Problem
 from indent_sim.scene import Scene
 
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
-UZAWA_NEWTON = 1e-11  # Newton's tolerance inside the loop: finer than the changes it is to show
-UZAWA_NOISE = 1e-17  # relative residual per stiffness [thickness/E]
+FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
+NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
 UZAWA_INNER = 1e-2  # of the multiplier's last change: how well the next solve within the loop must know the state
 UZAWA_LOOPS = 500
 UZAWA_PATIENCE = 60  # loops in which the change must have halved at least once
@@ -33,6 +33,11 @@ def settled(scene: Scene) -> float:
     """The last change of Uzawa's multiplier, relative: with a soft stiffness small changes do not mean a small gap."""
     stiffness = scene.contact.stiffness  # type: ignore[union-attr]
     return UZAWA_TOLERANCE * min(1.0, stiffness * scene.sizes.h_contact / scene.material.E_star)
+
+
+def finest(problem: Problem) -> float:
+    """The smallest relative residual that is not noise."""
+    return max(FINE, NOISE * problem.stiffness_scale)
 
 
 class Enforcement:
@@ -53,6 +58,15 @@ class Enforcement:
     def failure(self) -> str:
         """Why the last solve did not converge."""
         return self.newton.failure
+
+    @property
+    def force_tolerance(self) -> float:
+        """How well a force can be met, relative."""
+        return 10 * finest(self.problem)
+
+    def sharpen(self) -> None:
+        """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
+        self.newton.rtol = min(self.newton.rtol, finest(self.problem))
 
     def solve(self) -> bool:
         """True when converged to a state that a body can have; else the problem's state is as it was."""
@@ -101,8 +115,7 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
     projection = _Projection(newton.problem)
-    noise = UZAWA_NOISE * newton.problem.stiffness_scale  # what round-off in the gaps makes of the residual
-    newton.rtol = min(newton.rtol, max(UZAWA_NEWTON, noise))
+    newton.rtol = min(newton.rtol, finest(newton.problem))
 
     def solve() -> bool:
         problem = newton.problem

@@ -5,9 +5,12 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
+from indent_sim.fe.load_control import Pair
 from indent_sim.model.materials import Gent
 from indent_sim.scene import Scene
 from indent_sim.state import State
+
+EVEN = "in shorter and shorter substeps too"
 
 
 @dataclass(frozen=True)
@@ -23,14 +26,19 @@ class Crushed:
         return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.kinematics.axes)}) = ({place})"
 
 
-def failed_state(scene: Scene, step: int, delta: float, iterations: int, last: float, started: float, failure: str,
+def failed_state(scene: Scene, step: int, value: float, iterations: int, last: Pair, started: float, failure: str,
                  crushed: Crushed | None = None) -> State:  # fmt: skip
-    """The State that says that and why there is none at this depth; `crushed` describes the last equilibrium."""
-    nan, L = float("nan"), scene.scales.length
+    """The State that says that and why there is none at this depth or force.
+
+    last: force and depth of the last equilibrium; crushed: where its J is smallest.
+    """
+    nan, L, F = float("nan"), scene.scales.length, scene.scales.force
+    wanted, place, delta = f"delta = {value * L:.6g}", f"delta = {last[1] * L:.6g}", value
+    if scene.path.control == "force":
+        wanted, place, delta = f"force = {value * F:.6g}", f"{place}, force = {last[0] * F:.6g}", last[1]
     reason = (
-        f"contact method {scene.contact.method} did not converge at delta = {delta * L:.6g}: {failure}, in shorter and "
-        f"shorter substeps; the last equilibrium found is at delta = {last * L:.6g}"
-        f"{crushed.words(scene) if crushed else ''}{_limit(scene)}; {_advice(scene)} may help"
+        f"contact method {scene.contact.method} did not converge at {wanted}: {failure}; the last equilibrium found is "
+        f"at {place}{crushed.words(scene) if crushed else ''}{_limit(scene)}; {_advice(scene)} may help"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)

@@ -14,6 +14,7 @@ from indent_sim.fe.problem import Problem
 
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
 START = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
+CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 
@@ -30,6 +31,7 @@ class Newton:
         self.max_iterations = max_iterations
         self.iterations = 0
         self._largest_reaction = 0.0
+        self._solved_at = 0.0  # depth of the last solution
         self._reaction = 0.0
         self._residual = 0.0
         self.failure = ""  # why the last solve did not converge
@@ -78,7 +80,10 @@ class Newton:
         Full steps first: at the kinks of contact a line search stalls where they get through. If they do not, through
         softer contact to the law's own. On failure the solution is left as it was before.
         """
-        return self._solve(rtol) or self._solve_from_softer_contact()
+        solved = self._solve(rtol) or self._solve_from_softer_contact()
+        if solved:
+            self._solved_at = self.problem.depth
+        return solved
 
     def approach(self, between: Callable[[], object] = lambda: None) -> bool:
         """Come near the equilibrium of a stiff contact through softer ones, each found roughly; True when there.
@@ -87,7 +92,8 @@ class Newton:
         called after each. On failure the solution is left as it was before.
         """
         problem, start, found = self.problem, self.problem.x.copy(), True
-        for factor in stages(problem.law, problem.scene):
+        is_close = abs(problem.depth - self._solved_at) <= CLOSE * abs(problem.depth)
+        for factor in [] if is_close else stages(problem.law, problem.scene):
             problem.soften(factor)
             found = self._solve(ROUGHLY)
             if not found:

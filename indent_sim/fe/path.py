@@ -12,8 +12,10 @@ import numpy as np
 
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
-from indent_sim.fe.failure import failed_state
+from indent_sim.fe.failure import EVEN, failed_state
+from indent_sim.fe.load_control import LoadControl, Pair
 from indent_sim.fe.problem import Problem
+from indent_sim.model.loading import LoadPath
 from indent_sim.state import State
 
 NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
@@ -30,7 +32,7 @@ class Point:
 
 
 class Walk:
-    """Newton along the requested depths, from a predicted state, with cutback where a step is too long."""
+    """Newton along the requested depths or forces, from a predicted state, with cutback where a step is too long."""
 
     def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
         self.problem = self.observed = problem
@@ -41,6 +43,8 @@ class Walk:
         self._row: Point | None = None
         self._stride = inf  # the longest step that is tried
         self._successes = 0  # at this stride
+        self._substeps = 0  # so far
+        self._control = LoadControl(self._go, problem.scene.body.height, enforcement.force_tolerance)
 
     @property
     def _last(self) -> Point:
@@ -65,6 +69,7 @@ class Walk:
                 vector.array[:] = values
             self._points = [*self._points[-2:], Point(delta, vectors)]
         self.return_to_last()
+        self._control.know(*self._pair)
         start = self._points
         if all(self._reach(delta) for delta in deltas[-3:]):
             return True
@@ -74,20 +79,40 @@ class Walk:
 
     @property
     def failure(self) -> str:
-        """Why the last solve did not converge."""
-        return self.enforcement.failure
+        """Why the last value was not reached."""
+        return self._control.failure or f"{self.enforcement.failure}, {EVEN}"
 
-    def states(self, deltas: tuple[float, ...], wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
-        """One State per requested depth after the first `done`; after one that is not converged there is no other."""
-        for step, delta in enumerate(deltas[done:], start=done + 1):
+    def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
+        """One State per requested value after the first `done`; after one that is not converged there is no other."""
+        if path.control == "force":
+            self.enforcement.sharpen()
+        for step, value in enumerate(path.values[done:], start=done + 1):
             iterations = self.enforcement.iterations
-            substeps = self._reach(delta)
-            if substeps:
-                self._row = self._last
-            state = self._observe(step, delta, self.enforcement.iterations - iterations, substeps, wants_surface(step))
-            yield state
-            if not state.converged:
+            substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
+            iterations = self.enforcement.iterations - iterations
+            if not substeps:
+                yield failed_state(self.problem.scene, step, value, iterations, self._pair, self.started, self.failure,
+                                   self.problem.least_volume_ratio())  # fmt: skip
                 return
+            self._row = self._last
+            yield self._observe(step, iterations, substeps, wants_surface(step))
+
+    def _press(self, force: float, step: int) -> int:
+        """Find the depth of a force; the number of steps to it, 0 when it is not found."""
+        before, substeps = self._points[-2:], self._substeps
+        if not self._control.press(force, self.problem.scene.deltas[step - 1]):
+            return 0
+        self._points = [*before, self._last]  # the tries between them are too close together to extrapolate from
+        return self._substeps - substeps
+
+    def _go(self, delta: float) -> Pair:
+        """Stand at a depth, or as near to it as there is an equilibrium."""
+        self._substeps += self._reach(delta)
+        return self._pair
+
+    @property
+    def _pair(self) -> Pair:
+        return self.problem.force(), self._last.delta
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for."""
@@ -160,16 +185,13 @@ class Walk:
     def _accept(self, delta: float) -> None:
         self._points = [*self._points[-2:], Point(delta, self.problem.snapshot())]
 
-    def _observe(self, step: int, delta: float, iterations: int, substeps: int, with_surface: bool) -> State:
+    def _observe(self, step: int, iterations: int, substeps: int, with_surface: bool) -> State:
         problem = self.problem
-        if substeps == 0:
-            return failed_state(problem.scene, step, delta, iterations, self._last.delta, self.started,
-                                self.enforcement.failure, problem.least_volume_ratio())  # fmt: skip
         reaction, stray = problem.reactions()
         a, p_max, penetration = observe.contact(problem)
         return State(
             step=step,
-            delta=delta,
+            delta=self._last.delta,
             force=problem.force(),
             a=a,
             p_max=p_max,

@@ -1,29 +1,52 @@
-"""The path of the tip: which depths are asked for, one result row each."""
+"""The path of the tip: which depths or forces are asked for, one result row each."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
-from annotated_types import Gt, Le, Len
+from annotated_types import Ge, Gt, Le, Len
 
 from indent_sim.model.quantities import LENGTH, Coordinate, Length
+
+Force = Annotated[float, Gt(0)]
+ForceOrZero = Annotated[float, Ge(0)]
+
+WAYS = ("delta", "deltas", "force", "forces")  # to say the path, one of them
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]."""
+
+    control: Literal["depth", "force"]
+    values: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Loading:
-    """Either a final depth `delta` reached in `steps` equal steps, or the depths `deltas` one by one.
+    """One of: a final depth `delta` or force `force` reached in `steps` equal steps, the depths `deltas` or the
+    forces `forces` one by one.
 
-    delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length].
+    delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces are of the whole
+    body (per unit length in plane strain) and never negative: a tip without adhesion cannot pull. With a force of 0 the
+    tip just touches, delta = 0.
     """
 
     delta: Length | None = None
+    force: Force | None = None
     steps: Annotated[int, Gt(0), Le(100_000)] = 10
     deltas: Annotated[tuple[Coordinate, ...], Len(1), LENGTH] | None = None
+    forces: Annotated[tuple[ForceOrZero, ...], Len(1)] | None = None
 
-    def path(self) -> tuple[float, ...]:
-        """The requested depths in order [length]."""
-        if self.deltas is not None:
-            return self.deltas
-        assert self.delta is not None
-        return tuple(self.delta * step / self.steps for step in range(1, self.steps + 1))
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Which of the ways to say the path are used; a complete loading uses one."""
+        return tuple(way for way in WAYS if getattr(self, way) is not None)
+
+    def path(self) -> LoadPath:
+        """The requested depths or forces in order."""
+        (way,) = self.given
+        last = getattr(self, way)
+        values = last if way in ("deltas", "forces") else tuple(last * n / self.steps for n in range(1, self.steps + 1))
+        return LoadPath("depth" if way in ("delta", "deltas") else "force", values)

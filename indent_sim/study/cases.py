@@ -40,11 +40,11 @@ class Case:
     def problem(self) -> str:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
         asked = {key: value for key, value in self.values.items() if not _is_discrete(key)}
-        return inline(asked | {"gap": self.scene.gap, "depth": self.depth})
+        return inline(asked | {"gap": self.scene.gap, "depth": self.depth, "control": self.scene.path.control})
 
     @property
     def depth(self) -> float:
-        """The last depth, in the user's units."""
+        """The last depth, to expect where forces are prescribed, in the user's units."""
         return self.scene.deltas[-1] * self.scene.scales.length
 
     @property

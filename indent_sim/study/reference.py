@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,25 +19,42 @@ from indent_sim.study.file import StudyFile
 
 SAME_DEPTH = 1e-9  # relative
 MOST_DEPTHS = 200  # at which theory is asked
+AROUND = 1.3  # times an expected depth the one found may be
 RADII = 200  # at which theory's pressure is looked at for its peak
 NAN = math.nan
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where unknown."""
+    """Force, contact radius and peak pressure at given depths, in the user's units; NaN where unknown.
+
+    `between`: the depths asked for are found, not prescribed, and lie near those known rather than on them.
+    """
 
     delta: np.ndarray
     force: np.ndarray
     a: np.ndarray
     p_max: np.ndarray
+    between: bool = field(default=False, kw_only=True)
 
     def at(self, delta: float) -> tuple[float, float, float]:
-        """(force, a, p_max) at a depth; NaN when this depth is not among those known."""
+        """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it is not known."""
+        if self.between:
+            return tuple(_power_law(delta, self.delta, column) for column in (self.force, self.a, self.p_max))  # type: ignore[return-value]
         match = np.flatnonzero(np.isclose(self.delta, delta, rtol=SAME_DEPTH, atol=0))
         if not len(match):
             return NAN, NAN, NAN
         return tuple(float(column[match[-1]]) for column in (self.force, self.a, self.p_max))  # type: ignore[return-value]
+
+
+def _power_law(x: float, known: np.ndarray, values: np.ndarray) -> float:
+    """The value at x of the power law through the two nearest of the known points; NaN where there are no two."""
+    near = [i for i in np.argsort(np.abs(known - x)) if known[i] > 0 and values[i] > 0]
+    other = next((i for i in near if not np.isclose(known[i], known[near[0]], rtol=SAME_DEPTH, atol=0)), None)
+    if x <= 0 or other is None:
+        return NAN
+    slope = np.log(values[other] / values[near[0]]) / np.log(known[other] / known[near[0]])
+    return float(values[near[0]] * (x / known[near[0]]) ** slope)
 
 
 class Comparison:
@@ -50,9 +68,12 @@ class Comparison:
         where = study.compare_place
         if self._wanted == "theory":
             self._take_theory(cases, where)
-        elif not isinstance(self._wanted, (str, float)):
+        elif isinstance(self._wanted, float):
+            if any(case.scene.path.control == "force" for case in cases):
+                raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
+        elif not isinstance(self._wanted, str):
             self._file = of_results(results.read(self._wanted))
-            missing = [case for case in cases if math.isnan(self._file.at(case.depth)[0])]
+            missing = [case for case in cases if math.isnan(_for(case, self._file).at(case.depth)[0])]
             if missing:
                 raise _error(where, f"has no depth {missing[0].depth:g}, the last of {missing[0].words}")
 
@@ -74,7 +95,8 @@ class Comparison:
         """What the case is compared with; None when there is nothing."""
         if isinstance(self._wanted, float):
             return Answer(*(np.array([value]) for value in (case.depth, self._wanted, NAN, NAN)))
-        return self._file or self._answers.get(case.problem)
+        answer = self._file or self._answers.get(case.problem)
+        return _for(case, answer) if answer else None
 
     def _take_theory(self, cases: Sequence[Case], where: Place) -> None:
         for case in cases:
@@ -90,11 +112,18 @@ class Comparison:
             self.notes = (f"theory is not exact for this body ({why}): the errors include the difference",)
 
 
+def _for(case: Case, answer: Answer) -> Answer:
+    """The answer as a case needs it, whose depths may be found, not prescribed."""
+    return dataclasses.replace(answer, between=case.scene.path.control == "force")
+
+
 def of_theory(case: Case) -> Answer | None:
-    """Layer theory at the depths of a case, of very many at some; None where there is none."""
+    """Layer theory at the depths of a case, of very many at some, and around those to expect; None without theory."""
     scene = case.scene
     depths = [delta for delta in scene.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
+    if scene.path.control == "force":
+        depths = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS).tolist()
     curve = scene.oracle.curve(depths) if scene.oracle and depths else None
     if not curve:
         return None

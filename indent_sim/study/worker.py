@@ -18,12 +18,21 @@ from typing import Any
 
 from indent_sim import run as chain
 from indent_sim.config import Config
-from indent_sim.errors import BackendError, IndentSimError, UsageError
+from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
 
 LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
 PR_SET_PDEATHSIG = 1
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
-LAUNCHERS = ("PMI_", "PMIX_", "OMPI_COMM_", "OMPI_UNIVERSE_", "OMPI_MCA_orte_", "OMPI_MCA_ess", "PRTE_MCA_ess")
+LAUNCHERS = (
+    "SLURM_",
+    "PMI_",
+    "PMIX_",
+    "OMPI_COMM_",
+    "OMPI_UNIVERSE_",
+    "OMPI_MCA_orte_",
+    "OMPI_MCA_ess",
+    "PRTE_MCA_ess",
+)
 ABORTING = (UsageError, BackendError)  # no fault of the run: the next one would end the same way
 
 Ending = tuple[int, str]  # exit code and reason
@@ -87,8 +96,8 @@ class Worker:
 def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     """Do the runs that arrive until the parent is gone."""
     parents.close()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for number in (signal.SIGINT, signal.SIGTERM):  # batch systems send them to all processes of a job
+        signal.signal(number, signal.SIG_IGN)  # the parent decides
     _die_with(parent)
     for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
         del os.environ[name]
@@ -101,7 +110,7 @@ def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
 def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
     _reset_peak_memory()
     try:
-        chain.run(config, directory=directory)
+        _run(config, directory)
     except ABORTING as error:
         return error
     except IndentSimError as error:
@@ -109,6 +118,15 @@ def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
     except Exception as error:
         return 1, f"{type(error).__name__}: {error}"
     return 0, ""
+
+
+def _run(config: Config, directory: Path) -> None:
+    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew."""
+    if directory.exists():
+        with suppress(ConfigError, UsageError):
+            chain.run(config, directory=directory, resume=True)
+            return
+    chain.run(config, directory=directory)
 
 
 def _warm_up() -> None:

@@ -1,4 +1,4 @@
-"""The contact size that belongs to a depth: inversion of an increasing load curve."""
+"""Inversion of an increasing load curve: the contact size of a depth, the depth of a force."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def next_guess(known: list[tuple[float, float]], depth: float) -> float | None:
 
 
 def increasing_root(depth: Callable[[float], float], target: float, start: float, limit: float) -> float:
-    """Contact size a in (0, limit) with depth(a) = target > 0, for an increasing depth(a).
+    """Contact size a in (0, limit) with depth(a) = target > 0, for an increasing depth(a); or any such pair.
 
     Secant in (log a, log depth), where Hertz is a straight line, kept inside a bracket that bisection
     halves whenever the secant does not. Raises ValueError if depth stays below target up to 1e-4 from the

@@ -50,16 +50,18 @@ COARSER = {
 
 
 def deviations(name: str, directory: Path, *overrides: str) -> np.ndarray:
-    """Relative difference of the force to the expected one, at every depth where that is known."""
+    """Relative difference of what was found (the force, or the depth where forces are prescribed) to what is
+    expected, at every prescribed value where that is known."""
     run(load(CONFIGS / name, ("output.plot=false", *overrides)), MPI.COMM_SELF, directory=directory)
     assert json.loads((directory / "run.json").read_text())["status"] == "done"
     with open(directory / "force_indentation.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    depths, forces = EXPECTED[name]["delta"], EXPECTED[name]["force"]
-    expected = {round(delta, 12): force for delta, force in zip(depths, forces, strict=True)}
-    found = {round(float(row["delta"]), 12): float(row["force"]) for row in rows}
-    assert list(found)[-1] == list(expected)[-1]
-    return np.array([force / expected[delta] - 1 for delta, force in found.items() if delta in expected])
+    x, y = ("force", "delta") if EXPECTED[name]["control"] == "force" else ("delta", "force")
+    expected = [(round(at, 12), value) for at, value in zip(EXPECTED[name][x], EXPECTED[name][y], strict=True)]
+    found = [(round(float(row[x]), 12 if x == "delta" else 8), float(row[y])) for row in rows]
+    assert found[-1][0] == expected[-1][0]
+    known = dict(expected)
+    return np.array([value / known[at] - 1 for at, value in found if known.get(at)])
 
 
 @pytest.mark.parametrize("name", SCENES)

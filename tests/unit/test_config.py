@@ -15,7 +15,7 @@ from indent_sim.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.model.body import Box, BoxSides, Cylinder
 from indent_sim.model.contact import AutoContact, Penalty
 from indent_sim.model.indenters import Cone, Paraboloid
-from indent_sim.model.loading import Loading
+from indent_sim.model.loading import Loading, LoadPath
 from indent_sim.model.materials import LinearElastic
 from indent_sim.yaml_strict import parse
 
@@ -60,7 +60,8 @@ def test_defaults():
     assert config.material == LinearElastic(E=1e-6, nu=0.3)
     assert config.indenter == Paraboloid(R=1.0)
     assert config.contact == AutoContact()
-    assert config.loading.path() == pytest.approx([0.001 * i for i in range(1, 11)])
+    assert config.loading.path().values == pytest.approx([0.001 * i for i in range(1, 11)])
+    assert config.loading.path().control == "depth"
     assert (config.mesh.h_contact, config.mesh.order, config.mesh.symmetry) == ("auto", 2, "auto")
     assert (config.output.fields, config.output.plot, config.output.directory) == ("last", True, None)
     assert config.center is None
@@ -220,6 +221,16 @@ def test_mappings_of_a_notebook():
 def test_a_mapping_holds_only_what_a_file_could(value):
     with pytest.raises(ConfigError):
         from_mapping({**parse(SCENE)[0], "title": value})
+
+
+@pytest.mark.parametrize(
+    ("loading", "values"),
+    [({"force": 3.0, "steps": 3}, (1.0, 2.0, 3.0)), ({"forces": [2.0, 0.0, 1]}, (2.0, 0.0, 1.0))],
+)
+def test_forces_instead_of_depths(loading, values):
+    config = from_mapping(parse(SCENE)[0] | {"loading": loading})
+    assert config.loading.path() == LoadPath("force", values)
+    assert loads(to_yaml(config)) == config and to_mapping(config)["loading"] == loading
 
 
 def test_a_config_is_a_value():

@@ -11,11 +11,12 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import CYLINDER, E_STAR, scene, solve
+from scenes import CYLINDER, E_STAR, WALLED, scene, solve
 
 from indent_sim import geometry
 from indent_sim.fe import active_set, condensed, solver
 from indent_sim.fe.condensed import complementary
+from indent_sim.run import condense
 from indent_sim.scene import Scene
 from indent_sim.state import Surface
 
@@ -27,7 +28,7 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
     walk = solver.walk(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
-    for state in walk.states(base.deltas, lambda step: True):
+    for state in walk.states(base.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
         trace = walk.observed.trace
         r = trace.X[..., 0].ravel()
@@ -96,10 +97,30 @@ def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: fl
             residual[three] += (w * (pressure - N @ lam[three])) @ N
             areas[three] += w @ np.abs(N)
             thrust += w @ pressure
-        near = x < 0.12  # beyond the candidates a condensed multiplier is cut off where it has faded to 1e-8
-        assert np.abs(residual / areas)[near].max() <= 1e-9 * 0.072
-        assert np.abs(residual / areas).max() <= 1e-7 * 0.072
+        assert np.abs(residual / areas).max() <= 1e-9 * 0.072
         assert thrust == pytest.approx(force, rel=1e-9, abs=1e-14)
+
+
+# ---- where the set ends -----------------------------------------------------------------------------------------
+
+
+def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
+    """The textbook's active set, F_i >= 0, g_i >= 0 and F_i g_i = 0 at every node, on the same compliance: as the edge
+    goes from node to node its force is off by 0.11 % in the mean and 0.49 % at most, ours by 0.07 and 0.23 %."""
+    base = scene(WALLED, contact={"method": "active_set"}, mesh={"h_contact": H})
+    deltas = np.linspace(0.0017, DELTA, 200)  # four to ten elements in the radius
+    exact = np.array([solution.force for solution in base.oracle.curve(tuple(deltas))])
+    body = condense(base)
+    hats = np.array([state.force for state in body.states(deltas=deltas)])
+    C, trace = body.compliance.C, body.compliance.trace
+    r = np.zeros(len(C))
+    r[trace.nodes] = trace.X[..., 0]
+    off = np.flatnonzero(r > 0)  # the node on the axis carries nothing
+    gaps = (r[off] ** 2 / 2)[None, :] - deltas[:, None]
+    nodal = np.array([complementary(C[np.ix_(off, off)], gap, gap < 0)[0].sum() for gap in gaps])
+    ours, theirs = hats / exact - 1, nodal / exact - 1
+    assert np.abs(ours).max() < min(3e-3, 0.7 * np.abs(theirs).max())
+    assert ours.std() < 0.8 * theirs.std()
 
 
 # ---- active sets that go round in a circle --------------------------------------------------------------------

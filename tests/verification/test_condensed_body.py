@@ -1,11 +1,76 @@
-"""One factorisation, many tips: the condensed body as a notebook uses it."""
+"""The condensed body: the numbers of the full Newton, and one factorisation for many tips as a notebook uses it."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
-from scenes import PARABOLOID, WALLED, scene
+from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
+from indent_sim.config import load
 from indent_sim.errors import ConfigError
+from indent_sim.fe import condensed_path
 from indent_sim.model.indenters import Paraboloid, Sphere
 from indent_sim.run import condense, states
+from indent_sim.scene import Scene, resolve
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+METHODS = ("augmented_lagrangian", "uzawa", "active_set", "penalty")
+BODIES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "axisymmetric": (CYLINDER, {"mesh": {"h_contact": 0.02}, "loading": {"delta": 0.01, "steps": 5}}),
+    "plane_strain": (STRIP, {"mesh": {"h_contact": 0.02}, "loading": {"delta": 0.01, "steps": 3}}),
+    "box": (BOX, {"mesh": {"h_contact": 0.12}, "loading": {"delta": 0.04, "steps": 2}}),
+    "mixed": (WALLED, {"mesh": {"h_contact": 0.02}, "material": ELASTIC | {"nu": 0.5}}),
+}
+
+
+def solved_by(method: str, base: Scene) -> Scene:
+    """The same scene for one solver or the other."""
+    return replace(base, solver=base.solver | {"method": method})
+
+
+def assert_condensed_is_newton(base: Scene) -> None:
+    """Force, radius and, at every node of the surface, the pressure (of the largest), at every step to 1e-9.
+
+    It is one discrete problem: the difference is what Newton's tolerance of 1e-10 leaves, and usually 1e-12.
+    """
+    for one, other in zip(*(solve(solved_by(solver, base)) for solver in ("condensed", "newton")), strict=True):
+        assert one.force == pytest.approx(other.force, rel=1e-9)
+        assert one.a == pytest.approx(other.a, rel=1e-9)
+        assert np.abs(one.surface.pressure - other.surface.pressure).max() <= 1e-9 * other.p_max
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("body", BODIES)
+def test_condensed_is_newton(body: str, method: str) -> None:
+    shape, sections = BODIES[body]
+    assert_condensed_is_newton(scene(shape, contact={"method": method}, **sections))
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("name", sorted(str(path.relative_to(CONFIGS)) for path in CONFIGS.rglob("*.yaml")
+                                        if "studies" not in path.parts))  # fmt: skip
+def test_condensed_is_newton_on_every_linear_config(name: str) -> None:
+    base = resolve(load(CONFIGS / name))
+    if base.solver["method"] != "condensed":
+        assert not base.material.small_strain, "a linear scene as shipped that does not condense"
+        pytest.skip("finite strain")
+    assert_condensed_is_newton(base)
+
+
+@pytest.mark.parametrize("method", ["augmented_lagrangian", "uzawa", "active_set"])
+def test_no_number_knows_the_candidates(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four elements around the fine patch, the whole surface, or so few that they must grow: rounding alone differs."""
+    base = scene(CYLINDER, contact={"method": method}, mesh={"h_contact": 0.02})
+    (expected,) = solve(base)
+    for margin in (-5.0, 1000.0):
+        monkeypatch.setattr(condensed_path, "MARGIN", margin)
+        (found,) = solve(base)
+        assert found.force == pytest.approx(expected.force, rel=1e-12)
+        assert np.abs(found.surface.pressure - expected.surface.pressure).max() <= 1e-11 * expected.p_max
 
 
 def test_another_tip_on_the_same_compliance_is_a_run_of_its_own():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scenes import BOX, CYLINDER, E_STAR, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
+from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
 from test_hertz import CUBE, FORCES, RADII
 
 from indent_sim import cli, run
@@ -21,7 +21,6 @@ from indent_sim.fe import condensed
 from indent_sim.state import State
 
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche")
-CONDENSABLE = ("augmented_lagrangian", "uzawa", "active_set", "penalty")
 SOLVERS = ("condensed", "newton")
 TEN_STEPS = {"delta": 0.01, "steps": 10}
 
@@ -42,15 +41,15 @@ def extrapolated(soft: list[State], stiff: list[State]) -> np.ndarray:
 
 
 def test_methods_agree_on_the_cylinder() -> None:
-    """0.05 % between the extremes of all five, at every step. With h_contact = 0.0025 thirteen elements are in the
-    first contact radius, and what jumps there is less than half of it; at that first step two times as much."""
-    h = 0.0025
+    """0.05 % between the extremes of all five, and from the converged forces, at every step (0.012 and 0.021 % found).
+    With h_contact = 0.002 sixteen elements are in the first contact radius; with thirteen it is 0.046 % there."""
+    h = 0.002
+    assert scene(CYLINDER, mesh={"h_contact": h}).prediction["dofs"] < 6000
     curves = [np.array([state.force for state in hertz(name, h)]) for name in METHODS]
     curves.append(extrapolated(hertz("penalty", h, 50.0), hertz("penalty", h, 100.0)))
-    spread = np.ptp(np.array(curves) / FORCES, axis=0)
-    assert spread[0] < 1e-3
-    assert spread[1:].max() < 5e-4
-    assert np.abs(np.array(curves)[:, -1] / FORCES[-1] - 1).max() < 5e-4
+    errors = np.array(curves) / FORCES - 1
+    assert np.ptp(errors, axis=0).max() < 5e-4
+    assert np.abs(errors).max() < 5e-4
 
 
 @cache
@@ -84,7 +83,7 @@ def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
 TIPS = {
     "paraboloid": (PARABOLOID, 0.01, 0.004),
     "sphere": ({"shape": "sphere", "R": 1.0}, 0.01, 0.004),
-    "cone": ({"shape": "cone", "half_angle": 70}, 0.1, 0.008),
+    "cone": ({"shape": "cone", "half_angle": 70}, 0.1, 0.003),
 }
 
 
@@ -106,8 +105,8 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
 
 @pytest.mark.parametrize("tip", TIPS)
 def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
-    """0.03 % of the force (the cone, whose pressure is infinite at the apex, 0.1 %) on about 3 000 dofs: h_contact =
-    0.004 is a twenty-fifth of the last radius and an eighth of the first, and P2 leaves less than 0.01 % of either.
+    """0.03 % of the force (the cone, whose pressure is infinite at the apex, 0.1 %) on less than 6 000 dofs: h_contact
+    is an eighth of the first radius, of the cone's a sixth, and P2 leaves 0.01 % (cone 0.03 %) of the force there.
     p(0) 0.5 % and a 1 %: derivatives of what is known to 0.01 %, and a fraction of an element."""
     forces, radius, pressure = beside_theory(tip, "augmented_lagrangian")
     assert np.abs(forces).max() < (1e-3 if tip == "cone" else 3e-4)
@@ -118,11 +117,10 @@ def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
 @pytest.mark.parametrize("name", ["active_set", "nitsche"])
 @pytest.mark.parametrize("tip", TIPS)
 def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
-    """0.15 %: the set of nodal pressures ends at a node, which shows at the first step, where eight elements are in
-    contact; under the cone's apex, where two are, it may be 0.4 %."""
+    """0.15 % at every step: the set of nodal pressures ends at a node, which shows at the first, where eight elements
+    are in contact, and six of the cone's (0.08 and 0.06 % found)."""
     forces, radius, pressure = beside_theory(tip, name)
-    assert np.abs(forces[1:]).max() < 1.5e-3
-    assert abs(forces[0]) < (4e-3 if tip == "cone" else 1.5e-3)
+    assert np.abs(forces).max() < 1.5e-3
     assert abs(radius) < 0.01
     assert abs(pressure) < 0.005
 
@@ -226,28 +224,6 @@ def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
     """1e-8; Uzawa, which stops at 1e-8 of its multiplier, ten times that."""
     one, ten = (hertz(name, 0.01, None, steps)[-1].force for steps in (1, 10))
     assert one == pytest.approx(ten, rel=1e-7 if name == "uzawa" else 1e-8)
-
-
-BODIES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "axisymmetric": (CYLINDER, {"mesh": {"h_contact": 0.02}, "loading": {"delta": 0.01, "steps": 5}}),
-    "plane_strain": (STRIP, {"mesh": {"h_contact": 0.02}, "loading": {"delta": 0.01, "steps": 3}}),
-    "box": (BOX, {"mesh": {"h_contact": 0.12}, "loading": {"delta": 0.04, "steps": 2}}),
-    "mixed": (WALLED, {"mesh": {"h_contact": 0.02}, "material": ELASTIC | {"nu": 0.5}}),
-}
-
-
-@pytest.mark.parametrize("name", CONDENSABLE)
-@pytest.mark.parametrize("body", BODIES)
-def test_condensed_is_newton(body: str, name: str) -> None:
-    """One discrete problem: forces to 1e-9, what Newton's tolerance of 1e-10 leaves (1e-13 found); pressures to 1e-7
-    of the largest, since a condensed multiplier is projected on the candidates alone, where it has faded to that."""
-    shape, sections = BODIES[body]
-    one_by_one = (
-        solve(scene(shape, contact=method(name), solver={"method": solver}, **sections)) for solver in SOLVERS
-    )
-    for one, other in zip(*one_by_one, strict=True):
-        assert one.force == pytest.approx(other.force, rel=1e-9)
-        assert one.surface.pressure == pytest.approx(other.surface.pressure, rel=0, abs=1e-7 * other.p_max)
 
 
 # ---- smooth results -------------------------------------------------------------------------------------------

@@ -1,0 +1,123 @@
+"""Load control: the depth at which a body pushes back with a given force.
+
+The force of a frictionless elastic body grows with the depth, nearly as a power of it, whatever the path before. So
+the depth is found by inverse interpolation in (log force, log delta), where a power is a straight line, from what is
+known of the curve: the rows before, and the depths tried for this one. A bracket keeps every try between those that
+pushed less and those that pushed more.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, insort
+from collections.abc import Callable, Sequence
+
+TOLERANCE = 1e-10  # of the force
+SLACK = 1e-8  # of the force, where round-off leaves no depth between two tries: that of the audit
+TRIES = 60
+GROWTH = 4.0  # from the deepest try to the next one, at most
+EXPONENT = 2 / 3  # delta ~ force^(2/3) of a paraboloid, where only one point of the curve is known
+NEIGHBOURS = 3  # points of the curve taken on each side of a force
+
+Pair = tuple[float, float]  # force, depth
+
+
+class LoadControl:
+    """Finds depths of forces on a curve that `reach` follows: it goes to a depth, or as near as it can, and returns
+    that depth and the force there."""
+
+    def __init__(self, reach: Callable[[float], Pair], deepest: float, tolerance: float = TOLERANCE):
+        """reach: depth -> (force, depth) where it then stands; deepest: no depth beyond this is tried."""
+        self.failure = ""  # why the last force was not found, "" when a depth was not reached
+        self._reach = reach
+        self._deepest = deepest
+        self._tolerance = tolerance
+        self._curve: list[Pair] = []  # in order of the force
+
+    def know(self, force: float, delta: float) -> None:
+        """A point of the curve, from which others are predicted."""
+        if force > 0 and delta > 0 and not any(_is_near(point, force) for point in self._around(force)):
+            insort(self._curve, (force, delta))
+
+    def press(self, force: float, expected: float) -> bool:
+        """Stand at the depth of a force, near `expected` if nothing better is known; 0 where the tip just touches."""
+        if force == 0:
+            return self._reach(0.0)[1] == 0.0
+        known, tried = self._around(force), list[Pair]()
+        delta = min(predicted(force, known) or expected, self._deepest)
+        for _ in range(TRIES):
+            tried.append(self._reach(delta))
+            found, reached = tried[-1]
+            if abs(found - force) <= self._tolerance * force:
+                self.know(found, reached)
+                return True
+            lower, upper = _bracket(force, tried)
+            if self._is_at_its_end(force, tried[-1], delta, lower, upper):
+                return abs(found - force) <= SLACK * force
+            delta = min(_next(force, [*known, *tried], lower, upper, len(tried)), self._deepest)
+        self.failure = f"{TRIES} depths gave other forces"
+        return False
+
+    def _around(self, force: float) -> list[Pair]:
+        place = bisect_left(self._curve, (force, 0.0))
+        return self._curve[max(0, place - NEIGHBOURS) : place + NEIGHBOURS]
+
+    def _is_at_its_end(self, force: float, last: Pair, wanted: float, lower: float, upper: float) -> bool:
+        """Whether no other depth is worth a try; `failure` says why, where it is not the equilibrium that failed."""
+        found, reached = last
+        if found < force and reached != wanted:
+            self.failure = ""
+        elif found < force and reached >= self._deepest:
+            self.failure = "the body pushes back with less even when the tip is all but at its base"
+        elif upper <= lower * (1 + 4e-16):
+            self.failure = "the force jumps over it"
+        else:
+            return False
+        return True
+
+
+def predicted(force: float, points: Sequence[Pair]) -> float | None:
+    """The depth of a force by inverse interpolation in logarithms of the nearest points; None without any.
+
+    Far outside of what is known by the power law of the nearest two.
+    """
+    near = sorted({f: d for f, d in points if f > 0 and d > 0}.items(), key=lambda p: abs(math.log(p[0] / force)))[:3]
+    if not near:
+        return None
+    x, y = [math.log(f / force) for f, _ in near], [math.log(d) for _, d in near]
+    span = max(x) - min(x)
+    if len(near) == 1 or abs(x[0]) > span:
+        slope = (y[-1] - y[0]) / (x[-1] - x[0]) if len(near) > 1 else EXPONENT
+        return math.exp(y[0] - min(max(slope, 0.0), 1.0) * x[0])
+    return math.exp(_at_zero(x, y))
+
+
+def _at_zero(x: Sequence[float], y: Sequence[float]) -> float:
+    """The polynomial through the points at x = 0 (Neville)."""
+    values = list(y)
+    for order in range(1, len(x)):
+        for i in range(len(x) - order):
+            values[i] = (x[i + order] * values[i] - x[i] * values[i + 1]) / (x[i + order] - x[i])
+    return values[0]
+
+
+def _bracket(force: float, tried: Sequence[Pair]) -> tuple[float, float]:
+    """The deepest depth that pushed less, 0 if there is none, and the shallowest one that pushed more, or infinity."""
+    lower = max((delta for found, delta in tried if found < force), default=0.0)
+    upper = min((delta for found, delta in tried if found >= force), default=math.inf)
+    return lower, upper
+
+
+def _next(force: float, points: Sequence[Pair], lower: float, upper: float, tries: int) -> float:
+    """The next depth to try: what the points predict, or a middle of the bracket where that leads nowhere."""
+    guess = predicted(force, points)
+    stuck = tries > 10 and tries % 2 == 0
+    if guess is not None and lower < guess < upper and not stuck:
+        return min(guess, GROWTH * lower) if lower > 0 and math.isinf(upper) else guess
+    if math.isinf(upper):
+        return 2 * lower
+    return (lower + upper) / 2 if lower > upper / 4 else math.sqrt(lower * upper) if lower > 0 else upper / 4
+
+
+def _is_near(point: Pair, force: float) -> bool:
+    return math.isclose(point[0], force, rel_tol=1e-6)

@@ -1,0 +1,174 @@
+"""The job files of scripts/slurm, done by a stand-in for Slurm: the same numbers as without a scheduler."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import MPI_ENVIRONMENT, ROOT
+
+from indent_sim.results import read
+
+SLURM = ROOT / "scripts" / "slurm"
+SCENE = """\
+body: {shape: cylinder, radius: 1.0, height: 1.0, sides: roller}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.01, steps: 10}
+mesh: {h_contact: 0.05, h_far: 0.5}
+output: {plot: false, fields: none}
+"""
+STUDY = """\
+base: scene.yaml
+compare_to: theory
+vary: {contact.method: [penalty, active_set], mesh.h_contact: [0.06, 0.05, 0.04]}
+"""
+SAME = 1e-9  # rounding: other ranks, another order of sums, a curve taken up in its middle
+
+Call = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def call(tmp_path: Path) -> Call:
+    """Call a command where scene.yaml, study.yaml, the program and the stand-in for Slurm are."""
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    (tmp_path / "study.yaml").write_text(STUDY)
+    (tmp_path / "jobs").mkdir()
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for name in ("sbatch", "srun", "scontrol"):
+        written = (ROOT / "tests" / "stand_in_slurm.py").read_text().split("\n", 1)[1]
+        (programs / name).write_text(f"#!{sys.executable}\n{written}")
+        (programs / name).chmod(0o755)
+    (programs / "indent-sim").write_text(f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli "$@"\n')
+    (programs / "indent-sim").chmod(0o755)
+    environment = os.environ | MPI_ENVIRONMENT | {
+        "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
+        "STAND_IN_SLURM": str(tmp_path / "jobs"),
+    }  # fmt: skip
+
+    def start(*words: str | Path, **more: str) -> subprocess.CompletedProcess[str]:
+        done = subprocess.run([str(word) for word in words], cwd=tmp_path, env=environment | more,
+                              capture_output=True, text=True, timeout=240)  # fmt: skip
+        assert done.returncode == 0, done.stderr + logs(tmp_path)
+        return done
+
+    return start
+
+
+def logs(place: Path) -> str:
+    """What the jobs said."""
+    return "\n".join(log.read_text() for log in sorted(place.glob("slurm-*.out")))
+
+
+def ends(place: Path) -> list[dict[str, Any]]:
+    """Every end of every job and task, in order: exit code and options."""
+    files = sorted((place / "jobs").glob("*/*/ends"), key=lambda path: path.parent.name)
+    return [json.loads(line) for path in files for line in path.read_text().splitlines()]
+
+
+def numbers(folder: Path) -> list[list[Any]]:
+    """The rows of study.csv: its words, and its numbers other than times and memory."""
+    with open(folder / "study.csv", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    kept = ("index", "run", "contact.method", "mesh.h_contact", "status", "steps_done", "dofs", "force", "a", "p_max")
+    return [[float(row[k]) if k in ("force", "a", "p_max") else row[k] for k in kept] for row in rows]
+
+
+def assert_same_table(found: Path, expected: Path) -> None:
+    """Word for word, number for number to rounding."""
+    for row, other in zip(numbers(found), numbers(expected), strict=True):
+        assert row[:7] == other[:7]
+        assert row[7:] == pytest.approx(other[7:], rel=SAME)
+
+
+def test_a_run_on_two_ranks(call: Call, tmp_path: Path) -> None:
+    words = ("scene.yaml", "--set", "mesh.h_contact=0.04")
+    call("sbatch", "--ntasks=2", SLURM / "run.sbatch", *words, "--output", "job")
+    call("indent-sim", "run", *words, "--output", "alone")
+    assert read(tmp_path / "job").report["ranks"] == 2
+    call("indent-sim", "compare", "job", "alone", "--rtol", f"{SAME}")
+    (end,) = ends(tmp_path)
+    assert end["code"] == 0 and end["options"]["signal"] == "TERM@120" and end["options"]["requeue"]
+
+
+def test_a_run_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
+    """SIGTERM to the ranks, exit code 143, back into the queue, and the curve is that of one undisturbed run."""
+    words = ("scene.yaml", "--set", "loading.steps=100")
+    call("sbatch", "--ntasks=2", SLURM / "run.sbatch", *words, "--output", "job", STAND_IN_ROWS="20")
+    assert [end["code"] for end in ends(tmp_path)] == [143, 0]
+    report = read(tmp_path / "job").report
+    assert report["status"] == "done" and 20 <= report["resumed_after"][0] < 100
+    call("indent-sim", "run", *words, "--output", "alone")
+    call("indent-sim", "compare", "job", "alone", "--rtol", "1e-8")
+
+
+def test_exit_codes_come_through(call: Call, tmp_path: Path) -> None:
+    """A config error ends the job with 3; it is not queued again."""
+    call("sbatch", "--ntasks=2", SLURM / "run.sbatch", "scene.yaml", "--set", "loading.delta=2")
+    assert [end["code"] for end in ends(tmp_path)] == [3] and "beyond the body's thickness" in logs(tmp_path)
+
+
+def test_a_study_in_shards(call: Call, tmp_path: Path) -> None:
+    """An array of three and the last job give the table of the undivided study; the last job finds all runs there."""
+    told = call(SLURM / "submit_study", "study.yaml", "3", "--time=01:00:00").stdout
+    assert "3 shards" in told
+    assert [(end["code"], end["options"]["time"]) for end in ends(tmp_path)] == [(0, "01:00:00")] * 4
+    *shards, last = sorted(tmp_path.glob("slurm-*.out"))
+    assert [log.read_text().count("force 0.00") for log in shards] == [2, 2, 2]
+    assert "6 of 6 runs are there already" in last.read_text()
+    call("indent-sim", "study", "study.yaml", "--output", "whole")
+    assert_same_table(tmp_path / "results" / "study", tmp_path / "whole")
+
+
+def test_a_shard_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
+    """SIGUSR1 to the job file, SIGTERM to the study: the run it was at continues from its last row, none is lost."""
+    (tmp_path / "study.yaml").write_text(
+        STUDY.replace("penalty, active_set", "penalty") + "set: {loading.steps: 1000}\n"
+    )
+    call("sbatch", "--array=1-1", SLURM / "study.sbatch", "study.yaml", STAND_IN_ROWS="100")
+    call("sbatch", SLURM / "study.sbatch", "study.yaml")
+    assert [end["code"] for end in ends(tmp_path)] == [143, 0, 0]
+    runs = [read(folder).report for folder in (tmp_path / "results" / "study" / "runs").iterdir()]
+    assert [report["status"] for report in runs] == ["done"] * 3
+    assert sum(bool(report.get("resumed_after")) for report in runs) == 1
+    call("indent-sim", "study", "study.yaml", "--output", "whole")
+    assert_same_table(tmp_path / "results" / "study", tmp_path / "whole")
+
+
+def test_a_study_under_srun_takes_no_part_in_mpi(call: Call, tmp_path: Path) -> None:
+    """Its runs must not look for the PMI server that the variables of srun promise."""
+    step = {f"SLURM_{name}": "0" for name in ("NODELIST", "STEP_ID", "STEPID", "PROCID", "LOCALID")}
+    call("indent-sim", "study", "study.yaml", **step)
+    assert {row[4] for row in numbers(tmp_path / "results" / "study")} == {"done"}
+
+
+def test_the_commands_of_the_page_work(call: Call, tmp_path: Path) -> None:
+    """Every line of docs/cluster.md that calls sbatch, submit_study or the program, in order."""
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
+    (tmp_path / "study.yaml").write_text(STUDY.replace("0.06, 0.05, 0.04", "0.06"))
+    text = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
+    lines = [
+        line
+        for block in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+        for line in block.splitlines()
+    ]
+    ours = [line for line in lines if re.match(r"export|sbatch|scripts/|indent-sim", line)]
+    assert len(ours) == 7
+    call("bash", "-ec", "\n".join(ours))
+    assert [end["code"] for end in ends(tmp_path)] == [0] * 7
+    assert numbers(tmp_path / "results" / "study") and read(tmp_path / "results" / "cold").report["ranks"] == 4
+
+
+def test_submit_study_says_how_it_is_used(call: Call) -> None:
+    done = subprocess.run([SLURM / "submit_study", "study.yaml", "none"], capture_output=True, text=True)
+    assert done.returncode == 2 and "usage" in done.stderr

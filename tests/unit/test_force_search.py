@@ -1,0 +1,85 @@
+"""The search for the depth of a force, on curves that are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from indent_sim.fe.load_control import LoadControl, predicted
+
+
+class Curve:
+    """A body whose force is a formula; it counts how often it is asked, and gives way no deeper than `end`."""
+
+    def __init__(self, force_at: Callable[[float], float], end: float = math.inf):
+        self.force_at, self.end = force_at, end
+        self.delta, self.asked = 0.0, 0
+
+    def __call__(self, delta: float) -> tuple[float, float]:
+        self.asked += 1
+        self.delta = min(delta, self.end)
+        return self.force_at(self.delta), self.delta
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
+def test_a_power_law_is_predicted_exactly_from_two_points(exponent: float) -> None:
+    """Punch, paraboloid, cone: after two rows the first try is right, to rounding."""
+    body = Curve(lambda delta: 3.0 * delta**exponent)
+    control = LoadControl(body, deepest=1.0)
+    for force in (1e-4, 2e-4):
+        assert control.press(force, expected=0.001)
+    before = body.asked
+    for force in (3e-4, 1.0, 1e-7, 2e-4, 0.0, 1e-5):
+        assert control.press(force, expected=0.5)
+        assert body.delta == pytest.approx((force / 3.0) ** (1 / exponent), rel=1e-9)
+    assert body.asked == before + 6
+
+
+@pytest.mark.parametrize(
+    "force_at",
+    [
+        lambda delta: delta**1.5 * (1 + 3 * delta + 40 * delta**3),  # a layer that stiffens
+        lambda delta: delta / (1 - delta),  # that cannot be crushed
+        lambda delta: max(0.0, delta - 0.01) ** 1.5,  # a mesh too coarse to feel the first touch
+        lambda delta: delta**1.5 if delta < 0.1 else delta**1.5 + 5 * (delta - 0.1),  # a kink
+        lambda delta: math.expm1(20 * delta),
+    ],
+)
+@pytest.mark.parametrize("expected", [1e-6, 0.02, 0.9])
+def test_any_increasing_curve(force_at: Callable[[float], float], expected: float) -> None:
+    """From a good or bad first guess, up and down; a dozen tries is what bisection alone would not do in."""
+    body = Curve(force_at)
+    control = LoadControl(body, deepest=1 - 1e-12)
+    for force in (1e-3, 0.02, 0.03, 0.3, 0.01, 0.0, 0.3):
+        before = body.asked
+        assert control.press(force, expected), control.failure
+        assert force_at(body.delta) == pytest.approx(force, rel=1e-10, abs=0)
+        assert body.asked - before <= 25
+
+
+def test_a_jump_is_no_depth() -> None:
+    control = LoadControl(Curve(lambda delta: delta if delta < 0.1 else delta + 1), deepest=1.0)
+    assert not control.press(0.5, expected=0.05) and "jumps" in control.failure
+
+
+def test_more_than_the_body_bears() -> None:
+    control = LoadControl(Curve(lambda delta: delta), deepest=1.0)
+    assert not control.press(1.5, expected=0.05) and "base" in control.failure
+    assert control.press(0.5, expected=0.05)
+
+
+def test_where_equilibria_end() -> None:
+    """The solver's own reason is told then."""
+    body = Curve(lambda delta: delta, end=0.3)
+    control = LoadControl(body, deepest=1.0)
+    assert not control.press(0.5, expected=0.4) and control.failure == "" and body.delta == 0.3
+    assert control.press(0.25, expected=0.4)
+
+
+def test_prediction_far_from_what_is_known_is_no_polynomial() -> None:
+    """Three points within 2 % say nothing of the curvature four decades away."""
+    points = [(1.0 + n * 0.01, (1.0 + n * 0.01) ** (2 / 3) * (1 + 1e-9 * n**2)) for n in range(3)]
+    assert predicted(1e4, points) == pytest.approx(1e4 ** (2 / 3), rel=0.01)
+    assert predicted(1.0, []) is None
