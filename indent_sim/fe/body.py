@@ -19,6 +19,7 @@ from indent_sim.fe.failure import Crushed
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import Trace, facet_nodes
 from indent_sim.fe.unknowns import Unknowns
+from indent_sim.fe.variation import variations
 from indent_sim.scene import Scene
 
 CONTACT, WALL = 1, 2  # facet tags: the top surface, the curved wall of a cylinder in three dimensions
@@ -115,18 +116,21 @@ class Body:
         scene, unknowns = self.scene, self.unknowns
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.kinematics.weight(self.X)
-        volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
         material = symbolic(scene.material, self.mesh)
         H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
         H = ufl.variable(H)
-        psi = material.energy(H) if q is None else material.mixed_energy(H, q)
+        psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H
         self.nominal_stress = ufl.diff(psi, H)
         self.stress = self.nominal_stress
         if not scene.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
-        self.strain_energy = psi * self.weight * volume
+        self._psi, self._wall = psi, None
+        self.strain_energy = self._over_volume(psi)
         self._volume_ratio = ufl.det(F)
+
+    def _over_volume(self, density: Any) -> Any:
+        return density * self.weight * ufl.dx(metadata={"quadrature_degree": 2 * self.scene.sizes.order})
 
     def _guide_curved_wall(self, stiffness: float) -> None:
         """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
@@ -140,13 +144,24 @@ class Body:
         else:
             outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
         wall = self.surface_measure(WALL, 2 * self.scene.sizes.order)
-        self.strain_energy += fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
+        self._wall = fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
+        self.strain_energy += self._wall
+
+    def work(self) -> tuple[Any, Any]:
+        """First and second variation of the strain energy, as UFL forms."""
+        solution = self.unknowns.solution
+        test, trial = ufl.TestFunction(self.unknowns.space), ufl.TrialFunction(self.unknowns.space)
+        first, second = variations(self._psi, solution, test, trial)
+        first, second = self._over_volume(first), self._over_volume(second)
+        if self._wall is not None:
+            push = ufl.derivative(self._wall, solution, test)
+            first, second = first + push, second + ufl.derivative(push, solution, trial)
+        return first, second
 
     @cached_property
     def stiffness(self) -> Any:
         """Second derivative of the strain energy as a compiled form."""
-        first = ufl.derivative(self.strain_energy, self.unknowns.solution)
-        return fem.form(ufl.derivative(first, self.unknowns.solution))
+        return fem.form(self.work()[1])
 
     def stiffness_matrix(self) -> PETSc.Mat:
         """The stiffness at the present solution, constrained dofs included."""

@@ -37,9 +37,9 @@ LAWS: dict[str, Any] = {
     "gent": Gent(mu=1.0, Jm=9.0, nu=0.3),
     "arruda_boyce": ArrudaBoyce(mu=1.0, lambda_m=2.5, nu=0.3),
 }
-# Cardano's formula is moved by 1e-6 off its singular points (model/algebra.py), and the energy by that times the cube
-# of the strain; 10 of it is room for the stress, which is a derivative. The other laws are exact to round-off.
-EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-5}
+# Where stretches meet roots are kept off zero by 1e-6 or 3e-6 (model/algebra.py): 1e-11 of energies and stresses, a few
+# tens of it with exponents and strains like these. The other laws are exact to round-off.
+EXACT = {name: 1e-12 for name in LAWS} | {"ogden": 1e-9}
 each_law = pytest.mark.parametrize("name", LAWS)
 
 
@@ -242,8 +242,8 @@ def test_mixed_is_the_displacement_law_at_its_pressure(name: str) -> None:
 
 NEO = MooneyRivlin(C10=0.5, nu=0.3)  # the isochoric neo-Hookean law, mu = 1
 SAME = {
-    "ogden_2": (Ogden(mu=(1.0,), alpha=(2.0,), nu=0.3), NEO, 1e-12),
-    "ogden_2_-2": (Ogden(mu=(0.6, -0.4), alpha=(2.0, -2.0), nu=0.3), MooneyRivlin(C10=0.3, C01=0.2, nu=0.3), 1e-5),
+    "ogden_2": (Ogden(mu=(1.0,), alpha=(2.0,), nu=0.3), NEO, 1e-9),
+    "ogden_2_-2": (Ogden(mu=(0.6, -0.4), alpha=(2.0, -2.0), nu=0.3), MooneyRivlin(C10=0.3, C01=0.2, nu=0.3), 1e-9),
     "yeoh": (Yeoh(C10=0.5, nu=0.3), NEO, 1e-14),
     # what is left of the next term, (I1 - 3)^2 / (4 Jm) and (I1^2 - 9) / (20 lambda_m^2), with I1 near 3
     "gent": (Gent(mu=1.0, Jm=1e8, nu=0.3), NEO, 1e-7),
