@@ -125,7 +125,8 @@ class Body:
         self.stress = self.nominal_stress
         if not scene.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
-        self._psi, self._wall = psi, None
+        self._psi = psi
+        self._wall: Any = None
         self.strain_energy = self._over_volume(psi)
         self._volume_ratio = ufl.det(F)
 

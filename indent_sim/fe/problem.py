@@ -68,9 +68,9 @@ class Problem(Body):
         """Residual [force] that round-off leaves of a finite strain, whose 1 + H knows H to eps only.
 
         A node's share is eps E h^(dim - 1), in all twice eps E sqrt(int h^(dim - 2) weight^2 dOmega); 1.2 times
-        that root was measured. Linear elasticity has none.
+        that root was measured. A law that keeps the digits of H has none.
         """
-        if self.scene.material.small_strain:
+        if self.scene.material.keeps_digits:
             return 0.0
         size = ufl.CellDiameter(self.mesh) ** (self.body_mesh.dim - 2)
         total = self._sum(fem.form(size * ufl.as_ufl(self.weight) ** 2 * ufl.dx(self.mesh, degree=2)))

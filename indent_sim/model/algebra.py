@@ -36,6 +36,33 @@ def log(x: Any) -> Any:
     return np.log(x)
 
 
+SERIES = 0.03  # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
+ODD = (1 / 3, 1 / 5, 1 / 7, 1 / 9)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
+
+
+def log1p(x: Any) -> Any:
+    """ln(1 + x)."""
+    z = x / (2 + x)
+    return _where_small(x, 2 * z + 2 * z**3 * _odd(z), log(1 + x))
+
+
+def log1p_remainder(x: Any) -> Any:
+    """x - ln(1 + x), which is x^2/2 for small x."""
+    z = x / (2 + x)
+    return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
+
+
+def _odd(z: Any) -> Any:
+    square, total = z * z, 0.0
+    for factor in reversed(ODD):
+        total = factor + square * total
+    return total
+
+
+def _where_small(x: Any, small: Any, large: Any) -> Any:
+    return where_less(x * x, SERIES**2, small, large)
+
+
 def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
     """`then` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
     if is_symbolic(a, b, then, otherwise):
@@ -87,8 +114,8 @@ def _of_angle(name: str, degrees: Any) -> Any:
     return getattr(np, name)(np.radians(degrees))
 
 
-# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots stay
-# away from zero by these; energies change by their squares, and round-off in stresses is magnified by their inverses.
+# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots
+# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses.
 SPLIT = 1e-6  # where all three meet
 PAIR = 3e-6  # where two meet, of their distance to the third
 NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative

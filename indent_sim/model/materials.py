@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt, Len
 
-from indent_sim.model.algebra import log, unimodular_stretches
+from indent_sim.model.algebra import log, log1p, log1p_remainder, unimodular_stretches
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
@@ -25,6 +25,7 @@ class _Law:
     """What follows from the small-strain constants E and nu of any law."""
 
     small_strain: ClassVar[bool] = False
+    keeps_digits: ClassVar[bool] = False  # of a small strain: written in H, where others need 1 + H
 
     @property
     def constants(self) -> tuple[float, float]:
@@ -82,6 +83,7 @@ class LinearElastic(_TwoConstants):
     model: Literal["linear_elastic"] = "linear_elastic"
 
     small_strain: ClassVar[bool] = True
+    keeps_digits: ClassVar[bool] = True
 
     def energy(self, H: Any) -> Any:
         """psi [pressure]."""
@@ -107,6 +109,8 @@ class NeoHookean(_TwoConstants):
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
+    keeps_digits: ClassVar[bool] = True
+
     def energy(self, H: Any) -> Any:
         """psi [pressure]."""
         shear, log_J = self._shear(H)
@@ -118,11 +122,15 @@ class NeoHookean(_TwoConstants):
         return shear + q * log_J - q * q * self.inverse_lambda / 2
 
     def _shear(self, H: Any) -> tuple[Any, Any]:
-        from ufl import Identity, det, inner, ln
+        """Shear energy and ln J in terms of H, with all digits of them and of their derivatives where H is small.
 
-        F = Identity(3) + H
-        log_J = ln(det(F))
-        return self.shear_modulus * ((inner(F, F) - 3) / 2 - log_J), log_J
+        J - 1 = tr H + (tr^2 H - tr H^2)/2 + det H, and (I1 - 3)/2 = tr H + H:H/2, whose first parts cancel.
+        """
+        from ufl import det, inner, tr
+
+        curved = (tr(H) ** 2 - tr(H * H)) / 2 + det(H)
+        growth = tr(H) + curved
+        return self.shear_modulus * (inner(H, H) / 2 - curved + log1p_remainder(growth)), log1p(growth)
 
 
 @dataclass(frozen=True)

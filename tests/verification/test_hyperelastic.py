@@ -105,6 +105,16 @@ def test_the_difference_to_linear_falls_with_the_radius() -> None:
     assert 0.25 < lost[1] / lost[0] < 0.42
 
 
+@pytest.mark.parametrize("delta", [1e-8, 1e-6])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_the_shallowest_is_hertz(nu: float, delta: float) -> None:
+    """On a body R wide and thick a depth of 1e-8 R has a radius of 1e-4: 0.1 % of it is layer and finite strain at
+    1e-6, less at 1e-8. The force balance keeps its digits, though 1 + H has lost half of those of H."""
+    state = solve(ball(nu, delta**0.5 / 10, CYLINDER, loading={"delta": delta, "steps": 1}))[-1]
+    assert state.force == pytest.approx(4 / 3 / (1 - nu**2) * delta**1.5, rel=2e-3)
+    assert state.reaction == pytest.approx(state.force, rel=1e-12)
+
+
 # ---- paths that arrive ------------------------------------------------------------
 
 
