@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from indent_sim import __version__
-from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError
 from indent_sim.stopping import stoppable
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class Program(click.Group):
         """One BLAS thread unless the user says otherwise; must be said before numpy is loaded."""
         for name in THREADS:
             os.environ.setdefault(name, "1")
+        _open_closed_streams()
         return super().main(*args, **options)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -52,6 +53,16 @@ class Program(click.Group):
             raise
         except (Exception, KeyboardInterrupt) as error:
             ctx.exit(explain(error))
+
+
+def _open_closed_streams() -> None:
+    """Libraries take stdin, stdout and stderr for granted; one that the shell closed becomes /dev/null."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)
+            if null != number:
+                os.dup2(null, number)
+            setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
 def explain(error: BaseException) -> int:
@@ -67,19 +78,21 @@ def explain(error: BaseException) -> int:
 
 
 def say(text: str) -> None:
-    """Print to stdout; that nobody listens any more is no error."""
+    """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space is one."""
     try:
         click.echo(text)
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if not isinstance(error, BrokenPipeError):
+            raise NotConverged(f"cannot write to stdout: {error.strerror or error}") from error
 
 
 def tell(text: str) -> None:
-    """Print to stderr; that nobody listens any more is no error."""
+    """Print to stderr; that nobody listens any more, or that it fills a disk, is no error."""
     try:
         click.echo(text, err=True)
-    except BrokenPipeError:
+    except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 

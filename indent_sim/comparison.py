@@ -131,7 +131,7 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
         closed, name, unit = half_space_depth(scene.indenter, state.force / F, E_star), "delta", L
     else:
         closed, name, unit = half_space_force(scene.indenter, state.delta / L, E_star), "force", F
-    if closed is None:
+    if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit
     return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1}

@@ -51,7 +51,7 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
     if not report:
         return None
     try:
-        _refuse_other(folder, (folder / CONFIG).read_text(), config_yaml)
+        _refuse_other(folder, (folder / CONFIG).read_text(encoding="utf-8"), config_yaml)
         return Earlier(*_rows(folder / TABLE), report)
     except (FileNotFoundError, UnicodeDecodeError) as error:
         raise UsageError(f"{folder} has {REPORT} but not all that belongs to it: {error}") from error

@@ -88,7 +88,7 @@ def append_whole(path: Path, data: bytes, sync: bool = True) -> None:
 def read_report(folder: Path) -> dict[str, Any]:
     """The run.json of a folder; empty when there is none or it is not this program's."""
     try:
-        report = json.loads((folder / REPORT).read_text())
+        report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
@@ -109,17 +109,13 @@ class Claim:
     """
 
     def __init__(self, target: Path):
-        self.target = _real(target)
         self._parents: list[Path] = []
         self._lock = -1
         self.published = False
-        parent = self.target.parent
-        beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
-        self.path = parent / f".{self.target.name}.staging" if beside else self.target / ".staging"
-        self._old = parent / f".{self.target.name}.old" if beside else self.target / ".old"
         try:
+            self._choose_places(target)
             self._refuse()
-            self._make_parents(parent)
+            self._make_parents(self.target.parent)
             self._stage()
             self._recover()
             self._refuse()
@@ -129,6 +125,13 @@ class Claim:
                 raise
             raise UsageError(f"cannot write {target}: {error.strerror or error}") from error
         self.replaces_results = has_rows(self.target)
+
+    def _choose_places(self, target: Path) -> None:
+        self.target = _real(target)
+        parent = self.target.parent
+        beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
+        self.path = parent / f".{self.target.name}.staging" if beside else self.target / ".staging"
+        self._old = parent / f".{self.target.name}.old" if beside else self.target / ".old"
 
     def adopt(self) -> None:
         """Go on in the target itself, with the run that is there, in place of a staging folder."""

@@ -114,4 +114,6 @@ def _list_phrase(item: str, marks: Sequence[Any]) -> str:
     size = next((mark for mark in marks if isinstance(mark, Len)), None)
     if size and size.min_length == size.max_length:
         return f"a list of {size.min_length} {items}"
+    if size and size.max_length:
+        return f"a list of {size.min_length} to {size.max_length} {items}"
     return f"a {'non-empty ' if size else ''}list of {items}"

@@ -360,7 +360,7 @@ def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
 def _read_table(path: Path) -> dict[str, np.ndarray]:
     """The columns of a CSV file with a header; a last line without its newline was torn and is dropped."""
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
     lines = [line for line in text[: text.rfind("\n") + 1].splitlines() if line.strip()]

@@ -169,17 +169,29 @@ class CondensedBody:
         """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
         return self.walk.contact.compliance
 
-    def states(self, indenter: Indenter | None = None, deltas: Sequence[float] | None = None) -> list[State]:
-        """Press another tip, or to other depths, all in the user's units; one State a depth, without surface tables.
+    def states(
+        self,
+        indenter: Indenter | None = None,
+        deltas: Sequence[float] | None = None,
+        forces: Sequence[float] | None = None,
+    ) -> list[State]:
+        """Press another tip, or to other depths or forces, all in the user's units; one State each, without surface
+        tables.
 
-        The mesh stays: it must be fine enough for this contact too.
+        The mesh stays: it must be fine enough for this contact too. ValueError when both depths and forces are given.
         """
+        if deltas is not None and forces is not None:
+            raise ValueError("give depths or forces, not both")
         L, P = self.scene.scales.length, self.scene.scales.pressure
         changes: dict[str, Any] = {}
         if indenter is not None:
             changes["indenter"] = scaled(indenter, L, P)
         if deltas is not None:
             changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
+        if forces is not None:
+            begin = max(*self.scene.deltas, 1e-3 * self.scene.body.height)  # of the search
+            changes |= {"deltas": (begin,) * len(forces)}
+            changes |= {"forces": tuple(force / self.scene.scales.force for force in forces)}
         scene = replace(self.scene, **changes)
         walk = self.walk.under(scene)
         return [state.in_units(scene.scales) for state in walk.states(scene.path, lambda step: False)]

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
+from indent_sim import magnitudes
 from indent_sim.errors import ConfigError, ConfigErrors
 from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
@@ -112,9 +113,13 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        if problems := [*_constants(self), *_path(self), *_axis(self), *_tip(self)]:
+        if problems := _magnitudes(self) or [*_constants(self), *_path(self), *_axis(self), *_tip(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
+
+
+def _magnitudes(config: Config) -> list[ConfigError]:
+    return magnitudes.beyond({name: getattr(config, name) for name in sections()})
 
 
 def _constants(config: Config) -> list[ConfigError]:

@@ -92,7 +92,7 @@ class FieldWriter:
         import h5py
 
         try:
-            grids = GRID.findall((self.directory / XDMF).read_text())
+            grids = GRID.findall((self.directory / XDMF).read_text(encoding="utf-8"))
             with h5py.File(self.directory / H5, "r") as file:
                 if not (np.array_equal(file["mesh/points"], points) and np.array_equal(file["mesh/cells"], cells)):
                     return None

@@ -23,6 +23,7 @@ Lines = dict[Path, int]
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
 MAX_DIGITS = 400
+MAX_VALUES = 200_000
 
 UNWRITABLE = re.compile("[\0\ud800-\udfff]")
 _UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -90,6 +91,8 @@ class _Reader:
 
     def node(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
         self.lines.setdefault(path, event.start_mark.line + 1)
+        if len(self.lines) > MAX_VALUES:
+            raise self.error(event, path[:1], f"more than {MAX_VALUES} values")
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise self.error(event, path, "anchors and aliases (&, *) are not allowed", "write the value out")
         if event.tag is not None:

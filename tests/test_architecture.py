@@ -33,7 +33,8 @@ ROOMS: dict[str, set[str]] = {
     # the scene file
     "yaml_strict": set(),
     "hints": set(),
-    "schema": {"hints", "model", "yaml_strict"},
+    "magnitudes": {"model"},
+    "schema": {"hints", "magnitudes", "model", "yaml_strict"},
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain

@@ -1,1 +1,5 @@
 """How a scene is solved: the only folder that imports dolfinx and petsc4py."""
+
+from indent_sim.fe.environment import load_dolfinx
+
+load_dolfinx()

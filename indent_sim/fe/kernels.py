@@ -2,27 +2,48 @@
 
 FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the first without the
 second waits for another process to finish. A process that was killed never does: its entry is told by its age.
+One that is interrupted takes its claim back when it ends.
 """
 
 from __future__ import annotations
 
+import atexit
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from cffi import VerificationError
 from ffcx.codegeneration import jit
+
+from indent_sim.errors import BackendError
 
 STALE = 30.0  # s without a change in an unfinished entry; compiling one takes a few
 logger = logging.getLogger("indent_sim")
+FAILED = "Failed just-in-time compilation"  # so dolfinx tells the other ranks
 _found: Callable[..., Any] = jit.get_cached_module
+_compiled: Callable[..., Any] = jit._compile_objects
 _told: set[str] = set()
+_claimed: set[Path] = set()
 
 
 def watch_the_cache() -> None:
-    """Let FFCx look kernels up through `lookup`; to be called before the first form, and more often at will."""
+    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more often at will."""
     jit.get_cached_module = lookup
+    jit._compile_objects = compile_kernels
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Turn what dolfinx makes of a compiler that fails on rank 0 into BackendError on every rank."""
+    try:
+        yield
+    except RuntimeError as error:
+        if FAILED not in str(error):
+            raise
+        raise BackendError(str(error)) from error
 
 
 def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
@@ -37,10 +58,30 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
             if _age(entry) > 0.0:  # somebody may still be at it; it ends when done or stale
                 continue
             raise
+        if found[0] is None:
+            _claimed.add(entry)
         if found[0] is None and not _told:
             _told.add("compiling")
             logger.info("compiling kernels (first run only)")
         return found
+
+
+def compile_kernels(
+    declaration: Any, objects: Any, names: Any, module: str, options: Any, cache: Any, *more: Any
+) -> Any:
+    """FFCx's own compilation; BackendError when the compiler fails."""
+    try:
+        return _compiled(declaration, objects, names, module, options, cache, *more)
+    except (VerificationError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error
+
+
+@atexit.register
+def _give_claims_back() -> None:
+    for entry in _claimed:
+        if _age(entry) > 0.0:
+            entry.unlink(missing_ok=True)
 
 
 def _age(entry: Path) -> float:

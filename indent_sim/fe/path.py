@@ -216,7 +216,7 @@ def _leading(points: list[Point], delta: float) -> list[Point]:
     leading = points[-1:]
     for before, after in zip(points[-2::-1], points[:0:-1], strict=True):
         behind = after.delta - before.delta
-        leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
+        leads = behind != 0 and -1 < step / behind <= 2  # between the two, or not far out
         if not leads or len(leading) == most:
             break
         leading = [before, *leading]

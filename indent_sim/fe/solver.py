@@ -7,7 +7,7 @@ from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed_path import CondensedWalk
 from indent_sim.fe.enforce import enforcement
 from indent_sim.fe.fields import Fields
-from indent_sim.fe.kernels import watch_the_cache
+from indent_sim.fe.kernels import compiling, watch_the_cache
 from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.path import Walk
 from indent_sim.fe.problem import Problem
@@ -21,7 +21,8 @@ watch_the_cache()
 def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk | CondensedWalk:
     """The load path of a scene on its mesh, by the scene's solver."""
     solver = dict(scene.solver)
-    if solver.pop("method") == "condensed":
-        return CondensedWalk(scene, Body(scene, mesh), started)
-    problem = Problem(scene, mesh)
-    return Walk(problem, enforcement(problem, **solver), started)
+    with compiling():
+        if solver.pop("method") == "condensed":
+            return CondensedWalk(scene, Body(scene, mesh), started)
+        problem = Problem(scene, mesh)
+        return Walk(problem, enforcement(problem, **solver), started)

@@ -26,7 +26,7 @@ FAR = 1e3
 
 Faces = Annotated[int, Ge(3), Le(64)]
 Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
-Points = Annotated[tuple[Point, ...], Len(2), LENGTH]
+Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ class Profile:
         if any(a[0] >= b[0] for a, b in pairwise(self.points)):
             raise ValueError("r must increase from point to point")
         jumps = self._jumps()
-        if any(jump < -1e-9 * (1 + sum(map(abs, jumps))) for jump in jumps):
+        if min(jumps) < -1e-9 * (1 + sum(map(abs, jumps))):
             raise ValueError("the tip must be convex: the slope must not decrease")
         corners = zip(self.points[1:-1], jumps[1:], strict=True)
         if any(self.tip_radius * jump / 2 > r for (r, _), jump in corners):

@@ -9,6 +9,8 @@ from annotated_types import Ge, Gt, Le, Len
 
 from indent_sim.model.quantities import LENGTH, Coordinate, Length
 
+MOST_STEPS = 100_000
+
 Force = Annotated[float, Gt(0)]
 ForceOrZero = Annotated[float, Ge(0)]
 
@@ -35,9 +37,9 @@ class Loading:
 
     delta: Length | None = None
     force: Force | None = None
-    steps: Annotated[int, Gt(0), Le(100_000)] = 10
-    deltas: Annotated[tuple[Coordinate, ...], Len(1), LENGTH] | None = None
-    forces: Annotated[tuple[ForceOrZero, ...], Len(1)] | None = None
+    steps: Annotated[int, Gt(0), Le(MOST_STEPS)] = 10
+    deltas: Annotated[tuple[Coordinate, ...], Len(1, MOST_STEPS), LENGTH] | None = None
+    forces: Annotated[tuple[ForceOrZero, ...], Len(1, MOST_STEPS)] | None = None
 
     @property
     def given(self) -> tuple[str, ...]:

@@ -247,8 +247,8 @@ class Yeoh(_Isochoric):
 class Ogden(_Isochoric):
     """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); small-strain mu = sum mu_i alpha_i / 2."""
 
-    mu: Annotated[tuple[float, ...], Len(1), PRESSURE]
-    alpha: Annotated[tuple[float, ...], Len(1)]
+    mu: Annotated[tuple[float, ...], Len(1, 20), PRESSURE]
+    alpha: Annotated[tuple[float, ...], Len(1, 20)]
     model: Literal["ogden"] = "ogden"
 
     def canonical(self) -> Any:

@@ -33,7 +33,7 @@ Modulus = Annotated[float, Gt(0), PRESSURE]
 AnyModulus = Annotated[float, PRESSURE]
 ContactStiffness = Annotated[float, Gt(0), STIFFNESS]
 PoissonRatio = Annotated[float, Gt(-1), Le(0.5)]
-HalfAngle = Annotated[float, Gt(0), Lt(90)]  # degrees, between axis and flank
+HalfAngle = Annotated[float, Gt(1e-6), Lt(90)]  # degrees, between axis and flank
 PositiveInt = Annotated[int, Gt(0)]
 Auto = Literal["auto"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from indent_sim.config import Place, Source, read_document
 from indent_sim.config_errors import closest
 from indent_sim.errors import ConfigError, ConfigErrors
 from indent_sim.schema import keys_at
-from indent_sim.study.grid import Block, Point, points, read_block
+from indent_sim.study.grid import LARGEST, MOST, Block, Point, points, read_block
 from indent_sim.yaml_strict import Path as Keys
 from indent_sim.yaml_strict import key_text
 
@@ -134,6 +135,8 @@ class _Reader:
             for key in set(part) - {"zip"}:
                 self.check_key((*keys, key), key)
             blocks.append(read_block(part, keys, self.source))
+            if sum(block.size for block in blocks) > MOST:
+                raise self.error(keys, f"more than {MOST} runs")
         return tuple(blocks)
 
     def check_key(self, keys: Keys, key: str) -> None:
@@ -143,11 +146,11 @@ class _Reader:
     def compared(self) -> str | float | Path:
         """What the forces are compared with ["finest"]."""
         wanted = self.document.get("compare_to", "finest")
-        if isinstance(wanted, (int, float)) and not isinstance(wanted, bool) and wanted != 0:
+        if type(wanted) in (int, float) and 0 < abs(wanted) <= LARGEST:
             return float(wanted)
         if isinstance(wanted, str) and wanted in ("theory", "finest"):
             return wanted
-        if isinstance(wanted, str) and wanted and (self.path.parent / wanted).exists():
+        if isinstance(wanted, str) and wanted and os.path.exists(self.path.parent / wanted):  # whatever the name
             return self.path.parent / wanted
         raise self.error(("compare_to",), f"is neither theory nor finest, nor a force, nor a result: {wanted!r}",
                          "a path counts from the study's folder")  # fmt: skip

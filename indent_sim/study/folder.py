@@ -156,7 +156,7 @@ def _refuse_foreign(path: Path) -> None:
 
 def _is_study(path: Path) -> bool:
     try:
-        record = json.loads((path / RECORD).read_text())
+        record = json.loads((path / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     return isinstance(record, dict) and record.get("program") == PROGRAM

@@ -18,6 +18,7 @@ from indent_sim.yaml_strict import key_text
 RANGE = ("from", "to", "count", "spacing", "unit")
 STIFFNESS_UNIT = "E*/h_contact"
 MOST = 100_000  # runs of one study
+LARGEST = 1e100  # end of a range, beyond all that a scene can hold
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,11 @@ class Block:
     """One grid: axes that are crossed; the keys of one axis go together, value by value."""
 
     axes: tuple[tuple[Point, ...], ...]
+
+    @property
+    def size(self) -> int:
+        """How many points it has."""
+        return math.prod(map(len, self.axes))
 
     @property
     def keys(self) -> tuple[str, ...]:
@@ -59,8 +65,6 @@ def read_block(part: Mapping[str, Any], keys: Keys, source: Source) -> Block:
             axes.append(tuple((setting,) for setting in settings))
         elif key == together[0]:
             axes.append(tuple(zip(*(values[name] for name in together), strict=True)))
-    if math.prod(map(len, axes)) > MOST:
-        raise _error(keys, source, f"more than {MOST} runs")
     return Block(tuple(axes))
 
 
@@ -116,9 +120,9 @@ def _range(wanted: Mapping[str, Any], keys: Keys, source: Source) -> list[Any]:
 
 def _number(wanted: Mapping[str, Any], end: str, keys: Keys, source: Source) -> int | float:
     value = wanted.get(end)
-    if type(value) not in (int, float):
-        raise _error((*keys, end), source, "must be a number")
-    return value  # type: ignore[return-value]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST:
+        raise _error((*keys, end), source, f"must be a number of size {LARGEST:g} at most")
+    return value
 
 
 def _error(keys: Keys, source: Source, problem: str, remedy: str = "") -> ConfigError:

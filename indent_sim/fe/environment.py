@@ -1,0 +1,74 @@
+"""dolfinx is loaded here, in surroundings that it can bear: it reads the command line and the home folder."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+from indent_sim.errors import BackendError
+
+KERNELS = "fenics"  # dolfinx keeps its compiled kernels there, below XDG_CACHE_HOME [~/.cache]
+logger = logging.getLogger("indent_sim")
+
+
+def load_dolfinx() -> None:
+    """Import dolfinx; BackendError when there is no place at all for compiled kernels."""
+    _settle_folders()
+    ours, sys.argv = sys.argv, ["indent-sim"]  # its logger would take options from ours, and no odd file names
+    pipe = signal.getsignal(signal.SIGPIPE)
+    try:
+        import dolfinx  # noqa: F401
+        from petsc4py import PETSc  # noqa: F401
+    finally:
+        sys.argv = ours
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGPIPE, pipe)  # PETSc would end a run that nobody listens to
+
+
+def _settle_folders() -> None:
+    """Say where kernels and settings are when the home folder cannot be used: read-only, missing or no folder."""
+    cache = _named("XDG_CACHE_HOME", ".cache")
+    if cache is None or not _is_writable(cache / KERNELS):
+        cache = Path(tempfile.gettempdir()) / f"indent-sim-{os.getuid()}"
+        if not _is_writable(cache / KERNELS) or cache.stat().st_uid != os.getuid():
+            raise BackendError("no folder for compiled kernels is writable; point XDG_CACHE_HOME to one that is")
+        logger.info("compiled kernels are kept in %s: the home folder is not writable", cache)
+    os.environ["XDG_CACHE_HOME"] = str(cache)
+    settings = _named("XDG_CONFIG_HOME", ".config")
+    os.environ["XDG_CONFIG_HOME"] = str(settings if settings and _is_searchable(settings) else cache)
+
+
+def _named(variable: str, inside_home: str) -> Path | None:
+    """The folder of an environment variable, else one in the home folder, if there is such."""
+    if given := os.environ.get(variable):
+        return Path(given).absolute()
+    try:
+        return Path.home().absolute() / inside_home
+    except RuntimeError:
+        return None
+
+
+def _is_writable(folder: Path) -> bool:
+    try:
+        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _is_searchable(folder: Path) -> bool:
+    """Whether a file can be looked for in it; that there is none, or no folder, is an answer."""
+    try:
+        (folder / "ffcx").stat()
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+    return True
