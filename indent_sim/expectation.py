@@ -18,7 +18,7 @@ from indent_sim.oracle import Oracle, half_space_depth, half_space_force, sectio
 from indent_sim.state import Scales
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
-MOST_FORCES = 20  # at which theory is asked for a depth
+MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 
 
 def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Material, height: float, scales: Scales
@@ -31,7 +31,7 @@ def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Ma
         return path.values
     deepest, force = DEEPEST * height, max(path.values) * scales.force
     depths = _depths_at(path.values, theory, tip, material.E_star, scales.dim, deepest)
-    if material.small_strain and theory and max(depths) == deepest:
+    if material.small_strain and theory and max(depths) > (1 - 1e-6) * deepest:
         problem = f"a force of {force:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
         raise ConfigError("loading", problem, "use a smaller force")
     return depths
@@ -39,14 +39,14 @@ def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Ma
 
 def _depths_at(forces: Sequence[float], theory: Oracle | None, tip: Indenter, E_star: float, dim: int, deepest: float
                ) -> tuple[float, ...]:  # fmt: skip
-    """From theory, or from the tip's section where there is none; between MOST_FORCES of many by power laws."""
+    """From theory, or from the tip's section where there is none or it ends; between MOST_FORCES by power laws."""
     pushed = np.unique([force for force in forces if force > 0])
     some = pushed if len(pushed) <= MOST_FORCES else np.geomspace(pushed[0], pushed[-1], MOST_FORCES)
     depths = []
     for force in map(float, some):
         start = section_depth(tip, force, E_star, dim)
         found = theory.depth(force, start, deepest) if theory else None
-        depths.append(min(float(f"{found or start:.9g}"), deepest))  # the same in all units, and so is the mesh
+        depths.append(float(f"{found or min(start, deepest / 2):.9g}"))  # the same in all units, and so is the mesh
     return tuple(
         float(np.exp(np.interp(np.log(force), np.log(some), np.log(depths)))) if force > 0 else 0.0 for force in forces
     )

@@ -200,7 +200,7 @@ def _leading(points: list[Point], delta: float) -> list[Point]:
     if len(points) < 2:
         return points
     step, behind = delta - points[-1].delta, points[-1].delta - points[-2].delta
-    leads = behind != 0 and 0 < step / behind <= 2  # not turning back, not far out
+    leads = behind != 0 and -1 < step / behind <= 2  # between the two, or not far out
     return points if leads else points[-1:]
 
 

@@ -353,7 +353,9 @@ class TestRuns:
         assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
 
     def test_killed_at_random_and_resumed(self, written, tmp_path):
-        path = written(METHODS.replace("0.06, 0.05, 0.04", "0.06, 0.055, 0.05, 0.045"))
+        """To the last bit: in one step, so that no run goes on in the middle, where it comes from another side."""
+        one_step = METHODS.replace("0.06, 0.05, 0.04", "0.06, 0.055, 0.05, 0.045") + "set: {loading.steps: 1}\n"
+        path = written(one_step)
         study.carry_out(path, output=tmp_path / "whole")
         random = np.random.default_rng(1)
         for runs in (1, 3, 6):  # are there when the kill comes
