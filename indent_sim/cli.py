@@ -129,8 +129,9 @@ def program() -> None:
 @set_option
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
+@click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: bool, as_json: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
     with together(comm), stoppable(comm.rank) as check:
@@ -139,7 +140,7 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, resume: b
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check, resume)
+        outcome = _simulate(settings, comm, directory, check, **how)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -305,7 +306,7 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], resume: bool) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], **how: bool) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 
@@ -318,7 +319,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], 
                 if show is not None:
                     show(state, step, total)
 
-            return simulate(settings, comm, directory=directory, progress=follow, resume=resume)
+            return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
         if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
             _name_partial(directory)

@@ -109,7 +109,8 @@ def to_yaml(config: Config) -> str:
 
 def to_mapping(config: Config) -> dict[str, Any]:
     """The whole config as nested mappings, shaped and ordered like the file."""
-    data = {name: _given(getattr(config, name)) for name in schema.keys_at((), {})}
+    values = {name: getattr(config, name) for name in schema.keys_at((), {})}
+    data = {name: _given(value) for name, value in values.items() if value is not None}
     if config.center is not None:
         data["indenter"]["center"] = list(config.center)
     return data

@@ -72,8 +72,8 @@ def _cells(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[
     reach = [max(abs(end - c) for end in ends) for ends, c in zip(extent[:-1], center, strict=False)]
     area = float(np.prod([high - low for low, high in extent[:-1]])) * (pi / 4 if is_round else 1.0)
     r_max = float(max(reach)) if dim == 2 else float(np.sqrt(area * 4 / pi / sectors))
-    r, wr = _log_grid(r_max, sizes.h_contact)
-    z, wz = _log_grid(height, sizes.h_contact)
+    r, wr = _log_grid(r_max, sizes.smallest)
+    z, wz = _log_grid(height, sizes.smallest)
     density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
     return CELLS[dim] * float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
 
@@ -82,7 +82,7 @@ def _condensed(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tu
                work: Work) -> float:  # fmt: skip
     """One factorisation, one solve for each candidate on the surface, and small dense systems [s]."""
     dim = len(extent)
-    r, wr = _log_grid(sizes.patch + CANDIDATES * sizes.h_contact, sizes.h_contact)
+    r, wr = _log_grid(sizes.patch + CANDIDATES * sizes.h_contact, sizes.smallest)
     size = sizes.at(r, np.zeros_like(r)) ** (dim - 1)
     n = ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(extent, center)) * wr / size).sum())
     body = 1e-5 * dofs if dim == 2 else 3e-9 * dofs**2 + 4e-9 * n * dofs ** (4 / 3)

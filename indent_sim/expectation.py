@@ -19,9 +19,10 @@ from indent_sim.sizing import Sizes, in_words
 from indent_sim.state import Scales
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
-MOST_FORCES = 20  # at which theory is asked for a depth
+MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+UNRESOLVED = 0.05  # of the force: a contact in about one element
 TELLING = 0.005  # of the force: a smaller loss is not worth a warning
 
 
@@ -35,7 +36,7 @@ def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Ma
         return path.values
     deepest, force = DEEPEST * height, max(path.values) * scales.force
     depths = _depths_at(path.values, theory, tip, material.E_star, scales.dim, deepest)
-    if material.small_strain and theory and max(depths) == deepest:
+    if material.small_strain and theory and max(depths) > (1 - 1e-6) * deepest:
         problem = f"a force of {force:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
         raise ConfigError("loading", problem, "use a smaller force")
     return depths
@@ -43,14 +44,14 @@ def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Ma
 
 def _depths_at(forces: Sequence[float], theory: Oracle | None, tip: Indenter, E_star: float, dim: int, deepest: float
                ) -> tuple[float, ...]:  # fmt: skip
-    """From theory, or from the tip's section where there is none; between MOST_FORCES of many by power laws."""
+    """From theory, or from the tip's section where there is none or it ends; between MOST_FORCES by power laws."""
     pushed = np.unique([force for force in forces if force > 0])
     some = pushed if len(pushed) <= MOST_FORCES else np.geomspace(pushed[0], pushed[-1], MOST_FORCES)
     depths = []
     for force in map(float, some):
         start = section_depth(tip, force, E_star, dim)
         found = theory.depth(force, start, deepest) if theory else None
-        depths.append(min(float(f"{found or start:.9g}"), deepest))  # the same in all units, and so is the mesh
+        depths.append(float(f"{found or min(start, deepest / 2):.9g}"))  # the same in all units, and so is the mesh
     return tuple(
         float(np.exp(np.interp(np.log(force), np.log(some), np.log(depths)))) if force > 0 else 0.0 for force in forces
     )
@@ -141,12 +142,13 @@ def stated_error(contact: ContactLaw, material: Material, sizes: Sizes, theory: 
 def shallow_doubts(sizes: Sizes, deltas: Sequence[float], radius: Callable[[float], float]) -> list[str]:
     """That the shallowest contact is smaller than an element, when the deepest one is not."""
     inside = [delta for delta in deltas if delta > 0]
-    n = radius(min(inside)) / sizes.h_contact if inside else 1.0
-    if n >= 1 or sizes.edge is not None or radius(max(inside)) < sizes.h_contact:
+    a = radius(min(inside)) if inside else 0.0
+    doubt = sizes.force_doubt(a) if inside else 0.0
+    if doubt < UNRESOLVED or sizes.force_doubt(radius(max(inside))) > 0:
         return []
     return [
-        f"the elements suit the deepest contact; at the shallowest only {n:.2g} of them are in the contact radius, and "
-        f"the force there may be wrong by {in_words(sizes.force_doubt(n * sizes.h_contact))}"
+        f"the elements suit the deepest contact; at the shallowest only {a / sizes.h_contact:.2g} of them are in the "
+        f"contact radius, and the force there may be wrong by {in_words(doubt)}"
     ]
 
 

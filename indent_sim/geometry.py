@@ -142,7 +142,10 @@ def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
         x, y = (number(c) for c in center)
         r, depth = f"Sqrt((x-({x}))^2+(y-({y}))^2)", "Abs(z)"
     outside = _positive(f"({r}-{number(sizes.patch)})")
-    size = f"{number(sizes.h_contact)}+{number(sizes.grading)}*Sqrt({outside}^2+{depth}^2)"
+    near = number(sizes.h_contact)
+    if sizes.h_axis is not None:
+        near = _smaller(near, _larger(number(sizes.h_axis), f"{number(sizes.slope)}*{r}"))
+    size = f"{near}+{number(sizes.grading)}*Sqrt({outside}^2+{depth}^2)"
     if sizes.edge is not None and sizes.h_edge is not None:
         around = f"Sqrt(({r}-{number(sizes.edge)})^2+{depth}^2)"
         size = _smaller(size, f"{number(sizes.h_edge)}+{number(sizes.grading)}*{around}")
@@ -151,6 +154,10 @@ def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
 
 def _positive(a: str) -> str:
     return f"(0.5*({a}+Abs({a})))"
+
+
+def _larger(a: str, b: str) -> str:
+    return f"(0.5*(({a})+({b})+Abs(({a})-({b}))))"
 
 
 def _smaller(a: str, b: str) -> str:

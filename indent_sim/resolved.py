@@ -15,12 +15,8 @@ def resolved(config: Config, scene: Scene) -> Config:
         "material": _decided(config.material, formulation=scene.formulation),
         "center": config.center or config.body.centre,
         "contact": _contact(config, scene),
-        "mesh": _decided(
-            config.mesh,
-            h_contact=scene.sizes.h_contact * scene.scales.length,
-            h_far=scene.sizes.h_far * scene.scales.length,
-            symmetry=scene.symmetry,
-        ),
+        "mesh": _mesh(config, scene),
+        "accuracy": None,
         "solver": _decided(config.solver, method=scene.solver["method"]),
     }
     return config.model_copy(update=decided)
@@ -44,11 +40,21 @@ def _decided(section: Any, **found: Any) -> Any:
     return dataclasses.replace(section, **auto)
 
 
+def _mesh(config: Config, scene: Scene) -> Any:
+    sizes, L = scene.sizes, scene.scales.length
+    mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
+                    symmetry=scene.symmetry)  # fmt: skip
+    if scene.fineness is None:
+        return mesh
+    own = {name: length * L for name, length in (("h_axis", sizes.h_axis), ("h_edge", sizes.h_edge)) if length}
+    return dataclasses.replace(mesh, **own)
+
+
 def _contact(config: Config, scene: Scene) -> Any:
     law = type(scene.contact)
     given = config.contact if isinstance(config.contact, law) else law()
     stiffness = {
-        name: auto_stiffness(law, scene.sizes, scene.material, scene.scales)
+        name: auto_stiffness(law, scene.sizes, scene.material, scene.scales, scene.fineness)
         for name in ("epsilon_n", "gamma")
         if hasattr(given, name)
     }

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import geometry
 from indent_sim.checkpoint import Checkpoint
 from indent_sim.comparison import memory, summary
-from indent_sim.earlier import Earlier, earlier_run
+from indent_sim.earlier import earlier_run
+from indent_sim.error_bars import RATIOS, Companion, ErrorBars, coarser, softer
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
-from indent_sim.folder import uninterrupted
+from indent_sim.folder import read_report, uninterrupted
+from indent_sim.model.contact import Penalty
 from indent_sim.model.indenters import Indenter
 from indent_sim.model.quantities import scaled
 from indent_sim.parallel import on_root
+from indent_sim.record import Clock, Record
+from indent_sim.refinement import check, entry, pursue, refuse_other_bars
 from indent_sim.resolved import left_open, resolved
-from indent_sim.results import ResultFolder
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
 
@@ -42,61 +44,6 @@ class Outcome:
     resumed_after: int = 0  # this many rows were there already
 
 
-@dataclass
-class Clock:
-    """Seconds spent in each stage of a run: of wall time, and of this process's own CPU time."""
-
-    started: float = field(default_factory=time.perf_counter)
-    stages: dict[str, float] = field(default_factory=dict)
-    cpu: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the time of the block to a stage."""
-        begin, cpu = time.perf_counter(), time.process_time()
-        try:
-            yield
-        finally:
-            self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
-            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
-
-
-class Record:
-    """The result folder seen from all ranks: rank 0 writes, every rank learns of a failure."""
-
-    def __init__(self, comm: Any, target: Path, config_yaml: str, **options: Any):
-        self.comm = comm
-        self.report: dict[str, Any] = {}
-        self._open = lambda: ResultFolder(target, config_yaml, report=self.report, **options).__enter__()
-        self._folder: ResultFolder | None = None
-        self.earlier: Earlier | None = None
-
-    def __enter__(self) -> Record:
-        self._folder = on_root(self.comm, self._open)
-        self.earlier = self.comm.bcast(self._folder.earlier if self._folder is not None else None)
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        if error[0] is None:
-            on_root(self.comm, self._close, *error)
-        elif self._folder is not None:
-            self._close(*error)
-
-    def _close(self, *error: Any) -> None:
-        assert self._folder is not None
-        self._folder.__exit__(*error)
-        self.report = dict(self._folder.report)
-
-    def __call__(self, method: str, *args: Any, **options: Any) -> Any:
-        """Call a method of the folder on rank 0; what it returns stays there."""
-        return on_root(self.comm, lambda: getattr(self._folder, method)(*args, **options))
-
-    def note(self, **entries: Any) -> None:
-        """Add entries to run.json."""
-        if self._folder is not None:
-            self._folder.report.update(entries)
-
-
 def run(
     config: Config,
     comm: Any = None,
@@ -104,37 +51,83 @@ def run(
     directory: Path | None = None,
     progress: Progress | None = None,
     resume: bool = False,
+    error_bars: bool = False,
 ) -> Outcome:
     """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
-    With `resume` the rows of an earlier run of the same config stay, and the others are computed.
+    With `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`,
+    or `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
-    from indent_sim.config import located, to_yaml
+    from indent_sim.config import located
 
     comm = comm if comm is not None else _alone()
-    clock = Clock()
     target = Path(directory or config.output.directory or "results/run")
+    attempt = Attempt(config, comm, target, progress, resume, error_bars)
     try:
-        with clock.stage("resolve"):
-            scene = resolve(config)
-        decided = resolved(config, scene)
-        if resume and (outcome := _finished(comm, target, to_yaml(decided), len(scene.deltas))):
-            return outcome
-        with Record(comm, target, to_yaml(decided), surface=config.output.surface, resume=resume) as record:
-            record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
-                        control=scene.path.control,
-                        center=[c * scene.scales.length for c in scene.center],
-                        plan=_plan(scene) | {"auto": left_open(config, decided)},
-                        warnings=list(scene.warnings), ranks=comm.size,
-                        memory_before_MB=round(memory(), 1))  # fmt: skip
-            states = Simulation(config, scene, record, clock).follow(progress)
+        outcome = pursue(attempt.resolve, attempt)
     except ConfigError as error:
         raise located(config, error) from None
     if config.output.plot:
         on_root(comm, _plot, target)
-    return Outcome(target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+    return outcome
+
+
+class Attempt:
+    """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
+
+    def __init__(self, config: Config, comm: Any, target: Path, progress: Progress | None, resume: bool, bars: bool):
+        self.config, self.comm, self.target, self.progress = config, comm, target, progress
+        self.clock, self.count = Clock(), 0
+        self._before = comm.bcast(on_root(comm, read_report, target)) if resume else {}
+        self._resume = resume
+        self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
+        refuse_other_bars(self._before, config, self._with_bars, target)
+
+    def resolve(self, elements: float | None = None) -> Scene:
+        """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
+        with self.clock.stage("resolve"):
+            return resolve(self.config, elements or (self._before.get("accuracy") or {}).get("elements"))
+
+    def __call__(self, scene: Scene, companions: Sequence[Companion]) -> Outcome:
+        """Simulate a scene, with its error bars against companions; without any it makes its own."""
+        from indent_sim.config import to_yaml
+
+        config, decided = self.config, resolved(self.config, scene)
+        resume = self._resume and self.count == 0
+        self.count += 1
+        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), len(scene.deltas))):
+            return outcome
+        with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
+                    force_error=self._with_bars) as record:  # fmt: skip
+            record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
+                        control=scene.path.control,
+                        center=[c * scene.scales.length for c in scene.center],
+                        plan=_plan(scene) | {"auto": left_open(config, decided)},
+                        warnings=list(scene.warnings), ranks=self.comm.size,
+                        memory_before_MB=round(memory(), 1))  # fmt: skip
+            bars = self._bars(scene, companions) if self._with_bars else None
+            if bars is not None:
+                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness))
+            simulation = Simulation(config, scene, record, self.clock, bars)
+            states = simulation.follow(self.progress)
+            simulation.release()
+            if bars is not None:
+                check(self.resolve, scene, states, bars, self.count)
+        return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+    def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
+        with self.clock.stage("companions"):
+            companions = companions or [Companion(ratio, self._curve(coarser(scene, ratio))) for ratio in RATIOS]
+            soft = None
+            if isinstance(scene.contact, Penalty):
+                soft = self._curve(softer(coarser(scene, companions[0].ratio)))
+            return ErrorBars(scene, companions, soft)
+
+    def _curve(self, scene: Scene) -> list[State]:
+        """The states of a scene without surface tables; what one failed to reach is missing."""
+        return list(states(scene, self.comm, with_surface=False))
 
 
 def _finished(comm: Any, target: Path, config_yaml: str, steps: int) -> Outcome | None:
@@ -145,7 +138,7 @@ def _finished(comm: Any, target: Path, config_yaml: str, steps: int) -> Outcome 
     return Outcome(target, earlier.report, list(earlier.states), steps)
 
 
-def states(scene: Scene, comm: Any = None) -> Iterator[State]:
+def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iterator[State]:
     """Walk a scene without writing anything: one State per requested depth, in the user's units.
 
     For notebooks and tests; a State that is not converged is the last one.
@@ -153,8 +146,9 @@ def states(scene: Scene, comm: Any = None) -> Iterator[State]:
     fe = _backend()
     comm = comm if comm is not None else _alone()
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
-    for state in fe.walk(scene, mesh).states(scene.path, lambda step: True):
+    for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
         yield state.in_units(scene.scales)
+    fe.release(mesh)
 
 
 @dataclass(frozen=True)
@@ -169,17 +163,29 @@ class CondensedBody:
         """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
         return self.walk.contact.compliance
 
-    def states(self, indenter: Indenter | None = None, deltas: Sequence[float] | None = None) -> list[State]:
-        """Press another tip, or to other depths, all in the user's units; one State a depth, without surface tables.
+    def states(
+        self,
+        indenter: Indenter | None = None,
+        deltas: Sequence[float] | None = None,
+        forces: Sequence[float] | None = None,
+    ) -> list[State]:
+        """Press another tip, or to other depths or forces, all in the user's units; one State each, without surface
+        tables.
 
-        The mesh stays: it must be fine enough for this contact too.
+        The mesh stays: it must be fine enough for this contact too. ValueError when both depths and forces are given.
         """
+        if deltas is not None and forces is not None:
+            raise ValueError("give depths or forces, not both")
         L, P = self.scene.scales.length, self.scene.scales.pressure
         changes: dict[str, Any] = {}
         if indenter is not None:
             changes["indenter"] = scaled(indenter, L, P)
         if deltas is not None:
             changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
+        if forces is not None:
+            begin = max(*self.scene.deltas, 1e-3 * self.scene.body.height)  # of the search
+            changes |= {"deltas": (begin,) * len(forces)}
+            changes |= {"forces": tuple(force / self.scene.scales.force for force in forces)}
         scene = replace(self.scene, **changes)
         walk = self.walk.under(scene)
         return [state.in_units(scene.scales) for state in walk.states(scene.path, lambda step: False)]
@@ -206,13 +212,14 @@ def _plan(scene: Scene) -> dict[str, Any]:
 class Simulation:
     """A scene on its way through mesh, problem and load path; every converged state is on disk before the next."""
 
-    def __init__(self, config: Config, scene: Scene, record: Record, clock: Clock):
+    def __init__(self, config: Config, scene: Scene, record: Record, clock: Clock, bars: ErrorBars | None):
+        self.bars = bars
         self.output = config.output
         self.scene = scene
         self.record = record
         self.clock = clock
         earlier = record.earlier
-        self.states: list[State] = list(earlier.states) if earlier else []
+        self.states: list[State] = [self._judged(state) for state in earlier.states] if earlier else []
         self._worst_audit = earlier.worst_audit if earlier else 0.0
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._assemble()
@@ -223,7 +230,7 @@ class Simulation:
             fe = _backend()
         with clock.stage("mesh"):
             grid = on_root(record.comm, geometry.build, scene)
-            mesh = fe.distribute(grid, scene, record.comm)
+            self._mesh = mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
@@ -291,6 +298,11 @@ class Simulation:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
         return self.states
 
+    def release(self) -> None:
+        """Give the memory of the solution back (collective); a process may have many runs before it."""
+        self._walk = self._fields = None
+        _backend().release(self._mesh)
+
     def _wants_surface(self, step: int) -> bool:
         total = len(self.scene.deltas)
         return self.output.surface == "all" or (
@@ -305,9 +317,13 @@ class Simulation:
                 return
             yield state
 
+    def _judged(self, state: State) -> State:
+        return state if self.bars is None else self.bars.judged(state)
+
     def _keep(self, state: State, last: bool) -> None:
         """Audit a converged state and write it down."""
         self._audit(state)
+        state = self._judged(state)
         if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
             self._walk.refuse_unused_options()
         with self.clock.stage("write"):

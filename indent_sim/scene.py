@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from indent_sim import confinement, sizing
+from indent_sim import confinement, elements
+from indent_sim.accuracy import Fineness
 from indent_sim.blunting import blunted
 from indent_sim.costing import Cost, Work, machine_memory
 from indent_sim.costing import cost as cost_of
@@ -21,7 +22,7 @@ from indent_sim.expectation import (
     warnings_of,
 )
 from indent_sim.model.body import Body, HalfSpace
-from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.loading import LoadPath
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from indent_sim.config import Config
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
-NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak there
+STIFFEST = 1e3  # E*/h of a penalty that `accuracy` chooses: beyond it the pressures oscillate
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
@@ -80,6 +81,7 @@ class Scene:
     sizes: Sizes
     solver: dict[str, Any]
     forces: tuple[float, ...] | None = None  # of the whole body, when they are requested instead of depths
+    fineness: Fineness | None = None  # where `accuracy` chose the sizes
     oracle: Oracle | None = field(default=None, repr=False)
     choices: tuple[Choice, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -91,9 +93,10 @@ class Scene:
         return LoadPath("depth", self.deltas) if self.forces is None else LoadPath("force", self.forces)
 
 
-def resolve(config: Config) -> Scene:
+def resolve(config: Config, per_radius: float | None = None) -> Scene:
     """Decide everything the config leaves open.
 
+    With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is expected to need.
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
     material = _material(config)
@@ -114,8 +117,13 @@ def resolve(config: Config) -> Scene:
     deltas = depths_of(path, theory, tip, material, body.height, scales)
     radius = partial(_expected_radius, theory, tip, body, center)
     a = radius(max(deltas))
-    sizes = _sizes(config, reduction, tip, a, scales, center)
-    contact, contact_choice = _contact(config.contact, sizes, material, scales)
+
+    def expect(delta: float) -> elements.Expected:
+        return radius(delta), theory.at(delta) if theory else None
+
+    fineness = elements.fineness(config, per_radius, reduction.kinematics.dim, deltas, expect, material)
+    sizes = elements.sizes(config, reduction, tip, a, scales, fineness)
+    contact, contact_choice = _contact(config.contact, sizes, material, scales, fineness)
     gap, gap_choice = _gap(config.contact, reduction, material)
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
@@ -136,7 +144,7 @@ def resolve(config: Config) -> Scene:
         contact_choice,
         *([Choice(blunt.key, blunt.radius * scales.length, blunt.why)] if blunt else []),
         *([Choice("wall", wall * scales.pressure / scales.length, WALL_WHY)] if wall else []),
-        *_mesh_choices(config, sizes, scales, a),
+        *_mesh_choices(config, sizes, scales, a, fineness),
         solver_choice,
         *_pin_choices(reduction),
     )
@@ -145,7 +153,7 @@ def resolve(config: Config) -> Scene:
         symmetry=reduction.symmetry, copies=reduction.copies, body=body, extent=reduction.extent,
         supports=dict(reduction.supports), pins=reduction.pins, wall_stiffness=wall,
         material=material, formulation=formulation, indenter=blunt.tip if blunt else tip, center=center,
-        contact=contact, gap=gap, deltas=deltas, sizes=sizes, oracle=theory, choices=choices,
+        contact=contact, gap=gap, deltas=deltas, sizes=sizes, fineness=fineness, oracle=theory, choices=choices,
         forces=path.values if path.control == "force" else None,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
@@ -269,24 +277,8 @@ def _expected_radius(
     return min(solution.a if solution else tip.radius_at(delta), rim)
 
 
-def _sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
-           center: tuple[float, ...]) -> Sizes:  # fmt: skip
-    mesh, dim = config.mesh, reduction.kinematics.dim
-    sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
-    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and sharp else None
-    height = reduction.extent[-1][1] - reduction.extent[-1][0]
-    width = max(high - low for low, high in reduction.extent[:-1])
-    h_contact = None if mesh.h_contact == "auto" else mesh.h_contact / scales.length
-    h_far = None if mesh.h_far == "auto" else mesh.h_far / scales.length
-    if h_contact and h_far and h_far < h_contact:
-        raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {mesh.h_contact:g}")
-    if h_contact and h_contact > height:
-        raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
-    return sizing.choose(a, height, width, dim, mesh.order, h_contact=h_contact, h_far=h_far, edge=edge,
-                         round_radius=reduction.radius)  # fmt: skip
-
-
-def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) -> tuple[ContactLaw, Choice]:
+def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales, fineness: Fineness | None
+             ) -> tuple[ContactLaw, Choice]:  # fmt: skip
     if isinstance(wanted, AutoContact):
         kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
     else:
@@ -297,7 +289,7 @@ def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) 
     unit = material.E_star / sizes.h_contact
     given = getattr(wanted, name, "auto")
     if isinstance(given, str):
-        given = auto_stiffness(kind, sizes, material, scales)
+        given = auto_stiffness(kind, sizes, material, scales, fineness)
     value = given * scales.length / scales.pressure
     _refuse_soft(kind, name, value / unit, unit * scales.pressure / scales.length)
     source = "auto" if getattr(wanted, name, "auto") == "auto" else "as given"
@@ -306,9 +298,12 @@ def _contact(wanted: Contact, sizes: Sizes, material: Material, scales: Scales) 
     return law, Choice("contact", text, f"{why}; {name} {source}: {value / unit:.3g} E*/h_contact")
 
 
-def auto_stiffness(kind: Any, sizes: Sizes, material: Material, scales: Scales) -> float:
+def auto_stiffness(kind: Any, sizes: Sizes, material: Material, scales: Scales, fineness: Fineness | None) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure per length of the user]."""
-    return float(kind.auto_multiple * material.E_star / sizes.h_contact * scales.pressure / scales.length)
+    stiffness = kind.auto_multiple * material.E_star / sizes.typical
+    if fineness is not None and kind is Penalty:  # whose error must fit into what is asked for
+        stiffness = min(fineness.penalty, STIFFEST * material.E_star / sizes.typical)
+    return float(stiffness * scales.pressure / scales.length)
 
 
 def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
@@ -358,18 +353,22 @@ def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -
     return Choice("solver.method", wanted, "as given")
 
 
-def _mesh_choices(config: Config, sizes: Sizes, scales: Scales, a: float) -> list[Choice]:
-    L = scales.length
+def _mesh_choices(config: Config, sizes: Sizes, scales: Scales, a: float, fineness: Fineness | None) -> list[Choice]:
+    L, mesh = scales.length, config.mesh
     per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
-    chosen = "as given" if config.mesh.h_contact != "auto" else "auto: at most 0.3 % of the force at the last step"
-    far = "as given" if config.mesh.h_far != "auto" else f"sizes grow by {sizes.grading:g} per unit distance up to this"
+    auto = "from accuracy" if fineness else "auto: at most 0.3 % of the force at the last step"
+    chosen = "as given" if mesh.h_contact != "auto" else auto
+    far = "as given" if mesh.h_far != "auto" else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
     choices = [
+        *([Choice("accuracy", fineness.target, fineness.why(L))] if fineness else []),
         Choice("mesh.h_contact", sizes.h_contact * L, f"{chosen}; {per_radius}"),
+        *([Choice("mesh.h_axis", sizes.h_axis * L, "sizes grow from this at the axis to h_contact where the deepest "
+                  "contact ends")] if sizes.h_axis else []),
         Choice("mesh.h_far", sizes.h_far * L, far),
         Choice("mesh.order", sizes.order, "quadratic" if sizes.order == 2 else "linear, as given"),
-    ]
+    ]  # fmt: skip
     if sizes.h_edge is not None:
-        choices.append(Choice("h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
+        choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
     return choices
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, MinLen
+from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim import magnitudes
@@ -27,6 +27,7 @@ from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, Positi
 from indent_sim.yaml_strict import Path
 
 When = Literal["none", "last", "all"]
+Preset = Literal["fast", "balanced", "accurate"]
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,10 @@ class MeshSettings:
     """Element sizes [length], order and the part of the body that is modelled."""
 
     h_contact: Length | Auto = "auto"
+    h_axis: Length | None = None
+    h_edge: Length | None = None
     h_far: Length | Auto = "auto"
+    grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
     order: Annotated[int, Ge(1), Le(2)] = 2
     symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
 
@@ -101,6 +105,7 @@ class Config(BaseModel):
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
     loading: Loading
     mesh: MeshSettings = MeshSettings()
+    accuracy: Annotated[float, Gt(0), Lt(1)] | Preset | None = None
     solver: SolverSettings = SolverSettings()
     output: OutputSettings = OutputSettings()
 
@@ -113,7 +118,8 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        if problems := _magnitudes(self) or [*_constants(self), *_path(self), *_axis(self), *_tip(self)]:
+        checks = (_constants, _path, _axis, _tip, _sizes)
+        if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
 
@@ -165,6 +171,16 @@ def _tip(config: Config) -> list[ConfigError]:
     except ValueError as error:
         return [ConfigError("indenter.points", str(error))]
     return []
+
+
+def _sizes(config: Config) -> list[ConfigError]:
+    """`accuracy` chooses the sizes itself."""
+    if config.accuracy is None:
+        return []
+    given = [name for name in ("h_contact", "h_axis", "h_edge", "h_far", "grading")
+             if getattr(config.mesh, name) not in (None, "auto")]  # fmt: skip
+    return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
+            for name in given]  # fmt: skip
 
 
 @cache

@@ -20,7 +20,9 @@ class Sizes:
     """Element sizes [length] and order.
 
     h_contact inside `patch` of the tip's axis, growing by `grading` per unit distance outside it up to h_far;
-    around a sharp edge at radius `edge` it shrinks to h_edge.
+    around a sharp edge at radius `edge` it shrinks to h_edge. Where h_axis is given, sizes inside the expected contact
+    radius `a` are the share of it that the distance from the axis is, but at least h_axis: so a contact of any radius
+    down to a h_axis/h_contact finds as many elements as the last one.
     """
 
     h_contact: float
@@ -30,10 +32,28 @@ class Sizes:
     grading: float = 0.2
     edge: float | None = None
     h_edge: float | None = None
+    h_axis: float | None = None
+    a: float = 0.0
+
+    @property
+    def typical(self) -> float:
+        """Between the sizes at the axis and at the edge of the contact, in the geometric mean [length]."""
+        return self.h_contact if self.h_axis is None else float(np.sqrt(self.h_axis * self.h_contact))
+
+    @property
+    def smallest(self) -> float:
+        """The size at the axis [length]."""
+        return self.h_axis or self.h_contact
+
+    @property
+    def slope(self) -> float:
+        """Growth of the size per unit distance from the axis, inside the contact, where there is one."""
+        return self.h_contact / self.a
 
     def at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """The element size [length] at distance r from the tip's axis and a depth below the surface."""
-        size = self.h_contact + self.grading * np.hypot(np.maximum(r - self.patch, 0.0), depth)
+        near = self.h_contact if self.h_axis is None else np.clip(self.slope * r, self.h_axis, self.h_contact)
+        size = near + self.grading * np.hypot(np.maximum(r - self.patch, 0.0), depth)
         if self.edge is not None and self.h_edge is not None:
             size = np.minimum(size, self.h_edge + self.grading * np.hypot(r - self.edge, depth))
         return np.minimum(size, self.h_far)
@@ -44,7 +64,7 @@ class Sizes:
         Measured on a layer (axisymmetric, all methods, quadratic elements): at most 0.3, 0.9, 2.3, 2.4, 5.5, 15, 20 and
         117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements: below 7/n^2 %.
         """
-        n = a / self.h_contact
+        n = a / float(self.at(np.array(a), np.array(0.0)))
         if self.edge is not None or n >= ENOUGH[self.order]:  # an edge: the contact radius is known, and refined
             return 0.0
         return 0.25 / min(n, n**2) if self.order == 1 else 0.07 / n**2
@@ -74,24 +94,38 @@ class Sizes:
         return doubts
 
 
+@dataclass(frozen=True)
+class Given:
+    """Sizes [length] and grading that are settled; None: left to `choose`."""
+
+    h_contact: float | None = None
+    h_axis: float | None = None
+    h_edge: float | None = None
+    h_far: float | None = None
+    grading: float | None = None
+
+
 def rounded(value: float) -> float:
     """A length to 12 significant digits: the same mesh whatever units the scene came in."""
     return float(f"{value:.12g}")
 
 
-def choose(a: float, height: float, width: float, dim: int, order: int, *, h_contact: float | None,
-           h_far: float | None, edge: float | None, round_radius: float | None = None) -> Sizes:  # fmt: skip
+def choose(a: float, height: float, width: float, dim: int, order: int, given: Given, *, edge: float | None,
+           round_radius: float | None = None) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
     round_radius: of a curved wall, which straight facets follow [length].
     """
-    fine = rounded(h_contact or min(a / PER_RADIUS[dim, order], height / 4))  # what follows must not know who chose it
-    wide = min(max(a / width - 0.5, 0.0), 0.5)  # then the corners at the base are felt, as singular as they are
+    fine = rounded(given.h_contact or min(a / PER_RADIUS[dim, order], height / 4))  # what follows must not know
+    wide = min(max(a / width - 0.5, 0.0), 0.5)  # who chose it. Wide contacts feel the corners at the base
     coarse = (0.25 - 0.3 * wide) * max(height, width) / (1 if order == 2 else 4)
-    far = h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
+    far = given.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
     patch = PATCH * a + 2 * fine
-    h_edge = rounded(fine / EDGE_RATIO[dim]) if edge is not None else None
-    return Sizes(fine, rounded(far), rounded(patch), order, GRADING[order], edge, h_edge)
+    h_edge = rounded(given.h_edge or fine / EDGE_RATIO[dim]) if edge is not None else None
+    axis = rounded(given.h_axis or fine)
+    grading = rounded(given.grading or GRADING[order])
+    return Sizes(fine, rounded(far), rounded(patch), order, grading, edge, h_edge,
+                 h_axis=axis if axis < fine else None, a=rounded(a))  # fmt: skip
 
 
 def in_words(error: float) -> str:

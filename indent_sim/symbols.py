@@ -29,6 +29,13 @@ SCENE = (
     Symbol("contact", "", "how contact is enforced", WORD),
     Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
     Symbol("mesh", "", "element sizes, order, and how much of the body is modelled", WORD),
+    Symbol(
+        "accuracy",
+        "",
+        "largest relative error of the force at any step, which chooses the mesh; fast = 0.05, "
+        "balanced = 0.01, accurate = 0.001",
+        "1",
+    ),
     Symbol("solver", "", "how the equations are solved", WORD),
     Symbol("output", "", "what is written, and where", WORD),
     Symbol("units.length", "", "label of the length unit, for example mm", WORD),
@@ -127,6 +134,17 @@ LOADING = (
 
 MESH = (
     Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error", "length"),
+    Symbol(
+        "h_axis",
+        "",
+        "element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest contact "
+        "ends; without it h_contact is everywhere under the tip",
+        "length",
+    ),
+    Symbol(
+        "h_edge", "", "element size at the sharp edge of a flat punch; without it a fraction of h_contact", "length"
+    ),
+    Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement", "1"),
     Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),

@@ -30,6 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "truncation": {"model", "oracle", "theory"},
     "sizing": set(),
     "costing": {"sizing"},
+    "accuracy": {"sizing"},
     "reduction": {"model"},
     # the scene file
     "yaml_strict": set(),
@@ -40,11 +41,14 @@ ROOMS: dict[str, set[str]] = {
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
     "expectation": {"model", "oracle", "sizing", "state"},
+    "elements": {"accuracy", "config", "model", "reduction", "sizing", "state", "theory"},
     "scene": {
+        "accuracy",
         "blunting",
         "config",
         "confinement",
         "costing",
+        "elements",
         "expectation",
         "model",
         "oracle",
@@ -54,6 +58,8 @@ ROOMS: dict[str, set[str]] = {
         "truncation",
     },
     "resolved": {"config", "scene"},
+    "error_bars": {"accuracy", "model", "scene", "state"},
+    "refinement": {"accuracy", "config", "error_bars", "scene", "state"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"geometry", "model", "scene", "state"},
     "comparison": {"oracle", "scene", "state", "theory"},
@@ -63,10 +69,11 @@ ROOMS: dict[str, set[str]] = {
     "tables": {"folder", "state"},
     "earlier": {"folder", "state", "tables"},
     "results": {"", "checkpoint", "earlier", "folder", "state", "tables", "xdmf"},
+    "record": {"earlier", "parallel", "results"},
     "plots": {"results"},
     "run": {
-        *("checkpoint", "comparison", "config", "earlier", "fe", "folder", "geometry", "model", "parallel"),
-        *("plots", "resolved", "results", "scene", "state"),
+        *("checkpoint", "comparison", "config", "earlier", "error_bars", "fe", "folder", "geometry", "model"),
+        *("parallel", "plots", "record", "refinement", "resolved", "scene", "state"),
     },
     "study": {"", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "yaml_strict"},
     # what people see

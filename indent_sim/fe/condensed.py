@@ -80,7 +80,7 @@ class CondensedContact:
         (first, F_0, lam_0), (last, F_1, lam_1) = self._path
         ratio = (delta - last) / (last - first) if last != first else 0.0
         onward = (F_1 + ratio * (F_1 - F_0), lam_1 + ratio * (lam_1 - lam_0))
-        return [onward, (F_1, lam_1)] if 0 < ratio <= 2 else [(F_1, lam_1)]
+        return [onward, (F_1, lam_1)] if -1 < ratio <= 2 else [(F_1, lam_1)]
 
     # ---- the surface ---------------------------------------------------------------------------------------------
 

@@ -13,16 +13,15 @@ from indent_sim.fe import observe
 from indent_sim.fe.body import Body
 from indent_sim.fe.compliance import Condenser
 from indent_sim.fe.condensed import CondensedContact, CondensedState
+from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
-from indent_sim.fe.path import EVEN, failed_state
+from indent_sim.fe.path import PATIENCE, SMALLEST_CUT
 from indent_sim.model.loading import LoadPath
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
 MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 GROWTH = 1.6  # and this much further when the contact comes to their rim
-SMALLEST_CUT = 2.0**-10
-PATIENCE = 10  # failures in a requested step: what still fails will
 
 
 class CondensedWalk:

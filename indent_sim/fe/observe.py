@@ -120,8 +120,8 @@ def contact(body: Observed) -> tuple[float, float, float]:
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
-    projected on the horizontal plane. The peak is over the contact quadrature points and the nodes, the
-    penetration the largest <-g> over the contact quadrature points.
+    projected on the horizontal plane; 0 for delta <= 0. The peak is over the contact quadrature points and the
+    nodes, the penetration the largest <-g> over the contact quadrature points.
     """
     dim = body.trace.dim
     grid, simplices = lattice(dim)
@@ -131,6 +131,7 @@ def contact(body: Observed) -> tuple[float, float, float]:
     x = s.X if body.scene.gap == "reference" else s.X + s.u
     size = _region(body, x[:, :begin, :-1], s.p_hat[:, :begin], simplices)
     size = body.scene.copies * body.comm.allreduce(size, op=MPI.SUM)
+    size = size if body.depth > 0 else 0.0  # no tip touches a body at rest before; what is there is round-off
     a = size / 2 if body.scene.kinematics.name == "plane_strain" else float(np.sqrt(size / pi))
     peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)

@@ -192,7 +192,7 @@ def plan(document: dict[str, Any]) -> None:
 def run(document: dict[str, Any]) -> bool:
     """Run a scene that is small enough, of few steps; returns whether it was."""
     with suppress(ConfigError):
-        if isinstance(document.get("loading"), dict) and "delta" in document["loading"]:
+        if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(document["loading"]):
             document["loading"]["steps"] = 2
         document.pop("output", None)
         scene = resolve(from_mapping(document))
@@ -230,7 +230,7 @@ def test_any_study(document):
 def test_some_scenes_are_run():
     ran = []
 
-    @settings(BRIEF, max_examples=40)
+    @settings(BRIEF, max_examples=80)
     @given(scenes())
     def some(document):
         if len(ran) < 4 and run(document):

@@ -94,6 +94,16 @@ def test_depths_come_in_the_order_asked_for_and_one_factorisation_serves_them_al
     assert body.walk.under(body.scene).contact.compliance is compliance
 
 
+def test_forces_on_the_same_compliance():
+    """The depths that gave them: F(delta) is one curve, met within 1e-10."""
+    body = condense(scene(WALLED, "mesh.h_contact=0.02"))
+    depths = [0.01, 0.002, 0.006]
+    found = body.states(forces=[state.force for state in body.states(deltas=depths)])
+    assert [state.delta for state in found] == pytest.approx(depths, rel=1e-9)
+    with pytest.raises(ValueError, match="not both"):
+        body.states(deltas=depths, forces=[0.01])
+
+
 def test_a_scene_that_does_not_condense_is_refused():
     with pytest.raises(ConfigError, match="does not condense"):
         condense(scene(WALLED, contact={"method": "nitsche"}))

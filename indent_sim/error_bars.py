@@ -1,0 +1,172 @@
+"""Error bars of the force, from companion runs on a coarser mesh and with a softer penalty.
+
+Two meshes in the ratio q, whose sizes near and far, growth and edge sizes go together, give forces F_c and F that are
+off by about q^rate to one (`accuracy.fading`), so F is off by |F_c - F| / (q^rate - 1). Which elements touch changes
+from step to step and makes the difference jump, even through zero. So there are two companions, hence two differences,
+and the neighbouring steps are asked too: the largest of all that counts, times SAFETY.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import isnan
+
+import numpy as np
+
+from indent_sim.accuracy import RATE, STEEPEST, fading
+from indent_sim.model.contact import Penalty
+from indent_sim.scene import Scene
+from indent_sim.state import State
+
+RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
+SAFETY = 2.2
+LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
+ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
+FORCELESS = 1e-6  # of the largest force: a step with less has none that an accuracy could be asked of
+
+
+Curve = dict[int, State]
+
+
+@dataclass(frozen=True)
+class Companion:
+    """A run of the same scene on a mesh whose sizes are `ratio` times as large."""
+
+    ratio: float
+    states: Sequence[State]
+
+    def beside(self, finer: float) -> Companion:
+        """The same run as companion of a mesh that is finer by this ratio."""
+        return Companion(self.ratio * finer, self.states)
+
+    @property
+    def curve(self) -> Curve:
+        """The state of every step that was reached."""
+        return {state.step: state for state in self.states if state.converged}
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, and the finite body that
+    stands for a half-space."""
+
+    step: int
+    discretisation: float
+    enforcement: float
+    truncation: float
+
+    @property
+    def total(self) -> float:
+        """The half-width [force]."""
+        return self.discretisation + self.enforcement + self.truncation
+
+
+def coarser(scene: Scene, ratio: float) -> Scene:
+    """The same scene on a mesh whose sizes are that much larger, near and far alike."""
+    sizes = scene.sizes
+    height = scene.extent[-1][1] - scene.extent[-1][0]
+    fine = min(ratio * sizes.h_contact, height)
+    axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
+    edge = sizes.h_edge and min(ratio ** RATE[sizes.order] * sizes.h_edge, fine)
+    larger = replace(
+        sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(ratio * sizes.grading, STEEPEST),
+        patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis,
+    )  # fmt: skip
+    return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)
+
+
+def softer(scene: Scene) -> Scene:
+    """The same scene with half the penalty stiffness."""
+    assert isinstance(scene.contact, Penalty)
+    return replace(scene, contact=replace(scene.contact, epsilon_n=scene.contact.stiffness / 2))
+
+
+class ErrorBars:
+    """Judges the force of one step after another against the companions' curves, the finest companion first.
+
+    Where forces are prescribed and depths found, a row's error is that of the force at its depth.
+    """
+
+    def __init__(self, scene: Scene, companions: Sequence[Companion], soft: Sequence[State] | None = None):
+        self.budgets: list[Budget] = []
+        self.companions = companions
+        self._truncation = scene.prediction.get("truncation_error", 0.0)
+        self._sizes, self._length = scene.sizes, scene.scales.length
+        self._coarser = [companion.curve for companion in companions]
+        self._soft = None if soft is None else Companion(1.0, soft).curve
+        self._run: Curve = {}
+
+    def judged(self, state: State) -> State:
+        """The state with its force_error; NaN where the companions have no such step."""
+        self._run[state.step] = state
+        size = abs(state.force)
+        budget = Budget(state.step, self._discretisation(state), self._enforcement(state.step) * size,
+                        self._truncation * size)  # fmt: skip
+        self.budgets.append(budget)
+        return replace(state, force_error=budget.total)
+
+    def _discretisation(self, state: State) -> float:
+        """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts."""
+        curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
+        errors = [fading(self._elements(state.a) / ratio, self._sizes.order) for ratio in ratios]
+        said = []
+        for k, (fine, coarse) in enumerate(pairwise(curves)):
+            share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN)
+            said += [SAFETY / share * difference for difference in _differences(fine, coarse, state)]
+        return float("nan") if any(map(isnan, said)) else max(said)
+
+    def _elements(self, a: float) -> float:
+        """Elements in a contact radius."""
+        r = np.array(a / self._length)
+        return float(r / self._sizes.at(r, np.zeros(())))
+
+    def _enforcement(self, step: int) -> float:
+        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft."""
+        if self._soft is None:
+            return 0.0
+        own, soft = self._coarser[0].get(step), self._soft.get(step)
+        if own is None or soft is None:
+            return float("nan")
+        low = force_at(soft, own.delta, self._soft)
+        if own.force == low:
+            return 0.0
+        inverse = 2 - own.force / low if low else -1.0
+        return abs(1 / inverse - 1) if inverse > 0 else float("inf")
+
+
+def _differences(fine: Curve, coarse: Curve, state: State) -> list[float]:
+    """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
+    F, step = abs(state.force), state.step
+    beside = [
+        _difference(fine, coarse, k) * F / abs(fine[k].force)
+        for k in (step - 1, step + 1)
+        if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
+    ]
+    return [_difference(fine, coarse, step), *beside]
+
+
+def _difference(fine: Curve, coarse: Curve, step: int) -> float:
+    if step not in fine or step not in coarse:
+        return float("nan")
+    return abs(force_at(coarse[step], fine[step].delta, coarse) - fine[step].force)
+
+
+def force_at(state: State, delta: float, curve: Curve) -> float:
+    """The force of a curve at a depth near one of its states: force (delta/its depth)^m, m the slope of their logs.
+
+    At the state's own depth it is the state's force, to the last digit.
+    """
+    if state.delta == delta or state.delta <= 0 or delta <= 0:
+        return state.force
+    return float(state.force * (delta / state.delta) ** _exponent(state, curve))
+
+
+def _exponent(state: State, curve: Curve) -> float:
+    """dlnF/dlndelta between the states beside one; that of a paraboloid where there are none."""
+    beside = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
+    first, last = min(beside, key=lambda s: s.delta), max(beside, key=lambda s: s.delta)
+    if first.force <= 0 or first.delta <= 0 or last.delta <= first.delta:
+        return 1.5
+    return float(np.log(last.force / first.force) / np.log(last.delta / first.delta))

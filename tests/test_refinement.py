@@ -1,0 +1,165 @@
+"""`run` with `accuracy` and with `--error-bars`: the column, the budget, refinement, its limits, and `--resume`."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from indent_sim import accuracy, run
+from indent_sim.config import from_mapping, load
+from indent_sim.errors import ConfigError, VerificationError
+from indent_sim.refinement import AccuracyNotReached
+from indent_sim.results import read
+from indent_sim.scene import resolve
+
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "loading": {"delta": 0.01, "steps": 5},
+    "output": {"fields": "none", "surface": "last", "plot": False},
+}
+
+
+def simulate(folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any) -> run.Outcome:
+    return run.run(from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume)
+
+
+def test_error_bars_are_a_column_and_a_budget(tmp_path: Path) -> None:
+    simulate(tmp_path / "run", error_bars=True, contact={"method": "penalty"}, body={"shape": "half_space"})
+    found = read(tmp_path / "run")
+    parts = found.report["error_budget"]
+    assert [part["step"] for part in parts] == list(found["step"])
+    sums = [part["discretisation"] + part["enforcement"] + part["truncation"] for part in parts]
+    assert found["force_error"] == pytest.approx(sums, rel=1e-12)
+    assert all(part[name] > 0 for part in parts for name in ("discretisation", "enforcement", "truncation"))
+
+
+def test_without_being_asked_nothing_is_estimated(tmp_path: Path) -> None:
+    outcome = simulate(tmp_path / "run")
+    assert "force_error" not in read(tmp_path / "run").table
+    assert "error_budget" not in outcome.report and "companions" not in outcome.report["timings"]
+
+
+def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) -> None:
+    """Of a punch, whose edge has a size of its own, and of a path whose first contact is small."""
+    for tip in ({"shape": "flat_punch", "radius": 0.3}, {"shape": "paraboloid", "R": 1.0}):
+        first = simulate(tmp_path / tip["shape"], indenter=tip, accuracy=0.01)
+        written = load(tmp_path / tip["shape"] / "config.yaml")
+        assert written.accuracy is None
+        again = run.run(written, directory=tmp_path / "again")
+        assert [state.force for state in again.states] == [state.force for state in first.states]
+
+
+def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(tmp_path: Path, monkeypatch: Any, caplog: Any) -> None:
+    """With a trade that promises too much the first mesh is too coarse; the estimate notices."""
+    monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
+    caplog.set_level("INFO", logger="indent_sim")
+    outcome = simulate(tmp_path / "run", accuracy=0.001)
+    first = accuracy.elements_for(0.001, 2, 2)
+    assert "refining" in caplog.text and outcome.report["accuracy"]["elements"] > 1.2 * first
+    found = read(tmp_path / "run")
+    assert np.all(found["force_error"] <= 0.001 * found["force"]) and len(found) == 5
+    assert found.report["status"] == "done"
+
+
+def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path) -> None:
+    """A penalty as soft as this is 1 % low whatever the mesh."""
+    with pytest.raises(VerificationError, match="epsilon_n alone costs") as caught:
+        simulate(tmp_path / "run", accuracy=0.001, contact={"method": "penalty", "epsilon_n": 1000.0})
+    assert caught.value.exit_code == 6
+    found = read(tmp_path / "run")
+    assert len(found) == 5 and found.report["status"] == "failed" and found.report["exit_code"] == 6
+    assert "accuracy not reached" in found.report["reason"] and "step 1" in found.report["reason"]
+
+
+def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("indent_sim.refinement.ATTEMPTS", 1)
+    monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
+    with pytest.raises(AccuracyNotReached, match="1 attempts were not enough"):
+        simulate(tmp_path / "run", accuracy=0.001)
+    assert len(read(tmp_path / "run")) == 5
+
+
+class Stop(Exception):
+    """Somebody pulls the plug."""
+
+
+@pytest.mark.parametrize("sections", [{"accuracy": 0.01}, {}], ids=["accuracy", "error bars"])
+def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict[str, Any]) -> None:
+    def stop(state: Any, step: int, total: int) -> None:
+        if step == 3:
+            raise Stop
+
+    bars = not sections
+    whole = simulate(tmp_path / "whole", error_bars=bars, **sections)
+    config = from_mapping(SCENE | sections)
+    with pytest.raises(Stop):
+        run.run(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
+    assert len(read(tmp_path / "run")) == 3
+    resumed = simulate(tmp_path / "run", resume=True, error_bars=bars, **sections)
+    assert resumed.resumed_after == 3
+    for name in ("force", "force_error"):
+        assert [getattr(s, name) for s in resumed.states] == pytest.approx([getattr(s, name) for s in whole.states])
+    assert len(resumed.report["error_budget"]) == 5
+
+
+def test_bars_cannot_be_added_to_rows_that_have_none(tmp_path: Path) -> None:
+    simulate(tmp_path / "run")
+    with pytest.raises(ConfigError, match="without error bars"):
+        simulate(tmp_path / "run", resume=True, error_bars=True)
+
+
+def test_a_finished_run_of_another_accuracy_is_not_resumed(tmp_path: Path) -> None:
+    simulate(tmp_path / "run", accuracy=0.01)
+    assert simulate(tmp_path / "run", accuracy=0.01, resume=True).resumed_after == 5
+    with pytest.raises(ConfigError, match=r"accuracy 0\.01"):
+        simulate(tmp_path / "run", accuracy=0.001, resume=True)
+
+
+def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
+    """Reference: a sphere R = 1 on the neo-Hookean layer nu = 0.3, W = 2, gap at the deformed point, computed with
+    mixed elements of order 6 whose edges follow the contact; good to 1e-6. One row may be outside its bar."""
+    exact = {0.05: 0.0208384, 0.1: 0.0659038, 0.2: 0.219368}
+    outcome = simulate(tmp_path / "run", accuracy=0.01, material={"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+                       indenter={"shape": "sphere", "R": 1.0}, loading={"deltas": list(exact)})  # fmt: skip
+    bars = np.array([state.force_error for state in outcome.states])
+    forces = np.array(list(exact.values()))
+    errors = np.abs([state.force for state in outcome.states] - forces)
+    assert np.all(errors <= 0.01 * forces) and np.all(bars <= 0.01 * forces)
+    assert np.sum(errors > bars) <= 1
+
+
+def test_accuracy_under_prescribed_forces(tmp_path: Path) -> None:
+    """The bar is that of the force at the row's depth, and layer theory knows it."""
+    outcome = simulate(tmp_path / "run", accuracy=0.01, loading={"force": 1.6e-3, "steps": 4})
+    oracle = resolve(from_mapping(SCENE)).oracle
+    assert oracle is not None
+    for state in outcome.states:
+        solution = oracle.at(state.delta)
+        assert solution is not None and state.force_error is not None
+        assert abs(state.force - solution.force) <= state.force_error <= 0.01 * state.force
+
+
+def test_a_lifted_tip_has_no_error(tmp_path: Path) -> None:
+    outcome = simulate(tmp_path / "run", accuracy=0.01, loading={"deltas": [0.004, -0.001, 0.01]})
+    bars = [state.force_error for state in outcome.states]
+    assert bars[1] == 0 and all(bar is not None and math.isfinite(bar) for bar in bars)
+
+
+def test_plan_says_what_accuracy_chose(tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    from indent_sim import cli
+
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(SCENE | {"accuracy": "balanced"}))
+    result = CliRunner().invoke(cli.program, ["plan", str(tmp_path / "scene.yaml"), "--json"])
+    choices = {choice["key"]: choice for choice in json.loads(result.stdout)["choices"]}
+    assert choices["accuracy"]["value"] == 0.01 and "elements in the contact radius" in choices["accuracy"]["why"]
+    assert "mesh.h_axis" in choices

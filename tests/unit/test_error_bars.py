@@ -1,0 +1,153 @@
+"""Error bars from companions, on curves whose error is known because it was put there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from indent_sim.accuracy import PRESETS, RATE, elements_for
+from indent_sim.config import from_mapping
+from indent_sim.error_bars import RATIOS, Companion, ErrorBars, coarser
+from indent_sim.errors import ConfigError
+from indent_sim.model.contact import Penalty
+from indent_sim.scene import Scene, resolve
+from indent_sim.state import State
+
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "loading": {"delta": 0.01, "steps": 4},
+}
+EXACT = {1: 2e-4, 2: 6e-4, 3: 1.0e-3, 4: 1.6e-3}
+ERROR = 1e-3  # of the finest curve, relative
+
+
+def scene(**sections: Any) -> Scene:
+    return resolve(from_mapping(SCENE | sections))
+
+
+def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[State]:
+    """Forces that are wrong by this share; at step `flip` the other way round."""
+    return [State(k, 0.0025 * k, EXACT[k] * (1 - error if k == flip else 1 + error), 0.05 * k**0.5, 0, 0, 0, 1, 0.0)
+            for k in steps]  # fmt: skip
+
+
+def companions(rate: float = RATE[2]) -> list[Companion]:
+    return [Companion(ratio, states(ERROR * ratio**rate)) for ratio in RATIOS]
+
+
+def bars_of(base: Scene, run: list[State], others: list[Companion], soft: list[State] | None = None) -> np.ndarray:
+    bars = ErrorBars(base, others, soft)
+    return np.array([bars.judged(state).force_error for state in run])
+
+
+def test_a_bar_holds_an_error_that_falls_as_expected() -> None:
+    """A power law is what two companions can tell; the safety and the blunter law of coarse meshes make it at most five
+    times too wide."""
+    bars = bars_of(scene(accuracy=0.01), states(ERROR), companions())
+    relative = bars / np.array(list(EXACT.values()))
+    assert np.all(relative > ERROR) and np.all(relative < 5 * ERROR)
+
+
+def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
+    """At one step run and companion are equal, both wrong: the steps beside it know."""
+    found = companions()
+    first = [replace(state, force=EXACT[2] * (1 + ERROR)) if state.step == 2 else state for state in found[0].states]
+    bars = bars_of(scene(accuracy=0.01), states(ERROR), [Companion(RATIOS[0], first), found[1]])
+    assert bars[1] > ERROR * EXACT[2]
+
+
+def test_a_step_that_a_companion_did_not_reach_has_no_bar() -> None:
+    short = [Companion(ratio, states(ERROR, range(1, 3))) for ratio in RATIOS]
+    bars = bars_of(scene(accuracy=0.01), states(0.0), short)
+    assert np.isfinite(bars[:2]).all() and np.isnan(bars[2:]).all()
+
+
+def test_without_force_there_is_no_error() -> None:
+    nothing = [replace(state, force=0.0, a=0.0) for state in states(0.0)]
+    assert not bars_of(scene(), nothing, [Companion(ratio, nothing) for ratio in RATIOS]).any()
+
+
+def test_the_error_of_a_penalty_is_extrapolated() -> None:
+    """Body and penalty as two springs in series: 1/F is linear in 1/epsilon_n, and F is 2 % low."""
+    low = 0.02
+    own, soft = ([replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2))
+    bars = bars_of(scene(contact={"method": "penalty"}), own, [Companion(ratio, own) for ratio in RATIOS], soft)
+    assert bars == pytest.approx([EXACT[k] - state.force for k, state in enumerate(own, 1)], rel=1e-9)
+
+
+def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
+    """A body whose force is c delta^1.5: the same curves, read at equal depths or at equal forces."""
+    depths = {k: (EXACT[k] / 1.6) ** (2 / 3) for k in EXACT}
+
+    def walked(error: float, control: str) -> list[State]:
+        shift = (1 + error) ** (-2 / 3) if control == "force" else 1.0
+        high = 1.0 if control == "force" else 1 + error
+        return [State(k, depths[k] * shift, EXACT[k] * high, 0.05 * k**0.5, 0, 0, 0, 1, 0.0) for k in EXACT]
+
+    by_depth, by_force = (
+        bars_of(scene(accuracy=0.01), walked(ERROR, control),
+                [Companion(q, walked(ERROR * q ** RATE[2], control)) for q in RATIOS])
+        for control in ("depth", "force")
+    )  # fmt: skip
+    assert by_force == pytest.approx(by_depth, rel=0.02)  # one is relative to the wrong force, 1 + ERROR q^RATE
+
+
+def test_a_coarser_scene_is_coarser_everywhere() -> None:
+    base = scene(accuracy=0.001, indenter={"shape": "flat_punch", "radius": 0.5})
+    larger = coarser(base, 1.6)
+    r, z = np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21))
+    assert np.all(larger.sizes.at(r, z) >= base.sizes.at(r, z))
+    assert larger.sizes.h_contact == pytest.approx(1.6 * base.sizes.h_contact)
+
+
+# ---- what accuracy chooses ------------------------------------------------------------------------------------------
+
+
+def test_presets_and_their_order() -> None:
+    """Ten times the accuracy costs 10^(1/RATE) times the elements in a radius, where the fewest do not rule."""
+    assert scene(accuracy="accurate").sizes == scene(accuracy=PRESETS["accurate"]).sizes
+    assert elements_for(1e-4, 2, 2) / elements_for(1e-3, 2, 2) == pytest.approx(10 ** (1 / RATE[2]))
+
+
+def test_every_step_sees_the_same_number_of_elements() -> None:
+    """The size at the edge of any contact on the path is the same share of its radius."""
+    base = scene(accuracy=0.01, loading={"delta": 0.01, "steps": 20})
+    assert base.fineness is not None and base.oracle is not None
+    radii = np.array([solution.a for solution in base.oracle.curve(base.deltas)])
+    share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.fineness.n
+    assert share == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_penalty_left_open_is_stiff_enough() -> None:
+    soft, stiff = (scene(accuracy=accuracy, contact={"method": "penalty"}) for accuracy in (0.01, 0.001))
+    assert isinstance(soft.contact, Penalty) and isinstance(stiff.contact, Penalty)
+    assert stiff.contact.stiffness > 4 * soft.contact.stiffness
+
+
+@pytest.mark.parametrize("key", ["h_contact", "h_far", "h_axis", "h_edge", "grading"])
+def test_accuracy_and_sizes_contradict_each_other(key: str) -> None:
+    with pytest.raises(ConfigError, match=f"mesh.{key}: contradicts accuracy"):
+        from_mapping(SCENE | {"accuracy": 0.01, "mesh": {key: 0.01}})
+
+
+@pytest.mark.parametrize("accuracy", [0.0, 1.0, -0.01, "best", True])
+def test_accuracies_that_are_none(accuracy: Any) -> None:
+    with pytest.raises(ConfigError) as caught:
+        from_mapping(SCENE | {"accuracy": accuracy})
+    assert caught.value.key == "accuracy"
+
+
+@pytest.mark.parametrize(
+    ("mesh", "key"),
+    [({"h_contact": 0.01, "h_axis": 0.02}, "h_axis"), ({"h_contact": 0.01, "h_edge": 0.005}, "h_edge"),
+     ({"h_axis": 0.01}, "h_axis")],
+)  # fmt: skip
+def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        scene(mesh=mesh)
+    assert caught.value.key == f"mesh.{key}"
