@@ -21,6 +21,7 @@ from indent_sim.state import Scales
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
+FINITE = 2.0  # deep in a hyperelastic body the pressure is up to this many times that of small strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
 UNRESOLVED = 0.05  # of the force: a contact in about one element
 TELLING = 0.005  # of the force: a smaller loss is not worth a warning
@@ -110,12 +111,13 @@ def penalty_loss(contact: ContactLaw, material: Material, theory: Oracle | None,
     """
     if not isinstance(contact, Penalty) or delta <= 0:
         return 0.0
+    sunk = MOST_SUNK * (1.0 if material.small_strain else FINITE) / contact.stiffness
     force, pressure = _carried(theory, material, delta, a, np.ones(1))
-    if (quick := STEEPEST * MOST_SUNK * float(pressure[0]) / (contact.stiffness * delta)) < TELLING:
+    if (quick := STEEPEST * sunk * float(pressure[0]) / delta) < TELLING:
         return quick  # a theory of many depths takes its time
     s = np.array([1e-6, 1e-3, 0.03, 0.2, 0.5, 0.8, 0.95, 1.0])
     force, pressure = _carried(theory, material, delta, a, s)
-    felt = np.interp(np.log(delta), np.log(s * delta + MOST_SUNK * pressure / contact.stiffness), np.log(force))
+    felt = np.interp(np.log(delta), np.log(s * delta + sunk * pressure), np.log(force))
     return float(1 - np.exp(felt) / force[-1])
 
 
