@@ -112,6 +112,7 @@ class Attempt:
                 record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness))
             simulation = Simulation(config, scene, record, self.clock, bars)
             states = simulation.follow(self.progress)
+            simulation.release()
             if bars is not None:
                 check(self.resolve, scene, states, bars, self.count)
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
@@ -147,6 +148,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     mesh = fe.distribute(on_root(comm, geometry.build, scene), scene, comm)
     for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
         yield state.in_units(scene.scales)
+    fe.release(mesh)
 
 
 @dataclass(frozen=True)
@@ -228,7 +230,7 @@ class Simulation:
             fe = _backend()
         with clock.stage("mesh"):
             grid = on_root(record.comm, geometry.build, scene)
-            mesh = fe.distribute(grid, scene, record.comm)
+            self._mesh = mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
@@ -295,6 +297,11 @@ class Simulation:
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
         return self.states
+
+    def release(self) -> None:
+        """Give the memory of the solution back (collective); a process may have many runs before it."""
+        self._walk = self._fields = None
+        _backend().release(self._mesh)
 
     def _wants_surface(self, step: int) -> bool:
         total = len(self.scene.deltas)

@@ -14,9 +14,12 @@ from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from indent_sim.fe import compat
+from indent_sim.fe.failure import Crushed
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.surface import Trace, facet_nodes
 from indent_sim.fe.unknowns import Unknowns
+from indent_sim.fe.variation import variations
 from indent_sim.scene import Scene
 
 CONTACT, WALL = 1, 2  # facet tags: the top surface, the curved wall of a cylinder in three dimensions
@@ -113,17 +116,22 @@ class Body:
         scene, unknowns = self.scene, self.unknowns
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.kinematics.weight(self.X)
-        volume = ufl.dx(metadata={"quadrature_degree": 2 * scene.sizes.order})
         material = symbolic(scene.material, self.mesh)
         H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
         H = ufl.variable(H)
-        psi = material.energy(H) if q is None else material.mixed_energy(H, q)
+        psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H
         self.nominal_stress = ufl.diff(psi, H)
         self.stress = self.nominal_stress
         if not scene.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
-        self.strain_energy = psi * self.weight * volume
+        self._psi = psi
+        self._wall: Any = None
+        self.strain_energy = self._over_volume(psi)
+        self._volume_ratio = ufl.det(F)
+
+    def _over_volume(self, density: Any) -> Any:
+        return density * self.weight * ufl.dx(metadata={"quadrature_degree": 2 * self.scene.sizes.order})
 
     def _guide_curved_wall(self, stiffness: float) -> None:
         """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
@@ -137,19 +145,41 @@ class Body:
         else:
             outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
         wall = self.surface_measure(WALL, 2 * self.scene.sizes.order)
-        self.strain_energy += fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
+        self._wall = fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
+        self.strain_energy += self._wall
+
+    def work(self) -> tuple[Any, Any]:
+        """First and second variation of the strain energy, as UFL forms."""
+        solution = self.unknowns.solution
+        test, trial = ufl.TestFunction(self.unknowns.space), ufl.TrialFunction(self.unknowns.space)
+        first, second = variations(self._psi, solution, test, trial)
+        first, second = self._over_volume(first), self._over_volume(second)
+        if self._wall is not None:
+            push = ufl.derivative(self._wall, solution, test)
+            first, second = first + push, second + ufl.derivative(push, solution, trial)
+        return first, second
 
     @cached_property
     def stiffness(self) -> Any:
         """Second derivative of the strain energy as a compiled form."""
-        first = ufl.derivative(self.strain_energy, self.unknowns.solution)
-        return fem.form(ufl.derivative(first, self.unknowns.solution))
+        return fem.form(self.work()[1])
 
     def stiffness_matrix(self) -> PETSc.Mat:
         """The stiffness at the present solution, constrained dofs included."""
         matrix = fem_petsc.assemble_matrix(self.stiffness)
         matrix.assemble()
         return matrix
+
+    def least_volume_ratio(self) -> Crushed | None:
+        """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
+        if self.scene.material.small_strain:
+            return None
+        points, _ = compat.quadrature(compat.CELLS[self.body_mesh.dim], 2 * self.scene.sizes.order)
+        values = ufl.as_vector([self._volume_ratio, *(self.X[k] for k in range(self.body_mesh.dim))])
+        cells = np.arange(self.mesh.topology.index_map(self.mesh.topology.dim).size_local, dtype=np.int32)
+        table = compat.evaluate(fem.Expression(values, points), self.mesh, cells).reshape(-1, 1 + self.body_mesh.dim)
+        J, *X = min(self.comm.allgather(tuple(map(float, table[np.argmin(table[:, 0])]))))
+        return Crushed(J, tuple(X))
 
     # ---- the state ---------------------------------------------------------------------------------------------
 

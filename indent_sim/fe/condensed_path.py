@@ -13,8 +13,8 @@ from indent_sim.fe import observe
 from indent_sim.fe.body import Body
 from indent_sim.fe.compliance import Condenser
 from indent_sim.fe.condensed import CondensedContact, CondensedState
+from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
-from indent_sim.fe.path import EVEN, failed_state
 from indent_sim.model.loading import LoadPath
 from indent_sim.scene import MOST_CANDIDATES, Scene
 from indent_sim.state import State

@@ -17,13 +17,14 @@ from petsc4py import PETSc
 
 from indent_sim.fe import compat, options
 from indent_sim.fe.mixing import Mixing
-from indent_sim.fe.newton import Newton
+from indent_sim.fe.newton import ROUGHLY, Newton
 from indent_sim.fe.problem import Problem
 from indent_sim.scene import Scene
 
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
+UZAWA_INNER = 1e-2  # of the multiplier's last change: how well the next solve within the loop must know the state
 UZAWA_LOOPS = 500
 UZAWA_PATIENCE = 60  # loops in which the change must have halved at least once
 
@@ -89,14 +90,28 @@ def enforcement(problem: Problem, **solver: Any) -> Enforcement:
 
 
 def _simultaneous(newton: Newton) -> Callable[[], bool]:
-    """Penalty, augmented Lagrangian, Nitsche: one semismooth Newton for everything."""
+    """Augmented Lagrangian, Nitsche, active set: one semismooth Newton for everything."""
     return newton.solve
+
+
+def _penalty(newton: Newton) -> Callable[[], bool]:
+    """One semismooth Newton, which comes to a stiff contact through softer ones, or at once where those mislead."""
+
+    def solve() -> bool:
+        before = newton.problem.snapshot()
+        if newton.approach() and newton.solve():
+            return True
+        newton.problem.restore(before)
+        return newton.solve()
+
+    return solve
 
 
 def _uzawa(newton: Newton) -> Callable[[], bool]:
     """Newton with lam frozen, then lam <- projection of <lam - epsilon_n g>, until it stands still.
 
-    The updates are mixed with earlier ones (`mixing`), which changes their number and not where they end:
+    On the way to its own stiffness lam is updated too, and a solve need not be finer than what the next update will
+    change. The updates are mixed with earlier ones (`mixing`), which changes their number and not where they end:
     at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
     projection = _Projection(newton.problem)
@@ -105,14 +120,17 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     def solve() -> bool:
         problem = newton.problem
         before = problem.snapshot()
-        smallest, since, mixing = float("inf"), 0, Mixing(problem.comm)
+        if not newton.approach(projection.update):
+            problem.restore(before)
+        smallest, since, mixing, rtol = float("inf"), 0, Mixing(problem.comm), ROUGHLY
         for _ in range(UZAWA_LOOPS):
-            if not newton.solve():
+            if not newton.solve(rtol):
                 break
             change = projection.update(mixing)
             newton.failure = f"the multiplier does not settle, it still changes by {change:.1e} of itself"
             if change <= settled(problem.scene):
                 return newton.solve()
+            rtol = max(newton.rtol, min(ROUGHLY, UZAWA_INNER * change))
             smallest, since = (change, 0) if change < smallest / 2 else (smallest, since + 1)
             if since > UZAWA_PATIENCE:
                 break
@@ -147,7 +165,7 @@ class _Projection:
         self._solver.getPC().setType("lu")
         self._solver.getPC().setFactorSolverType("mumps")
 
-    def update(self, mixing: Mixing) -> float:
+    def update(self, mixing: Mixing | None = None) -> float:
         """Change the multiplier; returns how far it was from its projection, relative to itself."""
         with self._b.localForm() as local:
             local.set(0.0)
@@ -157,14 +175,14 @@ class _Projection:
         before, image = self.lam.copy(), self.lam.duplicate()
         self._solver.solve(self._b, image)
         size = max(image.norm(), before.norm())
-        self.lam.array[:] = mixing(before.array_r, image.array_r)
+        self.lam.array[:] = mixing(before.array_r, image.array_r) if mixing else image.array_r
         self.lam.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
         before.axpy(-1.0, image)
         return before.norm() / size if size > 0 else 0.0
 
 
 ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {
-    "none": _simultaneous,
+    "none": _penalty,
     "unknown": _simultaneous,
     "stress": _simultaneous,
     "frozen": _uzawa,

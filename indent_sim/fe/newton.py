@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import ceil, log10
 from typing import Any
 
@@ -12,6 +13,9 @@ from indent_sim.fe import options
 from indent_sim.fe.problem import Problem
 
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
+START = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
+CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
+ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 
 
@@ -23,10 +27,11 @@ class Newton:
 
     def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
         self.problem = problem
-        self.rtol = rtol
+        self.rtol = self._tolerance = rtol
         self.max_iterations = max_iterations
         self.iterations = 0
         self._largest_reaction = 0.0
+        self._solved_at = 0.0  # depth of the last solution
         self._reaction = 0.0
         self._residual = 0.0
         self.failure = ""  # why the last solve did not converge
@@ -65,19 +70,41 @@ class Newton:
         if not np.isfinite(residual):
             return reasons.DIVERGED_FNORM_NAN
         noise = ROUNDOFF * self._largest_reaction + self.problem.noise
-        if residual <= self.rtol * self._reaction + noise:
+        if residual <= self._tolerance * self._reaction + noise:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.ITERATING
 
-    def solve(self) -> bool:
-        """Find the equilibrium at the problem's delta from its current solution; True when converged.
+    def solve(self, rtol: float | None = None) -> bool:
+        """Find the equilibrium at the problem's delta from its current solution, to `rtol` [its own]; True when done.
 
         Full steps first: at the kinks of contact a line search stalls where they get through. If they do not, through
         softer contact to the law's own. On failure the solution is left as it was before.
         """
-        return self._solve() or self._solve_from_softer_contact()
+        solved = self._solve(rtol) or self._solve_from_softer_contact()
+        if solved:
+            self._solved_at = self.problem.depth
+        return solved
 
-    def _solve(self) -> bool:
+    def approach(self, between: Callable[[], object] = lambda: None) -> bool:
+        """Come near the equilibrium of a stiff contact through softer ones, each found roughly; True when there.
+
+        Fewer iterations than at once: a contact that is 100 E*/h_contact stiff is sought point by point. `between` is
+        called after each. On failure the solution is left as it was before.
+        """
+        problem, start, found = self.problem, self.problem.x.copy(), True
+        is_close = abs(problem.depth - self._solved_at) <= CLOSE * abs(problem.depth)
+        for factor in [] if is_close else stages(problem.law, problem.scene):
+            problem.soften(factor)
+            found = self._solve(ROUGHLY)
+            if not found:
+                problem.set_solution(start)
+                break
+            between()
+        problem.soften(1.0)
+        return found
+
+    def _solve(self, rtol: float | None = None) -> bool:
+        self._tolerance = self.rtol if rtol is None else rtol
         start = self.problem.x.copy()
         guess = self.problem.x.copy()
         self.problem.begin_solve()
@@ -120,6 +147,13 @@ class Newton:
         if reason == reasons.DIVERGED_FNORM_NAN:
             return "the residual is not a number"
         return f"SNES reason {reason}"
+
+
+def stages(law: Any, scene: Any) -> list[float]:
+    """Factors for the stiffness of a contact law, by half decades from START to below its own; none if it is soft."""
+    excess = law.stiffness * scene.sizes.h_contact / scene.material.E_star / START
+    steps = max(1, round(2 * log10(excess))) if excess > 1 else 0
+    return [excess ** (k / steps - 1) for k in range(steps)]
 
 
 def softer(law: Any, scene: Any) -> list[float]:

@@ -5,23 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import ceil, inf
 from typing import Any
 
 import numpy as np
 
 from indent_sim.fe import observe
 from indent_sim.fe.enforce import Enforcement
+from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
 from indent_sim.fe.problem import Problem
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials import Gent
-from indent_sim.scene import Scene
 from indent_sim.state import State
 
+NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
-
-
-EVEN = f"even in substeps of {SMALLEST_CUT:.1e} of the step"
+PATIENCE = 10  # failures in a requested step: what still fails will
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Point:
 
 
 class Walk:
-    """Newton along the requested depths or forces, with a linear predictor, and cutback where a step is too long."""
+    """Newton along the requested depths or forces, from a predicted state, with cutback where a step is too long."""
 
     def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
         self.problem = self.observed = problem
@@ -42,6 +41,8 @@ class Walk:
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
         self._row: Point | None = None
+        self._stride = inf  # the longest step that is tried
+        self._successes = 0  # at this stride
         self._substeps = 0  # so far
         self._control = LoadControl(self._go, problem.scene.body.height, enforcement.force_tolerance)
 
@@ -59,20 +60,20 @@ class Walk:
     def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
         """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths passed since.
 
-        Equilibria without friction do not depend on the path, so the way is straight to the last two depths, from
+        Equilibria without friction do not depend on the path, so the way is straight to the last three depths, from
         which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
         """
         for delta, arrays in points:
             vectors = self.problem.snapshot()
             for vector, values in zip(vectors, arrays, strict=True):
                 vector.array[:] = values
-            self._points = [*self._points[-1:], Point(delta, vectors)]
+            self._points = [*self._points[-2:], Point(delta, vectors)]
         self.return_to_last()
         self._control.know(*self._pair)
         start = self._points
-        if all(self._reach(delta) for delta in deltas[-2:]):
+        if all(self._reach(delta) for delta in deltas[-3:]):
             return True
-        self._points = start
+        self._points, self._stride = start, inf
         self.return_to_last()
         return all(self._reach(delta) for delta in deltas)
 
@@ -90,17 +91,18 @@ class Walk:
             substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
             iterations = self.enforcement.iterations - iterations
             if not substeps:
-                yield failed_state(self.problem.scene, step, value, iterations, self._pair, self.started, self.failure)
+                yield failed_state(self.problem.scene, step, value, iterations, self._pair, self.started, self.failure,
+                                   self.problem.least_volume_ratio())  # fmt: skip
                 return
             self._row = self._last
             yield self._observe(step, iterations, substeps, wants_surface(step))
 
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""
-        before, substeps = self._last, self._substeps
+        before, substeps = self._points[-2:], self._substeps
         if not self._control.press(force, self.problem.scene.deltas[step - 1]):
             return 0
-        self._points = [before, self._last]  # the tries between them are too close together to extrapolate from
+        self._points = [*before, self._last]  # the tries between them are too close together to extrapolate from
         return self._substeps - substeps
 
     def _go(self, delta: float) -> Pair:
@@ -128,22 +130,31 @@ class Walk:
         self.problem.restore(row.state)
 
     def _reach(self, target: float) -> int:
-        """Step to the target, halving on failure and doubling on success; 0 when it cannot be reached."""
-        start = self._last.delta
-        fraction, reached, substeps = 1.0, 0.0, 0
-        while reached < 1.0:
-            fraction = min(fraction, 1.0 - reached)
-            goal = target if reached + fraction >= 1.0 else start + (target - start) * (reached + fraction)
+        """Step to the target in equal parts, no longer than what works; 0 when it cannot be reached."""
+        smallest, failures, substeps = SMALLEST_CUT * abs(target - self._last.delta), 0, 0
+        self._stride = max(self._stride, smallest)
+        while failures < PATIENCE and self._stride > smallest / 2:
+            ahead = target - self._last.delta
+            parts = max(1, ceil(abs(ahead) / self._stride - 1e-9))
+            goal = target if parts == 1 else self._last.delta + ahead / parts
             if self._attempt(goal):
-                reached, fraction, substeps = reached + fraction, 2 * fraction, substeps + 1
-            elif fraction <= SMALLEST_CUT:
-                return 0
+                substeps += 1
+                self._lengthen()
+                if parts == 1:
+                    return substeps
             else:
-                fraction /= 2
-        return substeps
+                failures += 1
+                self._stride, self._successes = abs(ahead) / parts / 2, 0
+        return 0
+
+    def _lengthen(self) -> None:
+        """Twice the stride after two successes: where one length has failed, the next step does not begin with it."""
+        self._successes += 1
+        if self._successes == 2:
+            self._stride, self._successes = 2 * self._stride, 0
 
     def _attempt(self, delta: float) -> bool:
-        """Solve at delta, first from the extrapolated state, then from the last one."""
+        """Solve at delta, first from the predicted state, then from the last one."""
         self.problem.delta.value = delta
         if self._extrapolate(delta) and self.enforcement.solve():
             self._accept(delta)
@@ -156,7 +167,7 @@ class Walk:
         return False
 
     def _extrapolate(self, delta: float) -> bool:
-        """Predict by the line through the last two states; False where it leads nowhere."""
+        """Predict by the line or parabola through the last states; False where it leads nowhere."""
         points = _leading(self._points, delta)
         if len(points) < 2:
             return False
@@ -172,7 +183,7 @@ class Walk:
         return True
 
     def _accept(self, delta: float) -> None:
-        self._points = [*self._points[-1:], Point(delta, self.problem.snapshot())]
+        self._points = [*self._points[-2:], Point(delta, self.problem.snapshot())]
 
     def _observe(self, step: int, iterations: int, substeps: int, with_surface: bool) -> State:
         problem = self.problem
@@ -196,27 +207,17 @@ class Walk:
 
 
 def _leading(points: list[Point], delta: float) -> list[Point]:
-    """The last points from which the path leads straight on to delta; one alone where a line predicts nothing."""
-    if len(points) < 2:
-        return points
-    step, behind = delta - points[-1].delta, points[-1].delta - points[-2].delta
-    leads = behind != 0 and -1 < step / behind <= 2  # between the two, or not far out
-    return points if leads else points[-1:]
+    """The last points from which the path leads straight on to delta; one alone where nothing is predicted.
 
-
-def failed_state(
-    scene: Scene, step: int, value: float, iterations: int, last: Pair, started: float, failure: str
-) -> State:
-    """The State that says that and why there is none at this depth or force; last: force and depth of the last one."""
-    nan, L, F = float("nan"), scene.scales.length, scene.scales.force
-    law = scene.material
-    limit = f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
-    wanted, place, delta = f"delta = {value * L:.6g}", f"delta = {last[1] * L:.6g}", value
-    if scene.path.control == "force":
-        wanted, place, delta = f"force = {value * F:.6g}", f"{place}, force = {last[0] * F:.6g}", last[1]
-    reason = (
-        f"contact method {scene.contact.method} did not converge at {wanted}: {failure}; "
-        f"the last equilibrium found is at {place}{limit}"
-    )
-    elapsed = time.perf_counter() - started
-    return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)
+    Three if the step is small beside the depth; two otherwise, since the contact edge leaves kinks in the states.
+    """
+    step = delta - points[-1].delta
+    most = 3 if abs(step) <= NEAR * abs(delta) else 2
+    leading = points[-1:]
+    for before, after in zip(points[-2::-1], points[:0:-1], strict=True):
+        behind = after.delta - before.delta
+        leads = behind != 0 and -1 < step / behind <= 2  # between the two, or not far out
+        if not leads or len(leading) == most:
+            break
+        leading = [before, *leading]
+    return leading

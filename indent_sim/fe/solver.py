@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+
+from petsc4py import PETSc
+
 from indent_sim.fe.body import Body
 from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed_path import CondensedWalk
@@ -13,7 +17,7 @@ from indent_sim.fe.path import Walk
 from indent_sim.fe.problem import Problem
 from indent_sim.scene import Scene
 
-__all__ = ["Fields", "distribute", "versions", "walk"]
+__all__ = ["Fields", "distribute", "release", "versions", "walk"]
 
 watch_the_cache()
 
@@ -26,3 +30,12 @@ def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk | C
             return CondensedWalk(scene, Body(scene, mesh), started)
         problem = Problem(scene, mesh)
         return Walk(problem, enforcement(problem, **solver), started)
+
+
+def release(mesh: BodyMesh) -> None:
+    """Free what PETSc keeps of objects on this mesh that Python has let go of (collective).
+
+    They are put aside, matrices with their factors, until all ranks agree to free them; even where there is one rank.
+    """
+    gc.collect()
+    PETSc.garbage_cleanup(mesh.comm)

@@ -36,6 +36,33 @@ def log(x: Any) -> Any:
     return np.log(x)
 
 
+SERIES = 0.03  # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
+ODD = (1 / 3, 1 / 5, 1 / 7, 1 / 9)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
+
+
+def log1p(x: Any) -> Any:
+    """ln(1 + x)."""
+    z = x / (2 + x)
+    return _where_small(x, 2 * z + 2 * z**3 * _odd(z), log(1 + x))
+
+
+def log1p_remainder(x: Any) -> Any:
+    """x - ln(1 + x), which is x^2/2 for small x."""
+    z = x / (2 + x)
+    return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
+
+
+def _odd(z: Any) -> Any:
+    square, total = z * z, 0.0
+    for factor in reversed(ODD):
+        total = factor + square * total
+    return total
+
+
+def _where_small(x: Any, small: Any, large: Any) -> Any:
+    return where_less(x * x, SERIES**2, small, large)
+
+
 def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
     """`then` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
     if is_symbolic(a, b, then, otherwise):
@@ -87,20 +114,34 @@ def _of_angle(name: str, degrees: Any) -> Any:
     return getattr(np, name)(np.radians(degrees))
 
 
-# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. It keeps
-# its first three terms there when the root and the arc cosine stay away from their singular points by this much; the
-# energy changes by the order of SPLIT times the cube of the strain deviator, cancellation is below 1e-9.
-SPLIT = 1e-6
+# A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots
+# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses.
+SPLIT = 1e-6  # where all three meet
+PAIR = 3e-6  # where two meet, of their distance to the third
+NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
 
 
-def principal_stretches(F: Any) -> list[Any]:
-    """The three principal stretches of a deformation gradient (3x3, UFL), by Cardano's formula for F^T F."""
-    import ufl
+def unimodular_stretches(mean: Any, square: Any, cube: Any) -> list[Any]:
+    """The three principal stretches of an F with det F = 1 (UFL or floats), smooth when used symmetrically.
 
-    C = F.T * F
-    mean = ufl.tr(C) / 3
-    deviator = C - mean * ufl.Identity(3)
-    size = ufl.sqrt(ufl.inner(deviator, deviator) / 6 + SPLIT**2)
-    cosine = ufl.det(deviator) / (2 * size**3)
-    angle = ufl.acos(cosine * (1 - SPLIT)) / 3
-    return [ufl.sqrt(mean + 2 * size * ufl.cos(angle + 2 * pi * k / 3)) for k in range(3)]
+    Of C = F^T F: mean = tr C/3, square = dev C : dev C/6, cube = det dev C. The squared stretch that stands apart from
+    the others is mean + 2 sqrt(square) y with 4 y^3 - 3 y = cosine (Cardano), which Newton's method solves without
+    the arc cosine's singular point; the other two follow from the trace, the product and (1 - y^2).
+    """
+    size = sqrt(square + SPLIT**2)
+    cosine = cube / (2 * size**3)
+    side = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
+    y = _root(side * cosine)
+    apart = sqrt(mean + 2 * side * size * y)
+    product = sqrt(1 - 3 * mean * SPLIT**2) / apart  # of the other two: all three are roots of one cubic
+    middle = sqrt(3 * mean - apart * apart + 2 * product) / 2
+    half = size * sqrt(3 * (1 - y * y) + PAIR**2) / (2 * middle)
+    return [apart, middle + half, middle - half]
+
+
+def _root(cosine: Any) -> Any:
+    """The largest y with 4 y^3 - 3 y = cosine, from 0 to 1."""
+    y = 0.866 + 0.134 * cosine
+    for _ in range(NEWTON):
+        y = (8 * y**3 + cosine) / (12 * y * y - 3)
+    return y

@@ -13,7 +13,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt, Len
 
-from indent_sim.model.algebra import log, principal_stretches
+from indent_sim.model.algebra import log, log1p, log1p_remainder, unimodular_stretches
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
@@ -25,6 +25,7 @@ class _Law:
     """What follows from the small-strain constants E and nu of any law."""
 
     small_strain: ClassVar[bool] = False
+    keeps_digits: ClassVar[bool] = False  # of a small strain: written in H, where others need 1 + H
 
     @property
     def constants(self) -> tuple[float, float]:
@@ -82,6 +83,7 @@ class LinearElastic(_TwoConstants):
     model: Literal["linear_elastic"] = "linear_elastic"
 
     small_strain: ClassVar[bool] = True
+    keeps_digits: ClassVar[bool] = True
 
     def energy(self, H: Any) -> Any:
         """psi [pressure]."""
@@ -107,6 +109,8 @@ class NeoHookean(_TwoConstants):
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
+    keeps_digits: ClassVar[bool] = True
+
     def energy(self, H: Any) -> Any:
         """psi [pressure]."""
         shear, log_J = self._shear(H)
@@ -118,11 +122,15 @@ class NeoHookean(_TwoConstants):
         return shear + q * log_J - q * q * self.inverse_lambda / 2
 
     def _shear(self, H: Any) -> tuple[Any, Any]:
-        from ufl import Identity, det, inner, ln
+        """Shear energy and ln J in terms of H, with all digits of them and of their derivatives where H is small.
 
-        F = Identity(3) + H
-        log_J = ln(det(F))
-        return self.shear_modulus * ((inner(F, F) - 3) / 2 - log_J), log_J
+        J - 1 = tr H + (tr^2 H - tr H^2)/2 + det H, and (I1 - 3)/2 = tr H + H:H/2, whose first parts cancel.
+        """
+        from ufl import det, inner, tr
+
+        curved = (tr(H) ** 2 - tr(H * H)) / 2 + det(H)
+        growth = tr(H) + curved
+        return self.shear_modulus * (inner(H, H) / 2 - curved + log1p_remainder(growth)), log1p(growth)
 
 
 @dataclass(frozen=True)
@@ -138,14 +146,18 @@ class _Isochoric(_Law):
         """Shear modulus at small strain [pressure]."""
         raise NotImplementedError  # pragma: no cover
 
-    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
-        """Isochoric energy [pressure] of the modified invariants; F has det F = 1."""
+    def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
+        """Isochoric energy [pressure] of mean = tr C/3, square = dev C : dev C/6 and cube = det dev C, det C = 1."""
+        return self.energy_of_invariants(3 * mean, 3 * (mean * mean - square))
+
+    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
+        """Isochoric energy [pressure] of the modified invariants."""
         raise NotImplementedError  # pragma: no cover
 
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
         """Isochoric energy [pressure] of principal stretches whose product is one (floats or arrays)."""
         a, b, c = l1 * l1, l2 * l2, l3 * l3
-        return self.isochoric(a + b + c, a * b + b * c + c * a, None)
+        return self.energy_of_invariants(a + b + c, a * b + b * c + c * a)
 
     def canonical(self) -> Any:
         """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
@@ -181,14 +193,16 @@ class _Isochoric(_Law):
         return shear + q * log_J - q * q * self.inverse_kappa / 2
 
     def _parts(self, H: Any) -> tuple[Any, Any]:
-        from ufl import Identity, det, inner, ln
+        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass."""
+        from ufl import Identity, det, inner, ln, tr, variable
 
         F = Identity(3) + H
-        J = det(F)
-        C = F.T * F
-        I1 = inner(F, F)
-        I2 = (I1 * I1 - inner(C, C)) / 2
-        return self.isochoric(J ** (-2 / 3) * I1, J ** (-4 / 3) * I2, J ** (-1 / 3) * F), ln(J)
+        J, C = variable(det(F)), F.T * F
+        mean = tr(C) / 3
+        deviator = C - mean * Identity(3)
+        mean, square, cube = variable(mean), variable(inner(deviator, deviator) / 6), variable(det(deviator))
+        scale = J ** (-2 / 3)
+        return self.isochoric(scale * mean, scale**2 * square, cube / J**2), ln(J)
 
 
 @dataclass(frozen=True)
@@ -204,7 +218,7 @@ class MooneyRivlin(_Isochoric):
         """2 (C10 + C01)."""
         return 2 * (self.C10 + self.C01)
 
-    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
         """C10 (I1 - 3) + C01 (I2 - 3)."""
         return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
 
@@ -223,7 +237,7 @@ class Yeoh(_Isochoric):
         """2 C10."""
         return 2 * self.C10
 
-    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
         """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
         x = I1 - 3
         return x * (self.C10 + x * (self.C20 + x * self.C30))
@@ -250,9 +264,9 @@ class Ogden(_Isochoric):
         """sum mu_i alpha_i / 2."""
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
 
-    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+    def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3)."""
-        return self.energy_of_stretches(*principal_stretches(F))
+        return self.energy_of_stretches(*unimodular_stretches(mean, square, cube))
 
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
         """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
@@ -274,7 +288,7 @@ class Gent(_Isochoric):
         """mu."""
         return self.mu
 
-    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
         """-mu Jm/2 ln(1 - (I1 - 3)/Jm); not a number beyond the limit, which ends a Newton step."""
         return -self.mu * self.Jm / 2 * log(1 - (I1 - 3) / self.Jm)
 
@@ -297,7 +311,7 @@ class ArrudaBoyce(_Isochoric):
         terms = (i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i) for i, c in enumerate(ARRUDA_BOYCE, start=1))
         return 2 * self.mu * sum(terms)
 
-    def isochoric(self, I1: Any, I2: Any, F: Any) -> Any:
+    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
         """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i)."""
         return self.mu * sum(
             c * self.lambda_m ** (2 - 2 * i) * (I1**i - 3**i) for i, c in enumerate(ARRUDA_BOYCE, start=1)

@@ -42,16 +42,30 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
         _front(panels["work"], front)
         if number:
             _against(panels["number"], groups, number)
-        telling = [key for key in keys if len({short(row[key]) for row in shown}) > 1] or list(keys)
-        _names(panels["names"], panels["work"], front, telling)
+        _names(panels["names"], panels["work"], front, _telling(shown, keys))
         plots.save(figure, path)
 
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
-        x, y = [row["cpu_s"] for row in rows], [_error(row) for row in rows]
-        axes.plot(x, y, ls="", **_mark(i), label=name or "runs")
+        for linear in (False, True):
+            mine = [row for row in rows if (row.get("mesh.order") == 1) == linear]
+            look = _mark(i) | (_hollow(i) if linear else {"label": name or "runs"})
+            axes.plot([row["cpu_s"] for row in mine], [_error(row) for row in mine], ls="", **look)
+    if any(row.get("mesh.order") == 1 for rows in groups.values() for row in rows):
+        axes.plot([], [], ls="", **_mark(0) | _hollow(MOST_COLOURS - 1), label="hollow: order 1")
     _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
+
+
+def _telling(rows: Sequence[Row], keys: Sequence[str]) -> list[str]:
+    """The keys that vary, without those that another one decides: of keys that go together the first."""
+    kept: list[str] = []
+    for key in keys:
+        values = {other: {short(row[other]) for row in rows} for other in (*kept, key)}
+        pairs = {other: {(short(row[other]), short(row[key])) for row in rows} for other in kept}
+        if len(values[key]) > 1 and all(len(pairs[other]) > len(values[other]) for other in kept):
+            kept.append(key)
+    return kept or list(keys)
 
 
 def _front(axes: Axes, front: Sequence[Row]) -> None:
@@ -127,6 +141,10 @@ def _error(row: Row) -> float:
 def _mark(i: int) -> dict[str, Any]:
     colour = plots.COLOURS[i % MOST_COLOURS]
     return {"color": colour, "marker": plots.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
+
+
+def _hollow(i: int) -> dict[str, Any]:
+    return {"mfc": "white", "mec": plots.COLOURS[i % MOST_COLOURS], "mew": 1.4}
 
 
 def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:

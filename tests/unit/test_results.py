@@ -143,6 +143,27 @@ class TestPlace:
                 write_run(tmp_path / place)
         assert names(tmp_path) == {"file", "link"}
 
+    @pytest.mark.parametrize("name", ["x" * 300, "x" * 250, "x/" * 2100, "loop", "loop/run"])
+    def test_names_too_long_and_links_in_a_circle_are_refused(self, tmp_path, name):
+        (tmp_path / "loop").symlink_to("loop")
+        with pytest.raises(UsageError):
+            write_run(tmp_path / name)
+        assert names(tmp_path) == {"loop"}
+
+    @pytest.mark.parametrize("name", ["x" * 240, "two words", "q'u\"o`t$e", "ü 漢字\n🙂", "-v"])
+    def test_odd_names_are_names(self, tmp_path, name):
+        for steps in (3, 2):
+            write_run(tmp_path / name, steps)
+            assert len(read(tmp_path / name)) == steps
+        assert names(tmp_path) == {name}
+
+    def test_a_result_inside_a_result(self, tmp_path):
+        """Each may be run again without harm to the other."""
+        for place, steps in (("run", 3), ("run/inner", 2), ("run", 4), ("run/inner", 1)):
+            write_run(tmp_path / place, steps)
+        assert len(read(tmp_path / "run")) == 4 and len(read(tmp_path / "run" / "inner")) == 1
+        assert names(tmp_path / "run") == FILES | {"inner"} and names(tmp_path) == {"run"}
+
     def test_an_empty_folder_is_filled_also_through_a_link(self, tmp_path):
         (tmp_path / "real").mkdir()
         (tmp_path / "link").symlink_to(tmp_path / "real")

@@ -105,19 +105,29 @@ def test_the_difference_to_linear_falls_with_the_radius() -> None:
     assert 0.25 < lost[1] / lost[0] < 0.42
 
 
+@pytest.mark.parametrize("delta", [1e-8, 1e-6])
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_the_shallowest_is_hertz(nu: float, delta: float) -> None:
+    """On a body R wide and thick a depth of 1e-8 R has a radius of 1e-4: 0.1 % of it is layer and finite strain at
+    1e-6, less at 1e-8. The force balance keeps its digits, though 1 + H has lost half of those of H."""
+    state = solve(ball(nu, delta**0.5 / 10, CYLINDER, loading={"delta": delta, "steps": 1}))[-1]
+    assert state.force == pytest.approx(4 / 3 / (1 - nu**2) * delta**1.5, rel=2e-3)
+    assert state.reaction == pytest.approx(state.force, rel=1e-12)
+
+
 # ---- paths that arrive ------------------------------------------------------------
 
 
 @each_nu
 def test_one_step_or_ten(nu: float) -> None:
     """To 0.3 R: the same equilibrium to 1e-6, since Newton's tolerance is 1e-10. At most 25 linear solves in one
-    step, 56 in ten, failed attempts included."""
+    step, 55 in ten (50 to 52 found), failed attempts included."""
     once = solve(ball(nu, 0.02, loading={"delta": 0.3, "steps": 1}))
     ten = solve(ball(nu, 0.02, loading={"delta": 0.3, "steps": 10}))
     assert once[-1].force == pytest.approx(ten[-1].force, rel=1e-6)
     assert once[-1].a == pytest.approx(ten[-1].a, rel=1e-6)
     assert iterations(once) <= 25
-    assert iterations(ten) <= 56
+    assert iterations(ten) <= 55
 
 
 @each_nu
@@ -135,13 +145,39 @@ def test_deep(nu: float) -> None:
 METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 
-@pytest.mark.parametrize("nu", [0.3, pytest.param(0.4999, marks=pytest.mark.verify)])
+@pytest.mark.parametrize("nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.49, 0.4999, 0.5))])
 def test_every_method_arrives(nu: float) -> None:
+    """At 0.7 R."""
     deep = {"loading": {"delta": 0.7, "steps": 7}}
     expected = solve(ball(nu, **deep))[-1].force
     for method, tolerance in METHODS.items():
         found = solve(ball(nu, contact={"method": method}, **deep))[-1]
         assert found.force == pytest.approx(expected, rel=tolerance), method
+
+
+# Linear solves of ten steps to 0.3 R, a fifth above what is found at both nu (82 to 87, 138 to 160, 56 to 59). The two
+# stiff methods find their contact point by point of the quadrature, which the smooth multiplier spares the others.
+EFFORT = {"penalty": 105, "uzawa": 195, "active_set": 70}
+
+
+@pytest.mark.parametrize("method", EFFORT)
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+def test_effort_of_the_other_methods(method: str, nu: float) -> None:
+    states = solve(ball(nu, 0.02, contact={"method": method}, loading={"delta": 0.3, "steps": 10}))
+    assert iterations(states) <= EFFORT[method]
+
+
+def test_a_hopeless_depth_is_given_up() -> None:
+    """A sharp punch whose edge no mesh resolves: ten failures of fifty iterations each, and what is known is said."""
+    punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
+    base = ball(0.49, 0.1, indenter=punch, loading={"delta": 0.6, "steps": 1}, mesh={"h_contact": 0.1},
+                solver={"max_iterations": 10})  # fmt: skip
+    (state,) = run.states(base)
+    assert not state.converged
+    assert state.newton_iterations <= 10 * 10 * 3  # longer at the few that succeed
+    assert "the last equilibrium found is at delta = 0" in state.reason
+    assert "J is smallest" in state.reason
+    assert "a larger indenter.edge_radius" in state.reason
 
 
 def test_unloading_returns_along_the_path() -> None:

@@ -1,0 +1,167 @@
+"""This program and others on the same problems: one table a problem, and one picture."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from markdown import number, percent, size, table
+from processes import Measured, measure
+from sweeps import IMAGES
+
+from indent_sim import plots
+
+PEERS = Path(__file__).with_name("peers.csv")
+PICTURE = IMAGES / "accuracy-programs.png"
+OURS = "indent-sim"
+RUBBER = ("body.radius=2", "body.sides=roller", "indenter={shape: sphere, R: 1.0}", "loading={delta: 0.3, steps: 10}",
+          "mesh.h_contact=0.02")  # fmt: skip
+
+# Forces of the last step and, where all ten are known, of each, by converged computations with independent programs:
+# HERTZ axi to 1e-8, cube to 3e-6, the sphere on neo-Hookean rubber to 1e-6
+AXI = [4.752808e-5, 1.3588647e-4, 2.5173546e-4, 3.9033719e-4, 5.4896469e-4,
+       7.2578549e-4, 9.1945975e-4, 1.12895354e-3, 1.35343836e-3, 1.59223159e-3]  # fmt: skip
+CUBE = 1.59748e-3
+RUBBERS = {"0.3": 0.455870, "0.49": 0.619888}
+TITLES = {
+    "axi": "HERTZ, axisymmetric",
+    "cube": "HERTZ, three-dimensional",
+    "rubber 0.3": "Sphere on neo-Hookean rubber, nu = 0.3",
+    "rubber 0.49": "Sphere on neo-Hookean rubber, nu = 0.49",
+}
+
+Row = dict[str, Any]
+
+
+def ours(repeat: int) -> list[Row]:
+    """This program's own rows, like those of `peers`."""
+    rows = []
+    for h in (0.04, 0.02, 0.01, 0.005, 0.0025):
+        done = measure("configs/hertz.yaml", f"mesh.h_contact={h}", repeat=repeat)
+        worst = max(abs(f / exact - 1) for f, exact in zip(done.force, AXI, strict=True))
+        rows.append(own_row("axi", h, done, done.force[-1] / AXI[-1] - 1, worst))
+    for h in (0.04, 0.03, 0.02, 0.0125):
+        done = measure("configs/hertz_cube.yaml", f"mesh.h_contact={h}", repeat=repeat)
+        rows.append(own_row("cube", h, done, done.force[-1] / CUBE - 1))
+    for nu, force in RUBBERS.items():
+        done = measure(
+            "configs/hertz.yaml", *RUBBER, f"material={{model: neo_hookean, E: 1.0, nu: {nu}}}", repeat=repeat
+        )
+        rows.append(own_row(f"rubber {nu}", 0.02, done, done.force[-1] / force - 1))
+    return rows
+
+
+def own_row(case: str, h: float, done: Measured, last: float, worst: float | None = None) -> Row:
+    """A row of this program."""
+    report = done.report
+    said = {"case": case, "program": OURS, "method": report["method"].replace("_", " "), "element": "P2", "h": h}
+    found = {"error_last": last, "error_worst": worst, "cpu_s": done.cpu, "memory_MB": done.memory}
+    effort = {"dofs": report["dofs"], "iterations": report["audit"]["newton_iterations"]}
+    return said | found | effort | {"gap": report["gap"], "stages": report["timings"]}
+
+
+def peers() -> list[Row]:
+    """The rows of peers.csv."""
+    with open(PEERS, newline="", encoding="utf-8") as stream:
+        rows: list[Row] = list(csv.DictReader(line for line in stream if not line.startswith("#")))
+    for row in rows:
+        row |= {k: float(row[k]) if row[k] else None for k in ("h", "error_last", "error_worst", "cpu_s", "memory_MB")}
+    return rows
+
+
+def tables(rows: Sequence[Row]) -> str:
+    """A table for each problem, the quickest first."""
+    names = ["program", "contact", "element", "h", "dofs", "last", "worst of ten", "iterations", "CPU s", "MB", "gap"]
+    parts = []
+    for case, title in TITLES.items():
+        mine = sorted((row for row in rows if row["case"] == case), key=lambda row: row["cpu_s"])
+        parts.append(f"### {title}\n\n{table(names, [line(row) for row in mine])}")
+    return "\n".join(parts)
+
+
+def line(row: Row) -> list[str]:
+    """A row as cells; this program's name is bold."""
+    name = f"**{OURS}**" if row["program"] == OURS else row["program"]
+    errors = percent(row["error_last"]), size(row["error_worst"])
+    costs = str(row["iterations"]), number(row["cpu_s"]), number(row["memory_MB"])
+    return [name, row["method"], row["element"], number(row["h"]), str(row["dofs"]), *errors, *costs, row["gap"]]
+
+
+def stages(rows: Sequence[Row]) -> str:
+    """Where the time of this program goes."""
+    mine = [row for row in rows if row["program"] == OURS]
+    names = list(dict.fromkeys(name for row in mine for name in row["stages"]))
+    lines = [
+        [TITLES[row["case"]], f"{row['h']:g}", *(number(row["stages"].get(name), 2) for name in names)] for row in mine
+    ]
+    return table(["problem", "h", *(f"{name}, wall s" for name in names)], lines)
+
+
+def draw(rows: Sequence[Row]) -> None:
+    """Error against CPU seconds of the whole process, a panel for each problem, this program's points joined."""
+    programs = list(dict.fromkeys([OURS, *(row["program"] for row in rows)]))
+    shown = "first panel: largest error of ten steps, hollow where only the last is known; others: last step"
+    with plots.canvas((12.4, 8.6)) as figure:
+        plots.head(figure, "Error of the force against the time of the whole process", shown)
+        for axes, (case, title) in zip(figure.subplots(2, 2).ravel(), TITLES.items(), strict=True):
+            mine = [row for row in rows if row["case"] == case]
+            for row in mine:
+                draw_point(axes, row, programs.index(row["program"]))
+            joined = sorted((error(row), row["cpu_s"]) for row in mine if row["program"] == OURS)
+            axes.plot([x for _, x in joined], [y for y, _ in joined], color=plots.INK, lw=1.2, zorder=2)
+            front(axes, mine)
+            finish(axes, title)
+        handles, names = legend(programs)
+        figure.legend(handles, names, loc="outside lower center", ncols=5, fontsize=9)
+        plots.save(figure, PICTURE)
+
+
+def error(row: Row) -> float:
+    """The largest error known of a row."""
+    return abs(row["error_last"] if row["error_worst"] is None else row["error_worst"])
+
+
+def style(i: int) -> dict[str, Any]:
+    """How the points of the i-th program look: this one black, the others coloured."""
+    colours = (plots.INK, *plots.COLOURS[:6], plots.GREY, plots.INK)
+    return {"color": colours[i % len(colours)], "marker": ("*", *plots.MARKERS, "<", ">")[i % 10], "ls": ""}
+
+
+def draw_point(axes: Any, row: Row, i: int) -> None:
+    """One row; hollow when it is compared by its last step although others of its problem have all ten."""
+    look = style(i) | ({} if comparable(row) else {"mfc": "none"})
+    axes.plot(row["cpu_s"], error(row), ms=11 if i == 0 else 7, zorder=4 if i == 0 else 3, **look)
+
+
+def comparable(row: Row) -> bool:
+    """Whether the error known of a row is that of the others of its problem."""
+    return row["error_worst"] is not None or row["case"] != "axi"
+
+
+def front(axes: Any, rows: Sequence[Row]) -> None:
+    """The Pareto front of a panel: the rows that none beats in both error and time."""
+    best: list[Row] = []
+    for row in sorted(filter(comparable, rows), key=lambda row: row["cpu_s"]):
+        if not best or error(row) < error(best[-1]):
+            best.append(row)
+    x, y = [row["cpu_s"] for row in best], [error(row) for row in best]
+    axes.step(x, y, where="post", color=plots.GREY, lw=1.2, ls=":", zorder=1)
+
+
+def finish(axes: Any, title: str) -> None:
+    """Logarithmic axes, named."""
+    axes.set(xscale="log", yscale="log", xlabel="CPU seconds of the process", ylabel="|relative error of the force|")
+    axes.set_title(title, loc="left")
+    axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
+    axes.margins(0.1)
+
+
+def legend(programs: Sequence[str]) -> tuple[list[Any], list[str]]:
+    """Handles and names: the programs, the joined points, the front."""
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], ms=8, **style(i)) for i in range(len(programs))]
+    handles += [Line2D([], [], color=plots.GREY, lw=1.0, ls=":")]
+    return handles, [*programs, "Pareto front"]

@@ -1,0 +1,60 @@
+"""Units are the user's affair: every method and solver sees the same numbers, whatever the scene is written in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from scenes import ELASTIC, PARABOLOID, WALLED, scene, solve
+
+from indent_sim.scene import Scene
+from indent_sim.state import State
+
+SAME = 1e-9  # the same equations but for round-off, which their solution amplifies by less than 1e5
+METHODS = ("penalty", "augmented_lagrangian", "uzawa", "active_set", "nitsche")
+PROBLEMS: dict[str, dict[str, Any]] = {
+    "condensed": {"material": ELASTIC, "solver": {"method": "condensed"}},
+    "newton": {"material": ELASTIC, "solver": {"method": "newton"}},
+    "neo-Hookean": {"material": ELASTIC | {"model": "neo_hookean"}},
+}
+UNITS = {"nm, nN": (1e9, 1e-9), "um, Pa": (1e6, 1.0), "km, TPa": (1e-3, 1e-12)}  # of 1 m and 1 Pa
+LENGTHS = ("radius", "height", "R", "delta", "h_contact", "h_far")
+
+
+def pressed(problem: str, method: str, length: float = 1.0, pressure: float = 1.0) -> Scene:
+    """A paraboloid of 1 m on a layer of 1 m and 5 Pa, in units of which a metre is `length` and a pascal `pressure`."""
+
+    def lengths(section: dict[str, Any]) -> dict[str, Any]:
+        return {key: value * length if key in LENGTHS else value for key, value in section.items()}
+
+    sections = PROBLEMS[problem]
+    return scene(
+        lengths(WALLED),
+        **sections | {"material": sections["material"] | {"E": 5.0 * pressure}},
+        indenter=lengths(PARABOLOID),
+        contact={"method": method},
+        loading=lengths({"delta": 0.06, "steps": 2}),
+        mesh=lengths({"h_contact": 0.08, "h_far": 0.5}),
+    )
+
+
+def numbers(state: State) -> list[float]:
+    return [getattr(state, name) for name in ("delta", "force", "a", "p_max", "energy", "reaction")]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("problem", PROBLEMS)
+def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
+    """What is left of a multiplier's penetration is round-off of the depth, so it is compared with that."""
+    if (problem, method) == ("condensed", "nitsche"):
+        pytest.skip("Nitsche's method needs the stress inside the body")
+    base = pressed(problem, method)
+    expected = solve(base)
+    for length, pressure in UNITS.values():
+        other = pressed(problem, method, length, pressure)
+        assert other.sizes == base.sizes
+        for here, there in zip(expected, solve(other), strict=True):
+            back = there.in_units(type(base.scales)(1 / length, 1 / pressure))
+            assert there.newton_iterations == here.newton_iterations
+            assert numbers(back) == pytest.approx(numbers(here), rel=SAME)
+            assert back.penetration == pytest.approx(here.penetration, rel=SAME, abs=SAME * here.delta)
