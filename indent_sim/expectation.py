@@ -21,7 +21,7 @@ from indent_sim.state import Scales
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
-FINITE = 2.0  # deep in a hyperelastic body the pressure is up to this many times that of small strain, measured
+FINITE = 3.0  # deep in a hyperelastic body a penalty sinks up to this much deeper than at small strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
 UNRESOLVED = 0.05  # of the force: a contact in about one element
 TELLING = 0.005  # of the force: a smaller loss is not worth a warning
