@@ -188,6 +188,9 @@ STUDY = (
     Symbol("vary", "", "keys and the values they take: lists or ranges, crossed or zipped", WORD),
     Symbol("zip", "", "which keys go together value by value: true, or a list of them", WORD),
     Symbol("compare_to", "", "what force, a and p_max are compared with: theory, finest, a force, a result", WORD),
+    Symbol(
+        "tolerance", "", "error of the force that is still right: every row gets a verdict, refused scenes a row", "1"
+    ),
     Symbol("from", "", "first number of a range", "that of the key"),
     Symbol("to", "", "last number of a range", "that of the key"),
     Symbol("count", "", "how many numbers a range has, both ends included", "1"),
@@ -201,7 +204,7 @@ STUDY_TABLE = (
     Symbol("status", "", "done, failed, or pending when the study was stopped before", WORD),
     Symbol("exit_code", "", "what `indent-sim run` of this row would end with", "1"),
     Symbol("steps_done", "", "requested depths that were reached", "1"),
-    Symbol("force_error_vs", "", "force / reference - 1 at the last depth", "1"),
+    Symbol("force_error_vs", "", "force / reference - 1 at the last depth; out of contact force / largest force", "1"),
     Symbol("force_error_worst", "", "largest |force / reference - 1| at any depth of the path", "1"),
     Symbol("a_error_vs", "", "a / reference - 1 at the last depth", "1"),
     Symbol("p_error_vs", "", "p_max / reference - 1 at the last depth", "1"),
@@ -213,6 +216,9 @@ STUDY_TABLE = (
     Symbol("cpu_solve", "", "CPU seconds of all load steps", "s"),
     Symbol("cpu_write", "", "CPU seconds of writing results", "s"),
     Symbol("cpu_s", "", "CPU seconds of the run; loading the libraries is left out", "s"),
+    Symbol("stated_error", "", "relative error of the force that the run itself warns of or measures", "1"),
+    Symbol("warnings", "", "what the run warns of", WORD),
+    Symbol("verdict", "", "right, flagged, refused, wrong or reference; only with a tolerance", WORD),
     Symbol("memory_MB", "", "memory the run needed beyond what its process held before", "MB"),
     Symbol("peak_memory_MB", "", "largest memory of the process during the run", "MB"),
 )
