@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim import elements
 from indent_sim.accuracy import Fineness
 from indent_sim.blunting import blunted
-from indent_sim.costing import Cost, Work, machine_memory
+from indent_sim.costing import DENSE, Cost, Work, candidates, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
 from indent_sim.expectation import contact_warnings, depths_of, prediction_of, warnings_of
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 STIFFEST = 1e3  # E*/h of a penalty that `accuracy` chooses: beyond it the pressures oscillate
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
+MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -118,7 +119,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
-    solver_choice = _solver(config, material, contact, gap)
+    solver_choice = _solver(config, material, contact, gap, candidates(sizes, reduction.extent, center))
     solves = len(deltas) * (SEARCH if path.control == "force" else 1)
     work = Work(str(solver_choice.value), formulation == "mixed", solves, gap == "current" or not
                 material.small_strain)  # fmt: skip
@@ -309,9 +310,13 @@ def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str
     return gap, Choice("contact.gap", gap, why)
 
 
-def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -> Choice:
-    """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not."""
+def _solver(config: Config, material: Material, contact: ContactLaw, gap: str, nodes: float) -> Choice:
+    """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not.
+
+    The compliance is dense: beyond MOST_CANDIDATES nodes that may come into contact it is not made.
+    """
     wanted = config.solver.method
+    size = f"{nodes:.2g} nodes may come into contact: the dense matrices need {DENSE * nodes**2 / 1e9:.2g} GB"
     obstacles = [
         why
         for applies, why in (
@@ -319,6 +324,7 @@ def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (contact.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
+            (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )
         if applies
     ]

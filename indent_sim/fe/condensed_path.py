@@ -16,7 +16,7 @@ from indent_sim.fe.condensed import CondensedContact, CondensedState
 from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
 from indent_sim.model.loading import LoadPath
-from indent_sim.scene import Scene
+from indent_sim.scene import MOST_CANDIDATES, Scene
 from indent_sim.state import State
 
 MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
@@ -34,7 +34,7 @@ class CondensedWalk:
         self.condenser = condenser or Condenser(body)
         self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
         self._whole *= 1.5  # the corners of a box
-        self._depth, self._solves = 0.0, 0
+        self._depth, self._solves, self._outgrown = 0.0, 0, ""
         self._control = LoadControl(self._go, scene.body.height)
         self.observed = RecoveredBody(self)
         self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
@@ -69,7 +69,7 @@ class CondensedWalk:
     @property
     def failure(self) -> str:
         """Why the last value was not reached."""
-        return self._control.failure or f"{self.contact.failure}, {EVEN}"
+        return self._outgrown or self._control.failure or f"{self.contact.failure}, {EVEN}"
 
     def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
         """One State per requested value after the first `done`; after one that is not converged there is no other."""
@@ -106,7 +106,13 @@ class CondensedWalk:
                 return False
             if self._inside():
                 return True
-            self._condense(min(GROWTH * self._reach_of_candidates, self._whole))
+            wider = min(GROWTH * self._reach_of_candidates, self._whole)
+            if (nodes := self.condenser.candidates(wider, self.scene.center)) > MOST_CANDIDATES:
+                self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
+                                  f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
+                self.contact.solve(self._depth)  # back to the last contact that they hold
+                return False
+            self._condense(wider)
 
     def _creep(self, delta: float) -> bool:
         """Reach a depth in substeps from the last one, halving them as long as they fail."""
