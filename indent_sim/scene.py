@@ -134,6 +134,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     work = Work(str(solver_choice.value), formulation == "mixed", solves, gap == "current" or not
                 material.small_strain)  # fmt: skip
     cost = _affordable(sizes, reduction, center, work)
+    cost = cost.with_error_bars if fineness else cost
     choices = (
         *([Choice("body", f"{body.shape}, height {whole.height:.4g}", truncation.why)] if truncation else []),
         Choice("symmetry", reduction.symmetry, reduction.why),
