@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -149,12 +150,23 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
                   *contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
-                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
+                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ()),
+                  *_shallow(sizes, deltas, expect, scales)),
         prediction=prediction_of(path, theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
             "seconds": float(f"{cost.seconds:.2g}")},
     )  # fmt: skip
+
+
+def _shallow(
+    sizes: Sizes, deltas: tuple[float, ...], expect: Callable[[float], elements.Expected], scales: Scales
+) -> list[str]:
+    """Doubts about the shallowest of several depths in contact, which the sizes were not chosen for."""
+    in_contact = sorted({delta for delta in deltas if delta > 0})
+    if len(in_contact) < 2:
+        return []
+    return sizes.doubts_of_the_first(in_contact[0] * scales.length, expect(in_contact[0])[0])
 
 
 def _strain_measure(material: Material) -> tuple[str, str]:

@@ -69,6 +69,16 @@ class TestMesh:
         assert "underestimates a" not in self.said("axisymmetric", 20, 1, "active_set")
         assert "underestimates a" not in self.said("axisymmetric", 20, 2, "penalty")
 
+    @pytest.mark.parametrize("kinematics", BODIES)
+    @pytest.mark.parametrize(
+        ("deltas", "warned"), [([0.02, 2e-5, -0.01], True), ([0.02, 0.002], False), ([2e-5], False)]
+    )
+    def test_a_shallow_step_with_less_than_an_element(self, kinematics, deltas, warned):
+        """a ~ sqrt(delta): a thousandth of the depth has a thirtieth of the ten (box: five) elements. One depth alone
+        has a mesh of its own."""
+        said = " ".join(scene(kinematics, loading={"deltas": deltas}).warnings)
+        assert ("shallowest depth, 2e-05" in said) is warned
+
     def test_a_tip_that_never_touches_has_no_contact_to_resolve(self):
         out = scene(loading={"deltas": [-0.1]}, mesh={"h_contact": 0.5})
         assert len(out.warnings) == 1
