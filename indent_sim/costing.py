@@ -8,7 +8,7 @@ compiled before.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -22,6 +22,7 @@ FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per
 CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
 START = 1.05  # s: imports, gmsh, writing
+COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
 PROCESS = 1.7e8  # bytes
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
@@ -49,6 +50,11 @@ class Cost:
     dofs: float
     memory: float
     seconds: float
+
+    @property
+    def with_error_bars(self) -> Cost:
+        """The same run together with its companions."""
+        return replace(self, seconds=self.seconds + COMPANIONS * (self.seconds - START))
 
 
 def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], work: Work,

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from indent_sim import elements
+from indent_sim import confinement, elements
 from indent_sim.accuracy import Fineness
 from indent_sim.blunting import blunted
 from indent_sim.costing import DENSE, Cost, Work, candidates, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.expectation import contact_warnings, depths_of, prediction_of, warnings_of
+from indent_sim.expectation import (
+    contact_warnings,
+    depths_of,
+    prediction_of,
+    shallow_doubts,
+    stated_error,
+    warnings_of,
+)
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.indenters import FlatPunch, Indenter
@@ -98,6 +105,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     center = whole.centre if truncation else config.center or whole.centre
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
+    _check_room(whole, material, config.indenter, center, path)
     E, _ = material.constants
     scales = Scales(whole.height, E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
@@ -108,10 +116,11 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     deltas = depths_of(path, theory, tip, material, body.height, scales)
-    a = _expected_radius(theory, tip, body, max(deltas), center)
+    radius = partial(_expected_radius, theory, tip, body, center)
+    a = radius(max(deltas))
 
     def expect(delta: float) -> elements.Expected:
-        return _expected_radius(theory, tip, body, delta, center), theory.at(delta) if theory else None
+        return radius(delta), theory.at(delta) if theory else None
 
     fineness = elements.fineness(config, per_radius, reduction.kinematics.dim, deltas, expect, material)
     sizes = elements.sizes(config, reduction, tip, a, scales, fineness)
@@ -125,6 +134,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     work = Work(str(solver_choice.value), formulation == "mixed", solves, gap == "current" or not
                 material.small_strain)  # fmt: skip
     cost = _affordable(sizes, reduction, center, work)
+    cost = cost.with_error_bars if fineness else cost
     choices = (
         *([Choice("body", f"{body.shape}, height {whole.height:.4g}", truncation.why)] if truncation else []),
         Choice("symmetry", reduction.symmetry, reduction.why),
@@ -149,24 +159,15 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         forces=path.values if path.control == "force" else None,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
-                  *contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
+                  *contact_warnings(contact, material, sizes, theory, max(deltas), a),
                   *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ()),
-                  *_shallow(sizes, deltas, expect, scales)),
+                  *shallow_doubts(sizes, deltas, radius)),
         prediction=prediction_of(path, theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
+            "force_error": stated_error(contact, material, sizes, theory, deltas[-1], radius(deltas[-1])),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
             "seconds": float(f"{cost.seconds:.2g}")},
     )  # fmt: skip
-
-
-def _shallow(
-    sizes: Sizes, deltas: tuple[float, ...], expect: Callable[[float], elements.Expected], scales: Scales
-) -> list[str]:
-    """Doubts about the shallowest of several depths in contact, which the sizes were not chosen for."""
-    in_contact = sorted({delta for delta in deltas if delta > 0})
-    if len(in_contact) < 2:
-        return []
-    return sizes.doubts_of_the_first(in_contact[0] * scales.length, expect(in_contact[0])[0])
 
 
 def _strain_measure(material: Material) -> tuple[str, str]:
@@ -222,6 +223,17 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
                           f"stay below {body.height:g}")  # fmt: skip
 
 
+def _check_room(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+    delta, room = max(path.values), confinement.deepest(body, material, tip, center)
+    if path.control == "depth" and delta >= room:
+        raise ConfigError(
+            "loading",
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at {room:g} the tip would "
+            "cover its whole top",
+            "stay well below, free a side, or nu < 0.5",
+        )
+
+
 def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...], work: Work) -> Cost:
     found = cost_of(sizes, reduction.extent, center, work, is_round=reduction.radius is not None)
     available = machine_memory()
@@ -257,7 +269,7 @@ def _rounded_body(body: Body) -> Body:
 
 
 def _expected_radius(
-    theory: Oracle | None, tip: Indenter, body: Body, delta: float, center: tuple[float, ...]
+    theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))

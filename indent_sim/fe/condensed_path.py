@@ -15,13 +15,13 @@ from indent_sim.fe.compliance import Condenser
 from indent_sim.fe.condensed import CondensedContact, CondensedState
 from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
+from indent_sim.fe.path import PATIENCE, SMALLEST_CUT
 from indent_sim.model.loading import LoadPath
 from indent_sim.scene import MOST_CANDIDATES, Scene
 from indent_sim.state import State
 
 MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 GROWTH = 1.6  # and this much further when the contact comes to their rim
-SMALLEST_CUT = 2.0**-10
 
 
 class CondensedWalk:
@@ -117,12 +117,13 @@ class CondensedWalk:
     def _creep(self, delta: float) -> bool:
         """Reach a depth in substeps from the last one, halving them as long as they fail."""
         start, reached, fraction = self._depth, 0.0, 0.5
-        while reached < 1.0 and fraction >= SMALLEST_CUT:
+        failures = 0
+        while reached < 1.0 and fraction >= SMALLEST_CUT and failures < PATIENCE:
             fraction = min(fraction, 1.0 - reached)
             if self.contact.solve(start + (delta - start) * (reached + fraction)):
                 reached, fraction = reached + fraction, 2 * fraction
             else:
-                fraction /= 2
+                fraction, failures = fraction / 2, failures + 1
         return reached >= 1.0
 
     def _inside(self) -> bool:
