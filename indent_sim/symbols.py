@@ -208,6 +208,7 @@ STUDY_TABLE = (
     Symbol("stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
     Symbol("dofs", "", "unknowns of the finite-element model", "1"),
     Symbol("cpu_resolve", "", "CPU seconds until everything is decided", "s"),
+    Symbol("cpu_companions", "", "CPU seconds of the coarser runs that estimate the error", "s"),
     Symbol("cpu_mesh", "", "CPU seconds of the mesh", "s"),
     Symbol("cpu_assemble", "", "CPU seconds of forms, matrices and factorisation", "s"),
     Symbol("cpu_solve", "", "CPU seconds of all load steps", "s"),

@@ -15,7 +15,7 @@ from indent_sim.study.cases import Case, short
 from indent_sim.study.reference import Answer, Comparison
 from indent_sim.yaml_strict import inline
 
-STAGES = ("resolve", "mesh", "assemble", "solve", "write")
+STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
 COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
 OUTCOME = ("status", "exit_code", "reason", "steps_done", "force", "a", "p_max", "penetration")
 ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")

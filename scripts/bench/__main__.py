@@ -66,6 +66,8 @@ def of_studies(studies: dict[str, Study]) -> dict[str, str]:
     return {
         "version": __version__,
         "versions": ", ".join(f"{name} {version}" for name, version in report["versions"].items()),
+        "asked_axi": sweeps.asked(studies["asked_axi"]),
+        "asked_cube": sweeps.asked(studies["asked_cube"]),
         "sources": sources.sources(by_source),
         "reductions": sweeps.reductions(studies["reductions"].rows),
         "growth": sweeps.growth(studies["growth"].rows),

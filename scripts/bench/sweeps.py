@@ -11,6 +11,7 @@ from markdown import number, percent, size, table
 from processes import ROOT
 
 from indent_sim import study
+from indent_sim.results import read
 from indent_sim.study import Study
 
 STUDIES = ROOT / "configs" / "studies" / "accuracy"
@@ -56,6 +57,18 @@ def matrix(rows: Sequence[Row], down: Sequence[str], error: str) -> str:
 def cell(row: Row, error: str) -> str:
     """Error and CPU seconds of a run."""
     return f"{size(row[error])}, {number(row['cpu_s'], 2)} s" if row["status"] == "done" else "failed"
+
+
+def asked(done: Study) -> str:
+    """The accuracy asked for, the error bar that was given with the force, and the error there was."""
+    lines = []
+    for row in done.rows:
+        found = read(done.directory / "runs" / row["run"])
+        bar = (found["force_error"] / found["force"]).max()
+        worst = row["force_error_vs"] if row["force_error_worst"] is None else row["force_error_worst"]
+        lines.append([size(row["accuracy"]), size(bar), size(worst), str(row["dofs"]), number(row["cpu_s"], 2),
+                      number(row["memory_MB"])])  # fmt: skip
+    return table(["asked for", "largest error bar", "worst error", "dofs", "CPU s", "MB"], lines)
 
 
 def reductions(rows: Sequence[Row]) -> str:
