@@ -10,6 +10,7 @@ the page and has no number in it: what this program does is measured here, what 
 
 from __future__ import annotations
 
+import logging
 import os
 import platform
 import sys
@@ -49,6 +50,7 @@ RANKED = (
 
 def main(quick: bool) -> None:
     """Measure everything and write the page."""
+    logging.basicConfig(level=logging.WARNING)  # FFCx tells of every compilation otherwise
     repeat = 1 if quick else 3
     names = sorted(path.stem for path in sweeps.STUDIES.glob("*.yaml"))
     studies = {name: sweeps.carry_out(name, resume=quick) for name in names}

@@ -482,3 +482,11 @@ class TestAdvice:
         row = table._row(case, [], Results(Path(), empty, report), None)
         assert row["force"] is None and row["steps_done"] == 0
         assert '"no, mesh"' in table.write([row])
+
+
+def test_of_keys_that_go_together_a_picture_names_the_first():
+    from indent_sim.study.picture import _telling
+
+    rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
+    assert _telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
+    assert _telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them
