@@ -55,7 +55,9 @@ def main(quick: bool) -> None:
     names = sorted(path.stem for path in sweeps.STUDIES.glob("*.yaml"))
     studies = {name: sweeps.carry_out(name, resume=quick) for name in names}
     slots = of_studies(studies) | of_processes(repeat)
-    text = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8")).substitute(slots)
+    text = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8")).substitute(
+        {name: value.rstrip() for name, value in slots.items()}
+    )
     PAGE.write_text(text, encoding="utf-8")
     print(PAGE.relative_to(ROOT))
 

@@ -58,7 +58,7 @@ def own_row(case: str, h: float, done: Measured, last: float, worst: float | Non
     said = {"case": case, "program": OURS, "method": report["method"].replace("_", " "), "element": "P2", "h": h}
     found = {"error_last": last, "error_worst": worst, "cpu_s": done.cpu, "memory_MB": done.memory}
     effort = {"dofs": report["dofs"], "iterations": report["audit"]["newton_iterations"]}
-    return said | found | effort | {"gap": report["gap"], "stages": report["timings"]}
+    return said | found | effort | {"gap": report["gap"], "stages": report["cpu_timings"]}
 
 
 def peers() -> list[Row]:
@@ -72,7 +72,19 @@ def peers() -> list[Row]:
 
 def tables(rows: Sequence[Row]) -> str:
     """A table for each problem, the quickest first."""
-    names = ["program", "contact", "element", "h", "dofs", "last", "worst of ten", "iterations", "CPU s", "MB", "gap"]
+    names = [
+        "program",
+        "contact",
+        "element",
+        "h",
+        "dofs",
+        "error, last",
+        "worst of ten",
+        "iterations",
+        "CPU s",
+        "MB",
+        "gap",
+    ]
     parts = []
     for case, title in TITLES.items():
         mine = sorted((row for row in rows if row["case"] == case), key=lambda row: row["cpu_s"])
@@ -95,7 +107,7 @@ def stages(rows: Sequence[Row]) -> str:
     lines = [
         [TITLES[row["case"]], f"{row['h']:g}", *(number(row["stages"].get(name), 2) for name in names)] for row in mine
     ]
-    return table(["problem", "h", *(f"{name}, wall s" for name in names)], lines)
+    return table(["problem", "h", *(f"{name}" for name in names)], lines)
 
 
 def draw(rows: Sequence[Row]) -> None:
@@ -108,8 +120,9 @@ def draw(rows: Sequence[Row]) -> None:
             mine = [row for row in rows if row["case"] == case]
             for row in mine:
                 draw_point(axes, row, programs.index(row["program"]))
-            joined = sorted((error(row), row["cpu_s"]) for row in mine if row["program"] == OURS)
-            axes.plot([x for _, x in joined], [y for y, _ in joined], color=plots.INK, lw=1.2, zorder=2)
+            joined = sorted((row for row in mine if row["program"] == OURS), key=lambda row: row["h"])
+            x, y = [row["cpu_s"] for row in joined], [error(row) for row in joined]
+            axes.plot(x, y, color=plots.INK, lw=1.2, zorder=2)
             front(axes, mine)
             finish(axes, title)
         handles, names = legend(programs)
