@@ -16,13 +16,14 @@ from indent_sim.sizing import Given
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # The error bar of the force is about CONSTANT n^-RATE at the worst step (by (dim, order)), as
 # `python -m pytest -m verify tests/verification/test_accuracy.py -s` prints it for every scene
-CONSTANT = {(2, 2): 0.6, (2, 1): 1.0, (3, 2): 0.3, (3, 1): 0.6}
+CONSTANT = {(2, 2): 0.6, (2, 1): 1.3, (3, 2): 0.19, (3, 1): 1.0}
 RATE = {2: 2.5, 1: 1.7}
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
-FEWEST, MOST = 5.0, 1000.0  # elements in the contact radius: with fewer, two coarser meshes say nothing of the error
-GROWTH = {2: 2.0, 1: 1.2}  # grading times n
+FEWEST = {2: 5.0, 3: 4.0}  # elements in the contact radius, by dim: two meshes much coarser say nothing
+MOST = 1000.0
+GROWTH = {(2, 2): 2.0, (2, 1): 1.2, (3, 2): 1.0, (3, 1): 1.0}  # grading times n
 STEEPEST = 0.5
-FAR = 2.0  # h_far n over the larger of height and width
+FAR = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
 THIN = 4.0  # at most this many thicknesses over n
 EDGE = {2: 0.5, 3: 2.0}  # h_edge n^RATE over the punch's radius, by dim
 SMALLEST = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
@@ -72,8 +73,8 @@ class Fineness:
             h_contact=fine,
             h_axis=min(self.smallest / n, fine) if edge is None else None,
             h_edge=min(edge * EDGE[self.dim] * n ** -RATE[self.order], fine) if edge is not None else None,
-            h_far=max(fine, min(FAR / n * max(height, width), (round_radius or float("inf")) / n)),
-            grading=min(STEEPEST, GROWTH[self.order] / n),
+            h_far=max(fine, min(FAR[self.dim] / n * max(height, width), (round_radius or float("inf")) / n)),
+            grading=min(STEEPEST, GROWTH[self.dim, self.order] / n),
         )
 
 
@@ -90,7 +91,7 @@ def fading(n: float, order: int) -> float:
 def elements_for(target: float, dim: int, order: int) -> float:
     """Elements in the contact radius of every step whose error bar is expected within the target."""
     n = (CONSTANT[dim, order] / target) ** (1 / RATE[order])
-    return min(max(n, FEWEST), MOST)
+    return min(max(n, FEWEST[dim]), MOST)
 
 
 def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[float, float, float]], dim: int,

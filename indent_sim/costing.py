@@ -8,7 +8,7 @@ compiled before.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -22,7 +22,9 @@ FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per
 CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
 START = 1.05  # s: imports, gmsh, writing
+COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
 PROCESS = 1.7e8  # bytes
+DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,11 @@ class Cost:
     memory: float
     seconds: float
 
+    @property
+    def with_error_bars(self) -> Cost:
+        """The same run together with its companions."""
+        return replace(self, seconds=self.seconds + COMPANIONS * (self.seconds - START))
+
 
 def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], work: Work,
          *, is_round: bool = False) -> Cost:  # fmt: skip
@@ -57,7 +64,12 @@ def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[fl
     cells = _cells(sizes, extent, center, is_round)
     dofs = cells * (NODES[dim, sizes.order] * dim + (VERTICES[dim] if work.mixed else 0.0))
     memory = PROCESS + (6e3 * dofs if dim == 2 else 650.0 * dofs ** (4 / 3))
-    solve = _condensed(sizes, extent, center, dofs, work) if work.method == "condensed" else _newton(dim, dofs, work)
+    if work.method == "condensed":
+        n = candidates(sizes, extent, center)
+        memory += DENSE * n**2
+        solve = _condensed(dim, n, dofs, work)
+    else:
+        solve = _newton(dim, dofs, work)
     return Cost(cells, dofs, float(memory), float(START + 3e-5 * cells + solve))
 
 
@@ -78,13 +90,16 @@ def _cells(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[
     return CELLS[dim] * float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
 
 
-def _condensed(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], dofs: float,
-               work: Work) -> float:  # fmt: skip
-    """One factorisation, one solve for each candidate on the surface, and small dense systems [s]."""
+def candidates(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
+    """How many nodes of the surface may come into contact: the order of a condensed body's dense matrices."""
     dim = len(extent)
     r, wr = _log_grid(sizes.patch + CANDIDATES * sizes.h_contact, sizes.smallest)
     size = sizes.at(r, np.zeros_like(r)) ** (dim - 1)
-    n = ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(extent, center)) * wr / size).sum())
+    return ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(extent, center)) * wr / size).sum())
+
+
+def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
+    """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
     body = 1e-5 * dofs if dim == 2 else 3e-9 * dofs**2 + 4e-9 * n * dofs ** (4 / 3)
     return body + work.iterations * (3e-4 + 1.5e-10 * n**3)
 

@@ -19,7 +19,7 @@ from indent_sim.theory.solution import Solution
 if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
 
-NEARLY_SHARP = 0.05  # of a punch's radius: a smaller radius of its edge is meshed like a sharp one
+NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 Expected = tuple[float, Solution | None]  # at some depth: the contact radius, theory's solution
 
 
@@ -43,7 +43,7 @@ def sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
     mesh, dim = config.mesh, reduction.kinematics.dim
     sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
-    edge = rounded(tip.radius) if isinstance(tip, FlatPunch) and sharp else None
+    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and sharp else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius

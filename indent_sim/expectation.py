@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import pi
 
 import numpy as np
@@ -15,10 +15,16 @@ from indent_sim.model.indenters import Indenter, Paraboloid, Profile, Sphere
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.oracle import Oracle, half_space_depth, half_space_force, section_depth
+from indent_sim.sizing import Sizes, in_words
 from indent_sim.state import Scales
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
+MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
+FINITE = 2.0  # deep in a hyperelastic body the pressure is up to this many times that of small strain, measured
+STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+UNRESOLVED = 0.05  # of the force: a contact in about one element
+TELLING = 0.005  # of the force: a smaller loss is not worth a warning
 
 
 def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Material, height: float, scales: Scales
@@ -95,14 +101,68 @@ def warnings_of(body: Body, material: Material, tip: Indenter, center: tuple[flo
     return warnings + _half_space_warning(tip, material, delta, theory, body)
 
 
-def contact_warnings(contact: ContactLaw, unit: float, elements: float) -> list[str]:
-    """What a stiffness given in the config does to the answer; unit = E*/h_contact, elements in the contact radius."""
-    if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * unit:
+def penalty_loss(contact: ContactLaw, material: Material, theory: Oracle | None, delta: float, a: float) -> float:
+    """The share of the force, at most, that a penalty costs at a depth; 0 for the other methods.
+
+    The body feels only the depth s that the penetration leaves: s + c p(s)/epsilon_n = delta with the mean pressure p,
+    and 1 - F(s)/F(delta) is lost; by theory, or as on a half-space under a paraboloid where there is none. c, the
+    integral of p dp/dF over p, is 0.69 for a cone and 0.75 for a paraboloid on a half-space, and for a paraboloid on a
+    thin layer 1 when it is compressible and 1.5 when not.
+    """
+    if not isinstance(contact, Penalty) or delta <= 0:
+        return 0.0
+    sunk = MOST_SUNK * (1.0 if material.small_strain else FINITE) / contact.stiffness
+    force, pressure = _carried(theory, material, delta, a, np.ones(1))
+    if (quick := STEEPEST * sunk * float(pressure[0]) / delta) < TELLING:
+        return quick  # a theory of many depths takes its time
+    s = np.array([1e-6, 1e-3, 0.03, 0.2, 0.5, 0.8, 0.95, 1.0])
+    force, pressure = _carried(theory, material, delta, a, s)
+    felt = np.interp(np.log(delta), np.log(s * delta + sunk * pressure), np.log(force))
+    return float(1 - np.exp(felt) / force[-1])
+
+
+def _carried(theory: Oracle | None, material: Material, delta: float, a: float, s: np.ndarray
+             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Force (in any unit) and mean pressure at parts s of a depth."""
+    curve = theory.curve(list(s * delta)) if theory else None
+    if theory and curve:
+        force, radius = np.array([solution.force for solution in curve]), np.array([solution.a for solution in curve])
+        return force, force / (2 * radius if theory.is_plane else pi * radius**2)
+    E, nu = material.constants
+    confined = E * (1 - nu) / ((1 + nu) * max(1 - 2 * nu, 1e-4)) * s  # of a body in contact from wall to wall
+    return s**1.5, delta * np.maximum(4 / (3 * pi) * material.E_star / a * np.sqrt(s), confined)
+
+
+def stated_error(contact: ContactLaw, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
+                 a: float) -> float:  # fmt: skip
+    """The relative error of the force at a depth that the program warns of; 0 when it knows of none."""
+    if delta <= 0:
+        return 0.0
+    return max(penalty_loss(contact, material, theory, delta, a), sizes.force_doubt(a))
+
+
+def shallow_doubts(sizes: Sizes, deltas: Sequence[float], radius: Callable[[float], float]) -> list[str]:
+    """That the shallowest contact is smaller than an element, when the deepest one is not."""
+    inside = [delta for delta in deltas if delta > 0]
+    a = radius(min(inside)) if inside else 0.0
+    doubt = sizes.force_doubt(a) if inside else 0.0
+    if doubt < UNRESOLVED or sizes.force_doubt(radius(max(inside))) > 0:
+        return []
+    return [
+        f"the elements suit the deepest contact; at the shallowest only {a / sizes.h_contact:.2g} of them are in the "
+        f"contact radius, and the force there may be wrong by {in_words(doubt)}"
+    ]
+
+
+def contact_warnings(contact: ContactLaw, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
+                     a: float) -> list[str]:  # fmt: skip
+    """What a stiffness given in the config does to the answer at the deepest contact."""
+    if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * material.E_star / sizes.h_contact:
         return ["a stiffness beyond 1000 E*/h_contact: the pressures oscillate"]
-    soft = 1.5 / pi * unit / (contact.stiffness * elements) if isinstance(contact, Penalty) else 0.0
-    if soft > 0.3:
-        return ["penalty: at this epsilon_n the tip sinks into the body"]
-    return [f"penalty: the force is about {soft:.0%} too low at this epsilon_n"] if soft > 0.01 else []
+    sinking = penalty_loss(contact, material, theory, delta, a)
+    if sinking < TELLING:
+        return []
+    return [f"penalty: the tip sinks into the body, the force is up to {100 * sinking:.2g} % too low at this epsilon_n"]
 
 
 def _half_space_warning(

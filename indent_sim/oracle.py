@@ -33,6 +33,11 @@ class Oracle:
     _tip: Any
     _body: dict[str, Any]
 
+    @property
+    def is_plane(self) -> bool:
+        """Whether forces are per unit length and `a` is a half-width."""
+        return self._module is plane_strain
+
     def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
         """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets the wall)."""
         with contextlib.suppress(ValueError):

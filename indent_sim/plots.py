@@ -46,7 +46,9 @@ STYLE: dict[str, Any] = {
     "ytick.color": GREY,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
-    "legend.frameon": False,
+    "legend.fancybox": False,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
     "lines.linewidth": 1.6,
     "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-3, 4),
@@ -137,7 +139,7 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         _curve(axes, x, y, i, name)
         if "force_error" in run.table and np.isfinite(run["force_error"]).any():
             half = force(np.nan_to_num(run["force_error"]))
-            label = "estimated error" if i == len(runs) - 1 else None
+            label = f"estimated error{_of_last(half, y)}" if i == len(runs) - 1 else None
             axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
     if theory and theory.get("curve", {}).get("delta"):
         curve = theory["curve"]
@@ -150,7 +152,13 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         axes.plot(depth([at["delta"]]), force([at["force"]]), **_hollow("D", GREY), label=label)
     _name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
+    axes.locator_params(axis="x", nbins=6)  # numbers such as 0.0025 are wide
     axes.legend(loc="upper left")
+
+
+def _of_last(half: np.ndarray, y: np.ndarray) -> str:
+    """The last error in words: a thin band cannot be read off."""
+    return f", \N{PLUS-MINUS SIGN}{abs(half[-1] / y[-1]):.2%} at the last step" if y[-1] != 0 else ""
 
 
 def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None) -> None:

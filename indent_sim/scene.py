@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from indent_sim import elements
+from indent_sim import confinement, elements
 from indent_sim.accuracy import Fineness
 from indent_sim.blunting import blunted
-from indent_sim.costing import Cost, Work, machine_memory
+from indent_sim.costing import DENSE, Cost, Work, candidates, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.expectation import contact_warnings, depths_of, prediction_of, warnings_of
+from indent_sim.expectation import (
+    contact_warnings,
+    depths_of,
+    prediction_of,
+    shallow_doubts,
+    stated_error,
+    warnings_of,
+)
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.indenters import FlatPunch, Indenter
@@ -32,6 +40,7 @@ if TYPE_CHECKING:
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 STIFFEST = 1e3  # E*/h of a penalty that `accuracy` chooses: beyond it the pressures oscillate
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
+MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -96,6 +105,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     center = whole.centre if truncation else config.center or whole.centre
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
+    _check_room(whole, material, config.indenter, center, path)
     E, _ = material.constants
     scales = Scales(whole.height, E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
@@ -106,10 +116,11 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     deltas = depths_of(path, theory, tip, material, body.height, scales)
-    a = _expected_radius(theory, tip, body, max(deltas), center)
+    radius = partial(_expected_radius, theory, tip, body, center)
+    a = radius(max(deltas))
 
     def expect(delta: float) -> elements.Expected:
-        return _expected_radius(theory, tip, body, delta, center), theory.at(delta) if theory else None
+        return radius(delta), theory.at(delta) if theory else None
 
     fineness = elements.fineness(config, per_radius, reduction.kinematics.dim, deltas, expect, material)
     sizes = elements.sizes(config, reduction, tip, a, scales, fineness)
@@ -118,11 +129,12 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     blunt = blunted(tip, a, body, material, center, max(deltas)) if gap == "current" else None
     wall = WALL_STIFFNESS * material.constants[0] / sizes.h_far if _guided(reduction) else 0.0
     formulation, formulation_choice = _formulation(config, material)
-    solver_choice = _solver(config, material, contact, gap)
+    solver_choice = _solver(config, material, contact, gap, candidates(sizes, reduction.extent, center))
     solves = len(deltas) * (SEARCH if path.control == "force" else 1)
     work = Work(str(solver_choice.value), formulation == "mixed", solves, gap == "current" or not
                 material.small_strain)  # fmt: skip
     cost = _affordable(sizes, reduction, center, work)
+    cost = cost.with_error_bars if fineness else cost
     choices = (
         *([Choice("body", f"{body.shape}, height {whole.height:.4g}", truncation.why)] if truncation else []),
         Choice("symmetry", reduction.symmetry, reduction.why),
@@ -147,10 +159,12 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         forces=path.values if path.control == "force" else None,
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
-                  *contact_warnings(contact, material.E_star / sizes.h_contact, a / sizes.h_contact),
-                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ())),
+                  *contact_warnings(contact, material, sizes, theory, max(deltas), a),
+                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ()),
+                  *shallow_doubts(sizes, deltas, radius)),
         prediction=prediction_of(path, theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
+            "force_error": stated_error(contact, material, sizes, theory, deltas[-1], radius(deltas[-1])),
             "cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
             "seconds": float(f"{cost.seconds:.2g}")},
     )  # fmt: skip
@@ -209,6 +223,17 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
                           f"stay below {body.height:g}")  # fmt: skip
 
 
+def _check_room(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+    delta, room = max(path.values), confinement.deepest(body, material, tip, center)
+    if path.control == "depth" and delta >= room:
+        raise ConfigError(
+            "loading",
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at {room:g} the tip would "
+            "cover its whole top",
+            "stay well below, free a side, or nu < 0.5",
+        )
+
+
 def _affordable(sizes: Sizes, reduction: Reduction, center: tuple[float, ...], work: Work) -> Cost:
     found = cost_of(sizes, reduction.extent, center, work, is_round=reduction.radius is not None)
     available = machine_memory()
@@ -244,7 +269,7 @@ def _rounded_body(body: Body) -> Body:
 
 
 def _expected_radius(
-    theory: Oracle | None, tip: Indenter, body: Body, delta: float, center: tuple[float, ...]
+    theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
@@ -308,9 +333,13 @@ def _gap(wanted: Contact, reduction: Reduction, material: Material) -> tuple[str
     return gap, Choice("contact.gap", gap, why)
 
 
-def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -> Choice:
-    """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not."""
+def _solver(config: Config, material: Material, contact: ContactLaw, gap: str, nodes: float) -> Choice:
+    """A linear body under a frictionless tip with a reference gap is one compliance; anything else is not.
+
+    The compliance is dense: beyond MOST_CANDIDATES nodes that may come into contact it is not made.
+    """
     wanted = config.solver.method
+    size = f"{nodes:.2g} nodes may come into contact: the dense matrices need {DENSE * nodes**2 / 1e9:.2g} GB"
     obstacles = [
         why
         for applies, why in (
@@ -318,6 +347,7 @@ def _solver(config: Config, material: Material, contact: ContactLaw, gap: str) -
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (contact.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
+            (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )
         if applies
     ]

@@ -51,6 +51,7 @@ def conclusion(outcome: Outcome) -> list[str]:
     lines = [f"step {state.step}: {_numbers(state)}" for state in outcome.states[-1:]]
     if outcome.resumed_after:
         lines.append(_resumed(outcome))
+    lines += _error(outcome.states)
     theory = report.get("theory") or {}
     if theory:
         lines.append(_theory(theory))
@@ -136,6 +137,15 @@ def _resumed(outcome: Outcome) -> str:
     if outcome.resumed_after == rows:
         return f"nothing left to compute: all {rows} rows were there"
     return f"resumed: {outcome.resumed_after} of the {rows} rows were there"
+
+
+def _error(states: list[State]) -> list[str]:
+    """The widest error bar, relative to its force."""
+    bars = [(state.force_error / abs(state.force), state.step) for state in states if state.force_error and state.force]
+    if not bars:
+        return []
+    worst, step = max(bars)
+    return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"]
 
 
 def _theory(theory: dict[str, Any]) -> str:

@@ -26,6 +26,7 @@ ROOMS: dict[str, set[str]] = {
     "theory": set(),
     "oracle": {"model", "theory"},
     "blunting": {"model", "oracle"},
+    "confinement": {"model"},
     "truncation": {"model", "oracle", "theory"},
     "sizing": set(),
     "costing": {"sizing"},
@@ -39,12 +40,13 @@ ROOMS: dict[str, set[str]] = {
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
-    "expectation": {"model", "oracle", "state"},
+    "expectation": {"model", "oracle", "sizing", "state"},
     "elements": {"accuracy", "config", "model", "reduction", "sizing", "state", "theory"},
     "scene": {
         "accuracy",
         "blunting",
         "config",
+        "confinement",
         "costing",
         "elements",
         "expectation",

@@ -103,11 +103,18 @@ class Condenser:
         order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
         return Trace(rows[order], X[order], rows[order], trace.order)
 
-    def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
-        """The compliance of all facets that come within `reach` [length] of the tip's axis."""
+    def candidates(self, reach: float, center: tuple[float, ...]) -> int:
+        """How many nodes the facets have that come within `reach` [length] of the tip's axis."""
+        return len(np.unique(self._surface.nodes[self._near(reach, center)]))
+
+    def _near(self, reach: float, center: tuple[float, ...]) -> np.ndarray:
         surface = self._surface
         distance = np.linalg.norm(surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1).min(axis=1)
-        near = distance <= reach
+        return np.asarray(distance <= reach)
+
+    def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
+        """The compliance of all facets that come within `reach` [length] of the tip's axis."""
+        surface, near = self._surface, self._near(reach, center)
         places, nodes = np.unique(surface.nodes[near], return_inverse=True)
         if self._last is None or not np.array_equal(places, self._last.places):
             C, support, stray = self._solve(places)
@@ -152,7 +159,10 @@ class Condenser:
         for matrix in (B, X):
             matrix.assemble()
         self._pc.getFactorMatrix().matSolve(B, X)
-        return X.getDenseArray().copy()
+        solutions: np.ndarray = X.getDenseArray().copy()
+        for matrix in (B, X):
+            matrix.destroy()  # left to Python they stay until the end: all blocks at once
+        return solutions
 
     def recover(self, nodal_forces: np.ndarray) -> None:
         """Put the whole body's response to forces at the nodes last condensed to into the body's solution."""

@@ -137,14 +137,17 @@ class CondensedContact:
     def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
         """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero.
 
-        From where it stands; if that is too far, through softer contact to the law's own.
+        From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
+        own; if that is too far, through softer contact to the law's own.
         """
         start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
-        for factors in ([1.0], softer(self.law, self._scene)):
+        unit = self._scene.material.E_star / self._scene.sizes.h_contact
+        first = [unit / epsilon_n, 1.0] if with_multiplier and epsilon_n > unit else [1.0]
+        for factors in (first, softer(self.law, self._scene)):
             self.F = start
             if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
                 return True
-        self.failure = f"no equilibrium within {ITERATIONS} iterations"
+        self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
         return False
 
     def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
@@ -156,6 +159,7 @@ class CondensedContact:
             offset = offset + frozen[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
         before: np.ndarray | None = None
+        seen: set[bytes] = set()
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
@@ -166,7 +170,10 @@ class CondensedContact:
             if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0):
                 self.F = load
                 return True
+            if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
+                return False
             before = active
+            seen.add(active.tobytes())
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
         return False

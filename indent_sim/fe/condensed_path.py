@@ -15,13 +15,13 @@ from indent_sim.fe.compliance import Condenser
 from indent_sim.fe.condensed import CondensedContact, CondensedState
 from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
+from indent_sim.fe.path import PATIENCE, SMALLEST_CUT
 from indent_sim.model.loading import LoadPath
-from indent_sim.scene import Scene
+from indent_sim.scene import MOST_CANDIDATES, Scene
 from indent_sim.state import State
 
 MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 GROWTH = 1.6  # and this much further when the contact comes to their rim
-SMALLEST_CUT = 2.0**-10
 
 
 class CondensedWalk:
@@ -34,7 +34,7 @@ class CondensedWalk:
         self.condenser = condenser or Condenser(body)
         self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
         self._whole *= 1.5  # the corners of a box
-        self._depth, self._solves = 0.0, 0
+        self._depth, self._solves, self._outgrown = 0.0, 0, ""
         self._control = LoadControl(self._go, scene.body.height)
         self.observed = RecoveredBody(self)
         self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
@@ -69,7 +69,7 @@ class CondensedWalk:
     @property
     def failure(self) -> str:
         """Why the last value was not reached."""
-        return self._control.failure or f"{self.contact.failure}, {EVEN}"
+        return self._outgrown or self._control.failure or f"{self.contact.failure}, {EVEN}"
 
     def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
         """One State per requested value after the first `done`; after one that is not converged there is no other."""
@@ -106,17 +106,24 @@ class CondensedWalk:
                 return False
             if self._inside():
                 return True
-            self._condense(min(GROWTH * self._reach_of_candidates, self._whole))
+            wider = min(GROWTH * self._reach_of_candidates, self._whole)
+            if (nodes := self.condenser.candidates(wider, self.scene.center)) > MOST_CANDIDATES:
+                self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
+                                  f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
+                self.contact.solve(self._depth)  # back to the last contact that they hold
+                return False
+            self._condense(wider)
 
     def _creep(self, delta: float) -> bool:
         """Reach a depth in substeps from the last one, halving them as long as they fail."""
         start, reached, fraction = self._depth, 0.0, 0.5
-        while reached < 1.0 and fraction >= SMALLEST_CUT:
+        failures = 0
+        while reached < 1.0 and fraction >= SMALLEST_CUT and failures < PATIENCE:
             fraction = min(fraction, 1.0 - reached)
             if self.contact.solve(start + (delta - start) * (reached + fraction)):
                 reached, fraction = reached + fraction, 2 * fraction
             else:
-                fraction /= 2
+                fraction, failures = fraction / 2, failures + 1
         return reached >= 1.0
 
     def _inside(self) -> bool:

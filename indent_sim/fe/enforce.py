@@ -90,12 +90,15 @@ def enforcement(problem: Problem, **solver: Any) -> Enforcement:
 
 
 def _simultaneous(newton: Newton) -> Callable[[], bool]:
-    """Augmented Lagrangian, Nitsche, active set: one semismooth Newton for everything."""
+    """Nitsche, active set: one semismooth Newton for everything."""
     return newton.solve
 
 
-def _penalty(newton: Newton) -> Callable[[], bool]:
-    """One semismooth Newton, which comes to a stiff contact through softer ones, or at once where those mislead."""
+def _approaching(newton: Newton) -> Callable[[], bool]:
+    """Penalty, augmented Lagrangian: one semismooth Newton, which comes to a stiff contact through softer ones.
+
+    Or at once where those mislead.
+    """
 
     def solve() -> bool:
         before = newton.problem.snapshot()
@@ -182,8 +185,8 @@ class _Projection:
 
 
 ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {
-    "none": _penalty,
-    "unknown": _simultaneous,
+    "none": _approaching,
+    "unknown": _approaching,
     "stress": _simultaneous,
     "frozen": _uzawa,
     "nodal": _simultaneous,

@@ -67,11 +67,11 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
 
 
 def compile_kernels(
-    declaration: Any, objects: Any, names: Any, module: str, options: Any, cache: Any, *more: Any
+    declaration: Any, objects: Any, names: Any, module: str, options: Any, cache: Any, *more: Any, **named: Any
 ) -> Any:
     """FFCx's own compilation; BackendError when the compiler fails."""
     try:
-        return _compiled(declaration, objects, names, module, options, cache, *more)
+        return _compiled(declaration, objects, names, module, options, cache, *more, **named)
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-DEPTH = 5  # earlier steps that are remembered
+DEPTH = 15  # earlier steps that are remembered
+RESTART = 1.5  # times the smallest change so far: a larger one says that the steps remembered are of another contact
 
 
 class Mixing:
@@ -19,9 +20,14 @@ class Mixing:
         self._comm = comm
         self._g: list[np.ndarray] = []
         self._change: list[np.ndarray] = []
+        self._smallest = float("inf")
 
     def __call__(self, x: np.ndarray, g: np.ndarray) -> np.ndarray:
         """The next x, from the present one and its image g = G(x)."""
+        change = float(np.sqrt(self._comm.allreduce(float((g - x) @ (g - x)))))
+        if change > RESTART * self._smallest:
+            self._g, self._change, self._smallest = [], [], change
+        self._smallest = min(self._smallest, change)
         self._g, self._change = [*self._g[-DEPTH:], g.copy()], [*self._change[-DEPTH:], g - x]
         if len(self._g) == 1:
             return g

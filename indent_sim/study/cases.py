@@ -54,20 +54,35 @@ class Case:
         return law.stiffness / stiffness_unit(self.scene) if hasattr(law, "stiffness") else None
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """A point that the program refuses before anything is run, and why: a row of a study with a tolerance."""
+
+    index: int
+    values: dict[str, Any]
+    error: ConfigError
+
+
 def of(study: StudyFile) -> list[Case]:
     """Every case of a study, in the order of its table. ConfigError when any of them cannot be run."""
+    cases, refusals = sorted_out(study)
+    if refusals:
+        told = list({str(refusal.error): refusal.error for refusal in refusals}.values())[:MOST_TOLD]
+        raise ConfigErrors(told) if len(told) > 1 else told[0]
+    return cases
+
+
+def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
+    """The cases of a study that can be run, and the points that cannot."""
     build = _Builder(study)
     cases: list[Case] = []
-    errors: dict[str, ConfigError] = {}
+    refusals: list[Refusal] = []
     for index, point in enumerate(study.points()):
         try:
             cases.append(build(index, point))
         except ConfigError as error:
-            errors.setdefault(str(error), error)
-    if errors:
-        told = list(errors.values())[:MOST_TOLD]
-        raise ConfigErrors(told) if len(told) > 1 else told[0]
-    return cases
+            refusals.append(Refusal(index, {key: value for key, value, _ in point}, error))
+    return cases, refusals
 
 
 def short(value: Any) -> str:

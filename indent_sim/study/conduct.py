@@ -13,8 +13,8 @@ from indent_sim import results
 from indent_sim.errors import NotConverged
 from indent_sim.results import Results, read_report
 from indent_sim.study import cases as case_list
-from indent_sim.study import file, folder, picture, table
-from indent_sim.study.cases import Case
+from indent_sim.study import file, folder, picture, table, verdict
+from indent_sim.study.cases import Case, Refusal
 from indent_sim.study.file import StudyFile
 from indent_sim.study.folder import StudyFolder
 from indent_sim.study.reference import Comparison
@@ -40,8 +40,15 @@ class Study:
 
     @property
     def recommendations(self) -> list[str]:
-        """For 5 %, 1 % and 0.1 % of the force, what to choose."""
+        """For 5 %, 1 % and 0.1 % of the force, what to choose; with a tolerance the count of each verdict."""
+        if any(self.verdicts.values()):
+            return [", ".join(f"{count} {name}" for name, count in self.verdicts.items())]
         return table.recommendations(self.rows, self.keys)
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """How many rows are right, flagged, refused and wrong; all 0 without a tolerance."""
+        return verdict.counts(self.rows)
 
     @property
     def failures(self) -> list[Row]:
@@ -63,7 +70,7 @@ def carry_out(
     no run at all gave a result.
     """
     study = file.read(path)
-    cases = case_list.of(study)
+    cases, refusals = (case_list.of(study), []) if study.tolerance is None else case_list.sorted_out(study)
     against = Comparison(study, cases)
     directory = output or study.directory
     with folder.opened(directory, resume=resume, shared=shard is not None) as place, Worker() as worker:
@@ -76,7 +83,7 @@ def carry_out(
             conduct(case_list.unique(cases))
         finally:
             finished = Study(directory, study.title, study.keys, against.name,
-                             _rows(study, cases, against, place), against.notes)  # fmt: skip
+                             _rows(study, cases, refusals, against, place), against.notes)  # fmt: skip
             place.write(folder.TABLE, table.write(finished.rows))
         _conclude(finished)
     return finished
@@ -108,9 +115,10 @@ class _Conduct:
         return f"force {found['force'][-1]:.6g}  {seconds:.2f} s"
 
 
-def _rows(study: StudyFile, cases: Sequence[Case], against: Comparison, place: StudyFolder) -> list[Row]:
+def _rows(study: StudyFile, cases: Sequence[Case], refusals: Sequence[Refusal], against: Comparison,
+          place: StudyFolder) -> list[Row]:  # fmt: skip
     done = {case.id: _ended(place, case.id) for case in case_list.unique(cases) if place.is_finished(case.id)}
-    return table.rows(cases, study.keys, done, against)
+    return table.rows(cases, study.keys, done, against, refusals, study.tolerance)
 
 
 def _ended(place: StudyFolder, name: str) -> Results:
@@ -139,4 +147,5 @@ def as_json(study: Study) -> dict[str, Any]:
         "pareto": [row["index"] for row in table.pareto(study.rows)],
         "recommendations": study.recommendations,
         "notes": study.notes,
+        "verdicts": study.verdicts,
     }

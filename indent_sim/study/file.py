@@ -16,7 +16,7 @@ from indent_sim.study.grid import LARGEST, MOST, Block, Point, points, read_bloc
 from indent_sim.yaml_strict import Path as Keys
 from indent_sim.yaml_strict import key_text
 
-KEYS = ("title", "base", "set", "vary", "compare_to", "output")
+KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
 UNVARIED = ("title", "units", "output")  # sections that say nothing of the physics
 QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
 
@@ -26,7 +26,8 @@ class StudyFile:
     """A study as its file says it; nothing of it is tried on the scene yet.
 
     base: the scene's document, and `source` where each of its keys stands; common: settings of every run;
-    compare_to: "theory", "finest", a force, or the path of a result.
+    compare_to: "theory", "finest", a force, or the path of a result; tolerance: of the force, for a verdict on every
+    row and with rows for what the program refuses to run (None: no verdicts, and everything must be runnable).
     """
 
     path: Path
@@ -37,6 +38,7 @@ class StudyFile:
     blocks: tuple[Block, ...]
     compare_to: str | float | Path
     compare_place: Place
+    tolerance: float | None
     directory: Path
 
     @property
@@ -59,7 +61,7 @@ def read(path: Path | str) -> StudyFile:
     base, where = reader.base()
     title = reader.text("title") or str(base.get("title") or path.stem)
     return StudyFile(path, title, base, where, reader.common(), reader.blocks(), reader.compared(),
-                     reader.place(("compare_to",)), reader.directory())  # fmt: skip
+                     reader.place(("compare_to",)), reader.tolerance(), reader.directory())  # fmt: skip
 
 
 def _unknown(key: str, source: Source) -> ConfigError:
@@ -154,6 +156,15 @@ class _Reader:
             return self.path.parent / wanted
         raise self.error(("compare_to",), f"is neither theory nor finest, nor a force, nor a result: {wanted!r}",
                          "a path counts from the study's folder")  # fmt: skip
+
+    def tolerance(self) -> float | None:
+        """The relative error of the force that is still right; None without."""
+        wanted = self.document.get("tolerance")
+        if wanted is None:
+            return None
+        if isinstance(wanted, bool) or not isinstance(wanted, (int, float)) or not 0 < wanted < 1:
+            raise self.error(("tolerance",), "must be a number between 0 and 1", "0.01 is 1 % of the force")
+        return float(wanted)
 
     def directory(self) -> Path:
         """Where the study goes [results/<stem of the file>], relative to the working directory."""

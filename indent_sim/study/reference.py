@@ -65,6 +65,7 @@ class Comparison:
         self._wanted = study.compare_to
         self._answers: dict[str, Answer] = {}
         self._file: Answer | None = None
+        self.references: set[str] = set()  # runs that others are compared with
         where = study.compare_place
         if self._wanted == "theory":
             self._take_theory(cases, where)
@@ -88,8 +89,11 @@ class Comparison:
         """Where the finest run is the reference: choose it, for every problem the study asks about."""
         if self._wanted != "finest":
             return
+        finest: dict[str, str] = {}
         for case in sorted((case for case in cases if case.id in done), key=lambda case: _fineness(case, done)):
             self._answers[case.problem] = of_results(done[case.id])  # the finest comes last
+            finest[case.problem] = case.id
+        self.references = set(finest.values())
 
     def answer(self, case: Case) -> Answer | None:
         """What the case is compared with; None when there is nothing."""
@@ -122,15 +126,18 @@ def of_theory(case: Case) -> Answer | None:
     scene = case.scene
     depths = [delta for delta in scene.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
-    if scene.path.control == "force":
+    if scene.path.control == "force" and depths:
         depths = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS).tolist()
-    curve = scene.oracle.curve(depths) if scene.oracle and depths else None
-    if not curve:
+    curve = (scene.oracle.curve(depths) if scene.oracle else None) if depths else []
+    if curve is None:
         return None
     L, P, F = scene.scales.length, scene.scales.pressure, scene.scales.force
-    peaks = [_peak(solution) * P for solution in curve]
-    columns = [s.delta * L for s in curve], [s.force * F for s in curve], [s.a * L for s in curve], peaks
-    return Answer(*map(np.array, columns))
+    open_depths = sorted({delta for delta in scene.deltas if delta <= 0})
+    columns = np.array(
+        [(s.delta * L, s.force * F, s.a * L, _peak(s) * P) for s in curve]
+        + [(delta * L, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
+    )
+    return Answer(*columns.T)
 
 
 def of_results(found: Results) -> Answer:

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from indent_sim.results import Results
-from indent_sim.study.cases import Case, short
+from indent_sim.study.cases import Case, Refusal, short
+from indent_sim.study.grid import STIFFNESS_UNIT, Multiple
 from indent_sim.study.reference import Answer, Comparison
+from indent_sim.study.verdict import verdict
 from indent_sim.yaml_strict import inline
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
@@ -20,20 +22,28 @@ COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", 
 OUTCOME = ("status", "exit_code", "reason", "steps_done", "force", "a", "p_max", "penetration")
 ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
-COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS)
+SAID = ("stated_error", "warnings", "verdict")
+COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS, *SAID)
 ROUNDING = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
 TARGETS = (0.05, 0.01, 0.001)
 
 Row = dict[str, Any]
 
 
-def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results], against: Comparison) -> list[Row]:
-    """One row per case, in order: index, run, every varied key, then `COLUMNS`; what is unknown is None.
+def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results], against: Comparison,
+         refusals: Sequence[Refusal] = (), tolerance: float | None = None) -> list[Row]:  # fmt: skip
+    """One row per case or refusal, in order: index, run, every varied key, then `COLUMNS`; what is unknown is None.
 
     done: the results (table and run.json) of every run that has ended, by id; a case without any is "pending".
+    With a tolerance of the force every row has a verdict.
     """
     against.find_finest(cases, {name: found for name, found in done.items() if found.report["status"] == "done"})
-    return [_row(case, keys, done.get(case.id), against.answer(case)) for case in cases]
+    found = [_row(case, keys, done.get(case.id), against.answer(case)) for case in cases]
+    found = sorted([*found, *(_refused(refusal, keys) for refusal in refusals)], key=lambda row: row["index"])
+    if tolerance is not None:
+        for row in found:
+            row["verdict"] = verdict(row, tolerance, is_reference=row["run"] in against.references)
+    return found
 
 
 def write(table: Sequence[Row]) -> str:
@@ -57,8 +67,16 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
     row |= {"newton_iterations": int(found["newton_iterations"].sum()) if len(found) else None} | _costs(report)
     if row["status"] != "done":  # numbers of a lesser depth are no answer
         return row
-    row |= {name: float(found[name][-1]) for name in ("force", "a", "p_max", "penetration")}
+    row |= {name: float(found[name][-1]) for name in ("force", "a", "p_max", "penetration")} | _said(found)
     return row | (_errors(found, answer) if answer else {})
+
+
+def _refused(refusal: Refusal, keys: Sequence[str]) -> Row:
+    values = {key: refusal.values.get(key) for key in keys}
+    stiffness = next((value.factor for value in values.values() if isinstance(value, Multiple)), None)
+    row: Row = {"index": refusal.index + 1, "run": None} | values | dict.fromkeys(COLUMNS)
+    row |= {"method": values.get("contact.method"), "stiffness": stiffness, "status": "failed"}
+    return row | {"exit_code": refusal.error.exit_code, "reason": str(refusal.error)}
 
 
 def _costs(report: Mapping[str, Any]) -> Row:
@@ -78,6 +96,14 @@ def _sum(timings: Mapping[str, float]) -> float | None:
     return round(sum(timings.get(stage, 0.0) for stage in STAGES), 4) if timings else None
 
 
+def _said(found: Results) -> Row:
+    """What a run says itself of its error: a part of the force, and its warnings."""
+    expected = found.report.get("plan", {}).get("prediction", {}).get("force_error", 0.0)
+    bar = found.table["force_error"][-1] if "force_error" in found.table else 0.0
+    measured = _relative(found["force"][-1] + bar, found["force"][-1]) or 0.0
+    return {"stated_error": max(expected, measured), "warnings": " | ".join(found.report.get("warnings", []))}
+
+
 def _errors(found: Results, answer: Answer) -> Row:
     """Relative errors at the last depth, signed, and the largest of the force at any depth."""
     steps = [answer.at(delta)[0] for delta in found["delta"]]
@@ -85,12 +111,18 @@ def _errors(found: Results, answer: Answer) -> Row:
         every = np.abs(found["force"] / np.array(steps) - 1)
     force, a, p_max = answer.at(found["delta"][-1])
     known = every[np.isfinite(every)]
+    largest = float(np.abs(found["force"]).max())
     return {
-        "force_error_vs": _relative(found["force"][-1], force),
+        "force_error_vs": _relative(found["force"][-1], force) if force else _part(found["force"][-1], largest),
         "force_error_worst": float(known.max()) if len(known) else None,
         "a_error_vs": _relative(found["a"][-1], a),
         "p_error_vs": _relative(found["p_max"][-1], p_max),
     }
+
+
+def _part(force: float, largest: float) -> float:
+    """A force that should be zero, as a part of the largest of its path."""
+    return float(force / largest) if largest else 0.0
 
 
 def _relative(value: float, reference: float) -> float | None:
@@ -100,6 +132,8 @@ def _relative(value: float, reference: float) -> float | None:
 def _cell(value: Any) -> str:
     if value is None:
         return ""
+    if isinstance(value, Multiple):
+        return f"{value.factor!r} {STIFFNESS_UNIT}"
     if isinstance(value, float):
         return repr(value)
     return " ".join(value.split()) if isinstance(value, str) else inline(value)

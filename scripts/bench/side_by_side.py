@@ -107,7 +107,7 @@ def stages(rows: Sequence[Row]) -> str:
     lines = [
         [TITLES[row["case"]], f"{row['h']:g}", *(number(row["stages"].get(name), 2) for name in names)] for row in mine
     ]
-    return table(["problem", "h", *(f"{name}" for name in names)], lines)
+    return table(["problem", "h", *names], lines)
 
 
 def draw(rows: Sequence[Row]) -> None:

@@ -449,9 +449,11 @@ class TestComparison:
 @pytest.mark.parametrize("path", sorted((ROOT / "configs" / "studies").rglob("*.yaml")), ids=lambda path: path.name)
 def test_shipped_studies_can_be_run(path):
     planned = study.read(path)
-    found = case_list.of(planned)
+    found, refused = case_list.sorted_out(planned)
+    assert not refused or planned.tolerance
     assert len({case.id for case in found}) == len(found) > 1  # nothing in them is asked twice
-    assert all(Comparison(planned, found).answer(case) for case in found)
+    if planned.compare_to != "finest":
+        assert all(Comparison(planned, found).answer(case) for case in found)
 
 
 class TestAdvice:

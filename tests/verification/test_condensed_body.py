@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
+from indent_sim import scene as resolving
 from indent_sim.config import load
 from indent_sim.errors import ConfigError
-from indent_sim.fe import condensed_path
+from indent_sim.fe import compliance, condensed_path
 from indent_sim.model.indenters import Paraboloid, Sphere
 from indent_sim.run import condense, states
 from indent_sim.scene import Scene, resolve
@@ -107,3 +109,49 @@ def test_forces_on_the_same_compliance():
 def test_a_scene_that_does_not_condense_is_refused():
     with pytest.raises(ConfigError, match="does not condense"):
         condense(scene(WALLED, contact={"method": "nitsche"}))
+
+
+def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two matrices of one right-hand side, some 60 kB each, for each of 250 nodes: 30 MB if they stayed."""
+    monkeypatch.setattr(compliance, "BLOCK", 1)
+    condenser = condense(scene(WALLED, "mesh.h_contact=0.001")).walk.condenser
+    places = condenser._last.places
+    kept = 16 * len(places) * condenser.body.unknowns.owned
+    assert kept > 2e7
+    before = memory_in_use()
+    condenser._solve(places)
+    assert memory_in_use() - before < kept / 4
+
+
+def memory_in_use() -> int:
+    """Resident memory of this process [bytes]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> None:
+    """The plan gives the size as the reason, in nodes and bytes; asked for all the same, it is refused."""
+    fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
+    assert scene(WALLED, **fine).solver["method"] == "condensed"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(resolving, "MOST_CANDIDATES", 100)
+        base = scene(WALLED, **fine)
+        assert base.solver["method"] == "newton"
+        (why,) = [choice.why for choice in base.choices if choice.key == "solver.method"]
+        assert "nodes may come into contact" in why and "GB" in why
+        with pytest.raises(ConfigError, match="nodes may come into contact"):
+            scene(WALLED, **fine, solver={"method": "condensed"})
+
+
+@pytest.mark.parametrize("loading", [{"deltas": [0.001, 0.01]}, {"forces": [4e-5, 1.6e-3]}], ids=["depths", "forces"])
+def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
+    loading: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its nodes hold the first row and not the second, which says so: no force of a contact that was cut off."""
+    monkeypatch.setattr(condensed_path, "MARGIN", -7.0)
+    base = scene(WALLED, loading=loading, mesh={"h_contact": 0.01})
+    monkeypatch.setattr(condensed_path, "MOST_CANDIDATES", 10)
+    first, second = states(base)
+    assert first.converged
+    assert not second.converged and np.isnan(second.force)
+    assert "outgrows" in second.reason and "solver.method: newton" in second.reason
+    assert "the last equilibrium found is at delta = 0.00" in second.reason
