@@ -41,8 +41,9 @@ verify: setup ## accuracy against closed forms and converged references
 bench: setup ## speed against accuracy, into docs/accuracy.md
 	$(VENV)/python scripts/bench
 
-stress: setup ## extremes of geometry, material and size
+stress: setup ## extremes of geometry, material and size, into docs/stability.md
 	$(VENV)/python -m pytest -q -m stress --durations=15
+	$(VENV)/python scripts/make_stability_page
 
 debian13: ## `make test` inside a Debian 13 root (needs root and debootstrap)
 	@scripts/debian13

@@ -105,7 +105,7 @@ def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
 
 
 def _newton(dim: int, dofs: float, work: Work) -> float:
-    """Assembly and LU of the whole body at every iteration [s]."""
+    """Assembly and factorisation of the whole body at every iteration [s]."""
     return work.iterations * (7e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 3.2e-9 * dofs**2)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import confinement, elements
@@ -116,7 +116,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     reduction = reduce(_rounded_body(body), center, config.mesh.symmetry, tip)
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     deltas = depths_of(path, theory, tip, material, body.height, scales)
-    radius = partial(_expected_radius, theory, tip, body, center)
+    radius = cache(partial(_expected_radius, theory, tip, body, center))
     a = radius(max(deltas))
 
     def expect(delta: float) -> elements.Expected:

@@ -7,10 +7,13 @@ from typing import Any
 
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from indent_sim.config import from_mapping
 from indent_sim.errors import ConfigError, NotConverged
-from indent_sim.fe import condensed, condensed_path, enforce, path
+from indent_sim.fe import condensed, condensed_path, enforce, options, path
+from indent_sim.fe.newton import Newton
+from indent_sim.fe.problem import Problem
 from indent_sim.run import Outcome, run
 
 SCENE: dict[str, Any] = {
@@ -84,13 +87,55 @@ def test_what_petsc_refuses_is_a_config_error_in_its_words(tmp_path, petsc, said
 
 
 def test_without_options_of_the_user_petsc_keeps_its_error(tmp_path, monkeypatch):
-    from petsc4py import PETSc
-
-    from indent_sim.fe import options
-
-    monkeypatch.setitem(options.FACTORISATION, "pc_type", "ilu")
+    monkeypatch.setitem(options.FACTORISATION, "ksp_type", "gmrs")
     with pytest.raises(PETSc.Error):
         solved(tmp_path, {})
+
+
+@pytest.mark.parametrize(
+    ("method", "petsc", "factors"),
+    [
+        ("penalty", {}, "cholesky"),
+        ("augmented_lagrangian", {}, "cholesky"),
+        ("uzawa", {}, "cholesky"),
+        ("nitsche", {}, "lu"),  # theta = 0: not the derivative of a potential
+        ("active_set", {}, "lu"),  # the rows of its nodes depend on the set
+        ("penalty", {"pc_type": "lu"}, "lu"),
+        ("penalty", {"pc_factor_mat_solver_type": "petsc"}, "lu"),
+    ],
+    ids=str,
+)
+def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, petsc, factors):
+    """L D L^T exactly where the tangent is its own transpose, and where the user chose nothing else."""
+    found = []
+    assemble = Problem.assemble_tangent
+
+    def watched(problem, A):
+        assemble(problem, A)
+        found.append((problem.has_symmetric_tangent, A.isSymmetric(1e-14 * A.norm())))
+
+    made: list[Newton] = []
+    create = Newton._create
+    monkeypatch.setattr(Problem, "assemble_tangent", watched)
+    monkeypatch.setattr(Newton, "_create", lambda self, **said: made.append(self) or create(self, **said))
+    solved(tmp_path, petsc, contact={"method": method}, material=SCENE["material"] | {"model": "neo_hookean"})
+    assert {newton.snes.ksp.pc.getType() for newton in made} == {factors}
+    assert all(is_so == said for said, is_so in found)
+
+
+def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
+    """Here because MUMPS is given a hundredth of the memory that it wants."""
+    install, tried = options.install, []
+
+    def starved(user, *, symmetric):
+        install(user, symmetric=symmetric)
+        tried.append(symmetric)
+        if symmetric:
+            PETSc.Options(options.PREFIX).setValue("mat_mumps_icntl_14", -99)
+
+    monkeypatch.setattr(options, "install", starved)
+    assert solved(tmp_path, {}).states[-1].force == pytest.approx(FORCE, rel=0.02)
+    assert tried == [True, False]
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])

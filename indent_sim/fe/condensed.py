@@ -37,6 +37,7 @@ from indent_sim.fe.surface import (
 from indent_sim.scene import Scene
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
+NOTHING = 1e-20  # of the nodal forces of the states before: less is none, as under a punch back where it began
 ITERATIONS = 100
 
 
@@ -72,6 +73,10 @@ class CondensedContact:
                 return True
         self.F, self.lam = before
         return False
+
+    def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
+        """NOTHING of the largest size of the nodal forces in the last states."""
+        return NOTHING * max(float(size(F)) for _, F, _ in self._path)
 
     def _guesses(self, delta: float) -> list[tuple[np.ndarray, np.ndarray]]:
         """Where to begin: on the line through the last two states, if it leads on, and at the last one."""
@@ -159,6 +164,7 @@ class CondensedContact:
             offset = offset + frozen[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
         before: np.ndarray | None = None
+        nothing = self.nothing(lambda F: np.abs(F).max(initial=0.0))
         seen: set[bytes] = set()
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
@@ -167,7 +173,7 @@ class CondensedContact:
             residual = F - load
             # between two Newton steps with the same active points the problem is linear: the first was exact
             settled = before is not None and np.array_equal(active, before)
-            if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0):
+            if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0) + nothing:
                 self.F = load
                 return True
             if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
@@ -273,7 +279,7 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
-        mixing = Mixing(MPI.COMM_SELF)
+        mixing, nothing = Mixing(MPI.COMM_SELF), contact.nothing(lambda F: np.linalg.norm(contact._projected(F)))
         for _ in range(UZAWA_LOOPS):
             if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
                 return False
@@ -281,7 +287,7 @@ def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
             size = max(np.linalg.norm(before), np.linalg.norm(image))
             change = np.linalg.norm(image - before)
             contact.lam = mixing(before, image)
-            if change <= settled(contact._scene) * size:
+            if change <= settled(contact._scene) * size + nothing:
                 return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
             contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
         return False

@@ -36,10 +36,11 @@ class Newton:
         self._residual = 0.0
         self.failure = ""  # why the last solve did not converge
         self._user_options = petsc
-        self.snes = self._create()
+        self.snes = self._create(symmetric=problem.has_symmetric_tangent)
 
-    def _create(self) -> PETSc.SNES:
-        options.install(self._user_options)
+    def _create(self, *, symmetric: bool) -> PETSc.SNES:
+        self._halved = options.halves(self._user_options, symmetric)
+        options.install(self._user_options, symmetric=symmetric)
         snes = PETSc.SNES().create(self.problem.comm)
         snes.setOptionsPrefix(options.PREFIX)
         snes.setFunction(self._function, self.problem.b.duplicate())
@@ -111,7 +112,12 @@ class Newton:
         with options.blamed(self._user_options):
             self.snes.solve(None, guess)
         self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
-        converged = self.snes.getConvergedReason() > 0
+        reason = self.snes.getConvergedReason()
+        if self._halved and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+            self.problem.set_solution(start)
+            self.snes = self._create(symmetric=False)  # L U pivots more freely: from here on that
+            return self._solve(rtol)
+        converged = reason > 0
         self.failure = "" if converged else self._why_not()
         self.problem.set_solution(guess if converged else start)
         if converged:

@@ -15,10 +15,10 @@ from indent_sim.fe import compat
 PREFIX = "indent_sim_"
 DIRECT = ("lu", "cholesky")
 DEFAULTS = {"snes_linesearch_type": "basic"}
-FACTORISATION = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+FACTORISATION = {"ksp_type": "preonly", "pc_factor_mat_solver_type": "mumps"}
 
 
-def install(user: Mapping[str, Any]) -> None:
+def install(user: Mapping[str, Any], *, symmetric: bool) -> None:
     """Put the options of one solver into PETSc's database, in place of those of the solver before.
 
     The factorisation's defaults are left out where the user's `pc_type` is none: they would clash with it.
@@ -26,9 +26,15 @@ def install(user: Mapping[str, Any]) -> None:
     database = PETSc.Options(PREFIX)
     for name in list(database.getAll()):
         database.delValue(name)
+    kind = {"pc_type": "cholesky" if halves(user, symmetric) else "lu"}
     direct = user.get("pc_type", "lu") in DIRECT
-    for name, value in (DEFAULTS | (FACTORISATION if direct else {}) | dict(user)).items():
+    for name, value in (DEFAULTS | (kind | FACTORISATION if direct else {}) | dict(user)).items():
         database.setValue(name, value)
+
+
+def halves(user: Mapping[str, Any], symmetric: bool) -> bool:
+    """Whether L D L^T takes the place of L U by default: half the work, but not every package has a pivoted one."""
+    return symmetric and "pc_type" not in user and "pc_factor_mat_solver_type" not in user
 
 
 def refuse_unused(user: Mapping[str, Any]) -> None:

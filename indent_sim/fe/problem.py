@@ -59,6 +59,15 @@ class Problem(Body):
         return float(self.delta.value)
 
     @property
+    def has_symmetric_tangent(self) -> bool:
+        """Whether the tangent is a second derivative of the potential.
+
+        Not if the variation of the body's own stress is dropped (Nitsche, theta = 0), nor if the rows of nodal
+        pressures belong to an active set.
+        """
+        return self.law.multiplier in ("none", "unknown", "frozen")
+
+    @property
     def stiffness_scale(self) -> float:
         """Pressure per length that compares gaps with pressures: the law's own, or E*/h_contact."""
         return float(getattr(self.law, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))

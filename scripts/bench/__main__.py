@@ -46,6 +46,15 @@ RANKED = (
     ("configs/hertz_cube.yaml", "mesh.h_contact=0.0125"),
     ("configs/notes/hyperelastic_augmented_lagrangian.yaml", "loading.delta=0.1", "loading.steps=5"),
 )
+DEEP = {  # a sphere to 0.3 and to 0.7 of its radius
+    "a quarter of a box, nu = 0.4999": (
+        "configs/hertz_cube.yaml", "body.size=[4.0, 4.0, 1.0]", "body.sides=roller", "indenter={shape: sphere, R: 1.0}",
+        "material={model: neo_hookean, E: 1.0, nu: 0.4999}", "loading={delta: 0.3, steps: 4}", "mesh.h_contact=0.09"),
+    "a cylinder, nu = 0.49": (
+        "configs/hertz.yaml", "body.radius=2", "body.sides=roller", "indenter={shape: sphere, R: 1.0}",
+        "material={model: neo_hookean, E: 1.0, nu: 0.49}", "loading={deltas: [0.05, 0.1, 0.2, 0.3, 0.5, 0.7]}",
+        "mesh.h_contact=0.02"),
+}  # fmt: skip
 
 
 def main(quick: bool) -> None:
@@ -93,6 +102,7 @@ def of_processes(repeat: int) -> dict[str, str]:
         "nodes": str(nodes),
         "tip": number(1e3 * tip, 2),
         "kernels": kernels(repeat),
+        "deep": deep(repeat),
         "ranks": ranks(repeat),
         "predictions": predictions(),
     }
@@ -111,6 +121,16 @@ def kernels(repeat: int) -> str:
     found = processes.kernels(COMPILED, repeat)
     lines = [[scene, number(cold), number(warm), number(cold - warm, 2)] for scene, cold, warm in found]
     return table(["scene", "empty", "full", "difference"], lines)
+
+
+def deep(repeat: int) -> str:
+    """What finite strain costs, in two and in three dimensions."""
+    lines = []
+    for scene, words in DEEP.items():
+        done = processes.measure(*words, repeat=repeat)
+        counts = [str(done.report["dofs"]), str(len(done.force)), str(done.report["audit"]["newton_iterations"])]
+        lines.append([scene, *counts, number(done.cpu), number(done.memory)])
+    return table(["scene", "dofs", "steps", "linear solves", "CPU s of the process", "MB"], lines)
 
 
 def ranks(repeat: int) -> str:

@@ -63,6 +63,17 @@ def test_release_and_contact_again(name: str, solver: str) -> None:
 
 
 @every_method
+def test_a_punch_back_where_it_began(name: str, solver: str) -> None:
+    """Where every point of the surface is at the kink of the bracket: no force, to 1e-17 of the one before, found
+    in less than 100 solves (Uzawa; the others ten); and then any depth, in proportion."""
+    punch = {"shape": "flat_punch", "radius": 0.3, "center": [1.0]}
+    down, back, deeper = walk(name, solver, [0.01, 0.0, 0.02], STRIP, 0.05, indenter=punch)
+    assert abs(back.force) <= 1e-17 * down.force
+    assert back.newton_iterations < 100
+    assert deeper.force == pytest.approx(2 * down.force, rel=TIGHT.get(name, 1e-8))
+
+
+@every_method
 def test_two_elements_in_the_contact(name: str, solver: str) -> None:
     """Two, and one and a half at half the depth: 3 %, a sixteenth of (h/a)^2, 2 % found."""
     for state, expected in zip(walk(name, solver, [0.005, 0.01], h=0.05), (FORCES[4], FORCES[9]), strict=True):

@@ -1,0 +1,129 @@
+"""The stability map in short: the most telling cells of configs/studies/extremes, against the theory of that very body.
+
+Right is within 0.5 % of the force; what is not must be covered by the error the scene itself states. The whole map:
+`make stress`, docs/stability.md.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from scenes import ELASTIC, scene, solve
+
+from indent_sim.errors import ConfigError
+from indent_sim.scene import Scene
+
+TOLERANCE = 0.005
+WIDE = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
+PUNCH = {"shape": "flat_punch", "radius": 0.1}
+H = 0.01034  # ten elements in the contact radius at the depth 0.01
+
+
+def layer(body: dict[str, Any] = WIDE, *, nu: float = 0.3, R: float = 1.0, **sections: Any) -> Scene:
+    """A layer between frictionless walls under a paraboloid, or with other sections."""
+    tip = {"indenter": {"shape": "paraboloid", "R": R}}
+    return scene(body, material=ELASTIC | {"nu": nu}, **tip | sections)
+
+
+def stiffness(name: str, multiple: float, h: float = H) -> dict[str, Any]:
+    """A method whose stiffness is a multiple of E*/h, and its mesh."""
+    key = "gamma" if name == "nitsche" else "epsilon_n"
+    return {"contact": {"method": name, key: multiple / (1 - 0.3**2) / h}, "mesh": {"h_contact": h}}
+
+
+def once(delta: float) -> dict[str, Any]:
+    """One step to a depth."""
+    return {"loading": {"delta": delta, "steps": 1}}
+
+
+def error(base: Scene) -> float:
+    """Force over that of theory - 1, at the last depth."""
+    theory = base.oracle.at(base.deltas[-1])
+    assert base.oracle.exact
+    return solve(base)[-1].force / (theory.force * base.scales.force) - 1
+
+
+RIGHT: dict[str, Any] = {
+    "incompressible, contact ten thicknesses wide": lambda: layer(
+        WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "active_set"}, **once(0.4)
+    ),
+    "nearly incompressible, three thicknesses": lambda: layer(
+        WIDE | {"radius": 20.0}, nu=0.4999, R=100.0, **once(0.05)
+    ),
+    "depth of 1e-8 radii": lambda: layer(**once(1e-8)),
+    "a layer of a hundredth of the radius": lambda: layer(WIDE | {"radius": 1.0, "height": 0.01}, **once(1e-4)),
+    "a thousand radii thick": lambda: layer(WIDE | {"radius": 4e3, "height": 1e3}, **once(1.0)),
+    "most of the thickness at once": lambda: layer(contact={"method": "penalty"}, **once(0.9)),
+    "far too soft": lambda: layer(**stiffness("augmented_lagrangian", 1e-4)),
+    "far too stiff": lambda: layer(**stiffness("augmented_lagrangian", 1e6)),
+    "soft uzawa": lambda: layer(**stiffness("uzawa", 1e-2)),
+    "stiff nitsche": lambda: layer(**stiffness("nitsche", 1e5)),
+    "a punch up to the wall": lambda: layer(indenter=PUNCH | {"radius": 3.99}, **once(1e-3)),
+    "a punch with a rounded edge": lambda: layer(
+        indenter=PUNCH | {"edge_radius": 0.01}, contact={"method": "active_set"}, **once(1e-3)
+    ),
+    "released and pressed again": lambda: layer(loading={"deltas": [0.3, -1.0, 0.3]}),
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_right(name: str) -> None:
+    assert abs(error(RIGHT[name]())) < TOLERANCE
+
+
+FLAGGED: dict[str, Any] = {
+    "a soft penalty": (lambda: layer(**stiffness("penalty", 1.0)), "too low"),
+    "a far too soft penalty": (lambda: layer(**stiffness("penalty", 1e-4)), "too low"),
+    "a penalty on a thin incompressible layer": (
+        lambda: layer(WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.06)),
+        "too low",
+    ),
+    "one and a half elements": (lambda: layer(contact={"method": "active_set"}, mesh={"h_contact": 0.069}), "only 1.5"),
+    "a last depth that the mesh cannot see": (lambda: layer(loading={"deltas": [0.3, 1e-6]}), "at the shallowest"),
+}
+
+
+@pytest.mark.parametrize("name", FLAGGED)
+def test_not_right_and_says_so(name: str) -> None:
+    """The stated error covers the true one, and a warning speaks of it."""
+    make, words = FLAGGED[name]
+    base = make()
+    assert TOLERANCE < abs(error(base)) <= base.prediction["force_error"]
+    assert any(words in warning for warning in base.warnings)
+
+
+def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
+    """Its mean height stays 0: a paraboloid would touch all of a disc of radius W at the depth W^2/(4 R)."""
+    with pytest.raises(ConfigError, match="leaves no room"):
+        layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0101))
+    assert layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0099)).deltas == (0.0099,)
+    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).deltas == (0.0101,)
+    assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).deltas == (0.0101,)
+
+
+@pytest.mark.parametrize("solver", ["condensed", "newton"])
+def test_the_stiffness_of_an_augmented_lagrangian_is_no_matter_of_effort(solver: str) -> None:
+    """From 1e-2 to 1e2 E*/h the iterations at most double."""
+    spent = [
+        solve(layer(solver={"method": solver}, **stiffness("augmented_lagrangian", m)))[-1].newton_iterations
+        for m in (1e-2, 1.0, 1e2)
+    ]
+    assert max(spent) <= 2 * min(spent)
+
+
+def test_units_are_no_matter_of_effort() -> None:
+    """Nanometres and terapascals, kilometres and pascals: the same numbers, the same iterations."""
+    states = [
+        solve(
+            scene(
+                WIDE | {"radius": 4 * L, "height": L},
+                material=ELASTIC | {"E": E},
+                indenter={"shape": "paraboloid", "R": L},
+                **once(0.01 * L),
+            )
+        )[-1]
+        for L, E in ((1e-9, 1e12), (1e3, 1.0))
+    ]
+    assert states[0].newton_iterations == states[1].newton_iterations
+    assert states[0].force / (1e12 * 1e-18) == pytest.approx(states[1].force / 1e6, rel=1e-9)  # 12 digits of the mesh
