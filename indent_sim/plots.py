@@ -266,9 +266,10 @@ def _name_axes(axes: Axes, x: str, y: str) -> None:
 
 def head(figure: Figure, title: str, subtitle: str) -> None:
     """Title and subtitle above the panels."""
-    figure.get_layout_engine().set(rect=(0, 0, 1, 0.87))  # type: ignore[union-attr, call-arg]
-    figure.text(0.01, 0.975, title, ha="left", va="top", fontsize=13, fontweight="bold")
-    figure.text(0.01, 0.905, subtitle, ha="left", va="top", color=GREY, fontsize=9)
+    height = figure.get_figheight()  # inches
+    figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.64 / height))  # type: ignore[union-attr, call-arg]
+    figure.text(0.01, 1 - 0.12 / height, title, ha="left", va="top", fontsize=13, fontweight="bold")
+    figure.text(0.01, 1 - 0.46 / height, subtitle, ha="left", va="top", color=GREY, fontsize=9)
 
 
 def save(figure: Figure, path: Path | str) -> None:

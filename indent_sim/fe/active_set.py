@@ -174,7 +174,8 @@ class NodalContact:
         """-int p_h dg/dz dGamma of the modelled part: the vertical thrust of the pressures."""
         _, normal, _ = self._evaluate()
         p_h = self.nodal_pressures() @ self._psi.T
-        return self.problem.comm.allreduce(-float((self._weights * p_h * normal[..., -1]).sum()), op=MPI.SUM)
+        thrust = 0.0 - float((self._weights * p_h * normal[..., -1]).sum())  # not -0.0 where nothing is in contact
+        return self.problem.comm.allreduce(thrust, op=MPI.SUM)
 
 
 def _flat(expression: Any, size: int) -> list[Any]:

@@ -60,13 +60,32 @@ def reach(tip: Indenter, a: float, delta: float, height: float) -> float:
 
 def doubts(material: Material, reach: float) -> list[str]:
     """A warning for each deformation within reach in which the law is no longer stable."""
-    if isinstance(material, LinearElastic | NeoHookean):  # psi is convex in logarithmic strains
+    if isinstance(material, LinearElastic):
         return []
+    if isinstance(material, NeoHookean):
+        return _of_auxetic(material, reach)
     limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
     return [
-        f"{material.model} loses its stability (Drucker) in {loss}{limit}; strains may reach exp(+-{reach:.2g}) here"
+        f"{material.model} loses its stability (Drucker) in {loss}{limit}; {_reached(reach)}"
         for loss in losses(material.energy_of_stretches, reach)
     ]
+
+
+def _of_auxetic(material: NeoHookean, reach: float) -> list[str]:
+    """The neo-Hookean psi is convex in logarithmic strains e_i unless lame_lambda < 0.
+
+    Its second derivative 2 mu exp(2 e_i) delta_ij + lame_lambda is positive definite while
+    sum exp(-2 e_i) < -2 mu/lame_lambda = (2 nu - 1)/nu, which all-round compression reaches first.
+    """
+    nu = material.constants[1]
+    if nu >= 0 or 3 * float(np.exp(2 * reach)) < (2 * nu - 1) / nu:
+        return []
+    loss = Loss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
+    return [f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(reach)}"]
+
+
+def _reached(reach: float) -> str:
+    return f"strains may reach exp(+-{reach:.2g}) here"
 
 
 def _is_stable(psi: Callable[[Any, Any, Any], Any], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ the page and has no number in it: what this program does is measured here, what 
 
 from __future__ import annotations
 
+import logging
 import os
 import platform
 import sys
@@ -58,11 +59,14 @@ DEEP = {  # a sphere to 0.3 and to 0.7 of its radius
 
 def main(quick: bool) -> None:
     """Measure everything and write the page."""
+    logging.basicConfig(level=logging.WARNING)  # FFCx tells of every compilation otherwise
     repeat = 1 if quick else 3
     names = sorted(path.stem for path in sweeps.STUDIES.glob("*.yaml"))
     studies = {name: sweeps.carry_out(name, resume=quick) for name in names}
     slots = of_studies(studies) | of_processes(repeat)
-    text = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8")).substitute(slots)
+    text = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8")).substitute(
+        {name: value.rstrip() for name, value in slots.items()}
+    )
     PAGE.write_text(text, encoding="utf-8")
     print(PAGE.relative_to(ROOT))
 
@@ -75,6 +79,8 @@ def of_studies(studies: dict[str, Study]) -> dict[str, str]:
     return {
         "version": __version__,
         "versions": ", ".join(f"{name} {version}" for name, version in report["versions"].items()),
+        "asked_axi": sweeps.asked(studies["asked_axi"]),
+        "asked_cube": sweeps.asked(studies["asked_cube"]),
         "sources": sources.sources(by_source),
         "reductions": sweeps.reductions(studies["reductions"].rows),
         "growth": sweeps.growth(studies["growth"].rows),

@@ -62,7 +62,7 @@ def measure(config: str | Path, *overrides: str, repeat: int = 1, ranks: int = 1
             times.append((usage.ru_utime + usage.ru_stime, time.perf_counter() - began))
         found = read(Path(folder, "run"))
     cpu, wall = map(statistics.median, zip(*times, strict=True))
-    return Measured(cpu, wall, usage.ru_maxrss / 1024, found["force"], found.report)
+    return Measured(cpu, wall, found.report["peak_memory_MB"], found["force"], found.report)
 
 
 def steps(repeat: int) -> list[tuple[int, float]]:

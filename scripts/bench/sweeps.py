@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from markdown import number, percent, size, table
 from processes import ROOT
 
 from indent_sim import study
+from indent_sim.results import read
 from indent_sim.study import Study
 
 STUDIES = ROOT / "configs" / "studies" / "accuracy"
@@ -21,23 +21,16 @@ Row = dict[str, Any]
 
 
 def carry_out(name: str, resume: bool) -> Study:
-    """The study of a name; its picture goes to docs/images/accuracy-NAME.png."""
-    done = study.carry_out(STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print)
-    if (RESULTS / name / "study.png").exists():
-        shutil.copy(RESULTS / name / "study.png", picture(name))
-    return done
-
-
-def picture(name: str) -> Path:
-    """Where the picture of a study is kept."""
-    return IMAGES / f"accuracy-{name.replace('_', '-')}.png"
+    """The study of a name."""
+    return study.carry_out(STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print)
 
 
 def section(done: Study, down: Sequence[str], error: str) -> str:
-    """Table, picture and advice of a study that varies the mesh."""
+    """Table, picture and advice of a study that varies the mesh; the picture goes to docs/images."""
+    image = IMAGES / f"accuracy-{done.directory.name.replace('_', '-')}.png"
+    shutil.copy(done.directory / "study.png", image)
     advice = "".join(f"* {line}\n" for line in done.recommendations)
-    image = picture(done.directory.name).name
-    return f"{matrix(done.rows, down, error)}\n![{done.title}](images/{image})\n\n{advice}"
+    return f"{matrix(done.rows, down, error)}\n![{done.title}](images/{image.name})\n\n{advice}"
 
 
 def matrix(rows: Sequence[Row], down: Sequence[str], error: str) -> str:
@@ -56,6 +49,18 @@ def matrix(rows: Sequence[Row], down: Sequence[str], error: str) -> str:
 def cell(row: Row, error: str) -> str:
     """Error and CPU seconds of a run."""
     return f"{size(row[error])}, {number(row['cpu_s'], 2)} s" if row["status"] == "done" else "failed"
+
+
+def asked(done: Study) -> str:
+    """The accuracy asked for, the error bar that was given with the force, and the error there was."""
+    lines = []
+    for row in done.rows:
+        found = read(done.directory / "runs" / row["run"])
+        bar = (found["force_error"] / found["force"]).max()
+        worst = row["force_error_vs"] if row["force_error_worst"] is None else row["force_error_worst"]
+        lines.append([size(row["accuracy"]), size(bar), size(worst), str(row["dofs"]), number(row["cpu_s"], 2),
+                      number(row["memory_MB"])])  # fmt: skip
+    return table(["asked for", "largest error bar", "worst error", "dofs", "CPU s", "MB"], lines)
 
 
 def reductions(rows: Sequence[Row]) -> str:

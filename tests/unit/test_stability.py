@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scenes import WALLED, scene
 
 from indent_sim.model.indenters import Sphere
-from indent_sim.model.materials import ArrudaBoyce, Gent, MooneyRivlin, Ogden, Yeoh
-from indent_sim.model.stability import MODES, losses, reach
+from indent_sim.model.materials import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.stability import MODES, doubts, losses, reach
 
 STABLE = {
     "mooney_rivlin": MooneyRivlin(C10=0.3, C01=0.2, nu=0.5),
@@ -53,6 +55,19 @@ def test_the_scene_warns() -> None:
     for material, loading in ((soft, {"delta": 0.01, "steps": 1}), (soft | {"C01": 0.05}, deep)):
         quiet = scene(WALLED, material=material, indenter=sphere, loading=loading).warnings
         assert not any("stability" in text for text in quiet)
+
+
+@pytest.mark.parametrize("nu", [-0.3, -0.1])
+def test_a_compressed_auxetic_body_is_warned_of(nu: float) -> None:
+    """Along l = exp(e) all round psi = 3 mu/2 (l^2 - 1) - 3 mu e + 9/2 lame_lambda e^2, whose second derivative by e,
+    6 mu l^2 + 9 lame_lambda, is zero where the warning says (three digits are told), and only for nu < 0."""
+    law, quiet = NeoHookean(E=1.0, nu=nu), NeoHookean(E=1.0, nu=0.3)
+    (warned,) = doubts(law, 1.5)
+    lost = float(re.search(r"stretch of ([0-9.]+)", warned)[1])
+    mu, lame_lambda = 1 / (2 * (1 + nu)), nu / ((1 + nu) * (1 - 2 * nu))
+    assert lost == pytest.approx((-1.5 * lame_lambda / mu) ** 0.5, rel=5e-3)
+    assert "compression" in warned
+    assert doubts(law, -np.log(lost) - 0.01) == doubts(quiet, 1.5) == []
 
 
 def test_reach_grows_with_the_tip() -> None:

@@ -534,3 +534,11 @@ vary:
         text = "base: scene.yaml\ncompare_to: theory\ntolerance: 0.005\nvary: {loading: [{deltas: [0.01, -0.01]}]}\n"
         (row,) = study.carry_out(written(text)).rows
         assert (row["force"], row["force_error_vs"], row["verdict"]) == (0.0, 0.0, "right")
+
+
+def test_of_keys_that_go_together_a_picture_names_the_first():
+    from indent_sim.study.picture import _telling
+
+    rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
+    assert _telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
+    assert _telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them

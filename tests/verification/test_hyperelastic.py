@@ -187,6 +187,11 @@ def test_unloading_returns_along_the_path() -> None:
     assert states[3].force == pytest.approx(0, abs=1e-12)
 
 
+def test_nothing_in_contact_is_no_negative_zero() -> None:
+    (state,) = solve(ball(h_contact=0.2, contact={"method": "active_set"}, loading={"deltas": [-0.1]}))
+    assert str(state.force) == "0.0"
+
+
 # ---- energy ------------------------------------------------------------
 
 BODIES = {"axisymmetric": WALLED, "plane_strain": STRIP}
