@@ -27,7 +27,7 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
     if not shown:
         path.unlink(missing_ok=True)
         return
-    number = _one_number(rows, keys)
+    number = _one_number(shown, keys)
     with plots.canvas((12.4, 5.0) if number else (9.6, 5.0)) as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
             [["work", "number", "names"] if number else ["work", "names"]],
