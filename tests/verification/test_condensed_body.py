@@ -35,16 +35,18 @@ def solved_by(method: str, base: Scene) -> Scene:
 
 
 def assert_condensed_is_newton(base: Scene) -> None:
-    """Force, radius and, at every node of the surface, the pressure (of the largest), at every step to 1e-9.
+    """Force, radius and, at every node of the surface, the pressure (of the path's largest), at every step to 1e-9.
 
     It is one discrete problem: the difference is what Newton's tolerance of 1e-10 leaves, and usually 1e-12. Uzawa's
     multiplier stops at 1e-8 of itself on the way of either solver, so its pressures are known to that.
     """
     pressures = 1e-8 if base.contact.method == "uzawa" else 1e-9
-    for one, other in zip(*(solve(solved_by(solver, base)) for solver in ("condensed", "newton")), strict=True):
+    condensed, newton = (solve(solved_by(solver, base)) for solver in ("condensed", "newton"))
+    p_max = max(state.p_max for state in newton)  # a body let go of has round-off for pressures
+    for one, other in zip(condensed, newton, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-9)
         assert one.a == pytest.approx(other.a, rel=1e-9)
-        assert np.abs(one.surface.pressure - other.surface.pressure).max() <= pressures * other.p_max
+        assert np.abs(one.surface.pressure - other.surface.pressure).max() <= pressures * p_max
 
 
 @pytest.mark.parametrize("method", METHODS)
