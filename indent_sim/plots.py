@@ -264,6 +264,13 @@ def _name_axes(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
+def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], title: str | None = None) -> None:
+    """One legend above all panels, which make room for it (matplotlib 3.6 knows no place outside of them)."""
+    room = (0.62 if title else 0.38) / figure.get_figheight()  # inches
+    figure.get_layout_engine().set(rect=(0, 0, 1, 1 - room))  # type: ignore[union-attr, call-arg]
+    figure.legend(handles, names, loc="upper center", ncol=len(names), fontsize=9, title=title)
+
+
 def head(figure: Figure, title: str, subtitle: str) -> None:
     """Title and subtitle above the panels."""
     height = figure.get_figheight()  # inches

@@ -16,6 +16,10 @@ import pytest
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# One BLAS thread, as the program gives itself, before anything loads numpy: two add in another order
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 ROOT = Path(__file__).resolve().parents[1]
 MPI_ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",

@@ -126,7 +126,8 @@ def draw(rows: Sequence[Row]) -> None:
             front(axes, mine)
             finish(axes, title)
         handles, names = legend(programs)
-        figure.legend(handles, names, loc="outside lower center", ncols=5, fontsize=9)
+        figure.get_layout_engine().set(rect=(0, 0.09, 1, 0.82))  # the programs stand below the panels
+        figure.legend(handles, names, loc="lower center", ncol=5, fontsize=9)
         plots.save(figure, PICTURE)
 
 

@@ -361,13 +361,25 @@ class TestRuns:
         assert told == ["6 of 6 runs are there already"]
         assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
 
-    def test_killed_at_random_and_resumed(self, written, tmp_path):
+    @pytest.mark.parametrize(
+        ("sizes", "kills_after"),
+        [
+            ([0.06, 0.055, 0.05, 0.045], (1, 3, 6)),
+            pytest.param(
+                np.linspace(0.08, 0.03, 100).round(5).tolist(),
+                (0, 7, 7, 40, 41, 90, 133, 160, 195, 199),
+                marks=pytest.mark.stress,
+            ),
+        ],
+        ids=["8 runs", "200 runs"],
+    )
+    def test_killed_at_random_and_resumed(self, written, tmp_path, sizes, kills_after):
         """To the last bit: in one step, so that no run goes on in the middle, where it comes from another side."""
-        one_step = METHODS.replace("0.06, 0.05, 0.04", "0.06, 0.055, 0.05, 0.045") + "set: {loading.steps: 1}\n"
+        one_step = METHODS.replace("[0.06, 0.05, 0.04]", str(sizes)) + "set: {loading.steps: 1}\n"
         path = written(one_step)
         study.carry_out(path, output=tmp_path / "whole")
         random = np.random.default_rng(1)
-        for runs in (1, 3, 6):  # are there when the kill comes
+        for runs in kills_after:  # so many are there when the kill comes
             with subprocess.Popen(
                 command(path, "--output", "killed", "--resume"),
                 cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
@@ -382,6 +394,7 @@ class TestRuns:
         )
         assert done.returncode == 0, done.stderr.decode()
         assert rows_of(tmp_path / "killed") == rows_of(tmp_path / "whole")
+        assert len(rows_of(tmp_path / "whole")) == 2 * len(sizes)
 
     def test_sigterm_leaves_a_table_of_what_is_there(self, written, tmp_path):
         path = written(METHODS.replace("theory", "finest") + "set: {loading.steps: 20000}\n")

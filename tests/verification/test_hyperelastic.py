@@ -155,9 +155,9 @@ def test_every_method_arrives(nu: float) -> None:
         assert found.force == pytest.approx(expected, rel=tolerance), method
 
 
-# Linear solves of ten steps to 0.3 R, a fifth above what is found at both nu (82 to 87, 138 to 160, 56 to 59). The two
+# Linear solves of ten steps to 0.3 R, a fifth above what is found at both nu (82 to 87, 139 to 202, 56 to 59). The two
 # stiff methods find their contact point by point of the quadrature, which the smooth multiplier spares the others.
-EFFORT = {"penalty": 105, "uzawa": 195, "active_set": 70}
+EFFORT = {"penalty": 105, "uzawa": 240, "active_set": 70}
 
 
 @pytest.mark.parametrize("method", EFFORT)
@@ -168,13 +168,13 @@ def test_effort_of_the_other_methods(method: str, nu: float) -> None:
 
 
 def test_a_hopeless_depth_is_given_up() -> None:
-    """A sharp punch whose edge no mesh resolves: ten failures of fifty iterations each, and what is known is said."""
+    """A sharp punch whose edge no mesh resolves: ten failures of ten iterations a try, and what is known is said."""
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
     base = ball(0.49, 0.1, indenter=punch, loading={"delta": 0.6, "steps": 1}, mesh={"h_contact": 0.1},
                 solver={"max_iterations": 10})  # fmt: skip
     (state,) = run.states(base)
     assert not state.converged
-    assert state.newton_iterations <= 10 * 10 * 3  # longer at the few that succeed
+    assert state.newton_iterations <= 10 * 10 * 5  # two guesses, and through three softer contacts
     assert "the last equilibrium found is at delta = 0" in state.reason
     assert "J is smallest" in state.reason
     assert "a larger indenter.edge_radius" in state.reason
