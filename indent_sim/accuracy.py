@@ -16,7 +16,7 @@ from indent_sim.sizing import Given
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # The error bar of the force is about CONSTANT n^-RATE at the worst step (by (dim, order)), as
 # `python -m pytest -m verify tests/verification/test_accuracy.py -s` prints it for every scene
-CONSTANT = {(2, 2): 0.6, (2, 1): 1.3, (3, 2): 0.19, (3, 1): 1.0}
+CONSTANT = {(2, 2): 0.6, (2, 1): 1.3, (3, 2): 0.3, (3, 1): 1.0}
 RATE = {2: 2.5, 1: 1.7}
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
 FEWEST = {2: 5.0, 3: 4.0}  # elements in the contact radius, by dim: two meshes much coarser say nothing
@@ -24,6 +24,7 @@ MOST = 1000.0
 GROWTH = {(2, 2): 2.0, (2, 1): 1.2, (3, 2): 1.0, (3, 1): 1.0}  # grading times n
 STEEPEST = 0.5
 FAR = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
+CONFINED = 1.5  # times as many elements where a layer that hardly compresses is squeezed: its force scatters more
 THIN = 4.0  # at most this many thicknesses over n
 EDGE = {2: 0.5, 3: 2.0}  # h_edge n^RATE over the punch's radius, by dim
 SMALLEST = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
@@ -88,14 +89,17 @@ def fading(n: float, order: int) -> float:
     return float((n**4 + BLUNT**4) ** (-RATE[order] / 4))
 
 
-def elements_for(target: float, dim: int, order: int) -> float:
-    """Elements in the contact radius of every step whose error bar is expected within the target."""
-    n = (CONSTANT[dim, order] / target) ** (1 / RATE[order])
+def elements_for(target: float, dim: int, order: int, confined: bool = False) -> float:
+    """Elements in the contact radius of every step whose error bar is expected within the target.
+
+    confined: a contact about as wide as a layer that hardly compresses is thick, or wider.
+    """
+    n = (CONFINED if confined else 1.0) * (CONSTANT[dim, order] / target) ** (1 / RATE[order])
     return min(max(n, FEWEST[dim]), MOST)
 
 
 def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[float, float, float]], dim: int,
-                order: int, stiffness_given: bool) -> Fineness:  # fmt: skip
+                order: int, confined: bool, stiffness_given: bool) -> Fineness:  # fmt: skip
     """The fineness for a relative target, or with that many elements in the radius.
 
     contacts: (depth, expected contact radius, mean pressure) of the shallowest and the deepest step in contact.
@@ -103,5 +107,5 @@ def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[
     largest = max(a for _, a, _ in contacts)
     smallest = max(min(a for _, a, _ in contacts), SMALLEST[dim] * largest)
     compliance = max(SINKING * pressure / delta for delta, _, pressure in contacts)
-    n = elements or elements_for(target, dim, order)
+    n = elements or elements_for(target, dim, order, confined)
     return Fineness(target, n, smallest, largest, compliance, dim, order, stiffness_given)

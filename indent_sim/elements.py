@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
+WIDE = 0.75  # contact radius over height from which a layer is squeezed rather than indented
+INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 Expected = tuple[float, Solution | None]  # at some depth: the contact radius, theory's solution
 
 
 def fineness(config: Config, per_radius: float | None, dim: int, deltas: tuple[float, ...],
-             expect: Callable[[float], Expected], material: Material) -> Fineness | None:  # fmt: skip
+             expect: Callable[[float], Expected], material: Material, height: float) -> Fineness | None:  # fmt: skip
     """What `accuracy` asks of the mesh; the shallowest and the deepest contact know it."""
     target, contacts = target_of(config.accuracy), []
     if target is None:
@@ -35,7 +37,8 @@ def fineness(config: Config, per_radius: float | None, dim: int, deltas: tuple[f
         area = pi * a**2 if config.body.shape != "strip" else 2 * a
         contacts.append((delta, a, solution.force / area if solution else material.E_star * delta / (2 * a)))
     given = getattr(config.contact, "epsilon_n", "auto") != "auto"
-    return fineness_of(target, per_radius, contacts, dim, config.mesh.order, given)
+    confined = max(a for _, a, _ in contacts) >= WIDE * height and material.constants[1] >= INCOMPRESSIBLE
+    return fineness_of(target, per_radius, contacts, dim, config.mesh.order, confined, given)
 
 
 def sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,

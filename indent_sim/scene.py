@@ -122,7 +122,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     def expect(delta: float) -> elements.Expected:
         return radius(delta), theory.at(delta) if theory else None
 
-    fineness = elements.fineness(config, per_radius, reduction.kinematics.dim, deltas, expect, material)
+    fineness = elements.fineness(config, per_radius, reduction.kinematics.dim, deltas, expect, material, body.height)
     sizes = elements.sizes(config, reduction, tip, a, scales, fineness)
     contact, contact_choice = _contact(config.contact, sizes, material, scales, fineness)
     gap, gap_choice = _gap(config.contact, reduction, material)
