@@ -28,7 +28,7 @@ setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim
 demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
 	@$(VENV)/indent-sim run configs/hertz.yaml
 
-test: setup lint ## ruff, mypy and the tests, under 10 minutes on two cores
+test: setup lint ## ruff, mypy and the tests, under 15 minutes on two cores
 	$(VENV)/python -m pytest -q --durations=15
 
 lint: setup ## ruff and mypy only

@@ -130,6 +130,7 @@ def test_a_study_in_shards(call: Call, tmp_path: Path) -> None:
     assert_same_table(tmp_path / "results" / "study", tmp_path / "whole")
 
 
+@pytest.mark.stress  # as the run above, and slow
 def test_a_shard_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
     """SIGUSR1 to the job file, SIGTERM to the study: the run it was at continues from its last row, none is lost."""
     (tmp_path / "study.yaml").write_text(

@@ -169,6 +169,8 @@ class _Isochoric(_Law):
         if self.kappa is None:
             return self
         nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
+        if not nu > -1:
+            raise ValueError(f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits")
         return replace(self, nu=nu, kappa=None)
 
     @property

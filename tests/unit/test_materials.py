@@ -336,3 +336,9 @@ def test_what_is_wrong_is_said(case: str) -> None:
             "indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.1},
         }))  # fmt: skip
     assert words in str(refused.value)
+
+
+def test_a_bulk_modulus_lost_beside_the_shear_modulus_is_refused():
+    """kappa/mu = 1e-17 is below rounding: nu would be -1 and E nothing."""
+    with pytest.raises(ValueError, match="nu is -1"):
+        Gent(mu=1e17, Jm=1.0, kappa=1.0).canonical()

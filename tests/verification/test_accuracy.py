@@ -4,7 +4,7 @@ theory (Lebedev & Ufliand 1958, Hayes et al. 1972, Dini sum of the wall) solves 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -209,27 +209,6 @@ def test_a_cube(target: float, tmp_path: Path) -> None:
     assert abs(last.force - CUBE_FORCE) <= last.force_error <= target * CUBE_FORCE
 
 
-@pytest.mark.verify
-@pytest.mark.parametrize("target", TARGETS)
-def test_no_uniform_mesh_is_much_cheaper(target: float, tmp_path: Path) -> None:
-    """Processor time of the whole run, starting Python and the companions apart, against the cheapest uniform
-    `h_contact` of a grid for which it and all finer ones keep the target at every step."""
-    case = Case("paraboloid", 0.1, 0.3, steps=10)
-    scene = resolve(from_mapping(case.mapping()))
-    assert scene.oracle is not None
-    exact = np.array([solution.force for solution in scene.oracle.curve(scene.deltas) or []])
-    fixed = []
-    for n in (3, 4, 6, 8, 12, 16, 24):
-        mesh = {"h_contact": scene.prediction["a"] / n}
-        outcome = run(from_mapping(case.mapping() | {"mesh": mesh}), directory=tmp_path / "fixed")
-        error = np.abs([state.force for state in outcome.states] / exact - 1).max()
-        fixed.append((error, seconds(outcome.report)))
-    good = [cpu for k, (_, cpu) in enumerate(fixed) if all(error <= target for error, _ in fixed[k:])]
-    own = min(seconds(judged(case, target, tmp_path / "accuracy").report) for _ in range(2))
-    print(f"{target:g}: accuracy {own:.3f} s, cheapest fixed mesh {good[0]:.3f} s")
-    assert START + own <= 2 * (START + good[0])
-
-
 START = 1.0  # s, of Python, dolfinx and gmsh: what `imports` says in run.json of a process of its own
 
 
@@ -239,6 +218,29 @@ def seconds(report: dict[str, Any]) -> float:
 
 FEW = [Case("paraboloid", 0.1, 0.3), Case("cone", 1.0, 0.45), Case("flat_punch", 0.5, 0.3, "roller"),
        Case("sphere", 3.0, 0.4999), Case("paraboloid", 0.1, 0.3, shape="strip")]  # fmt: skip
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("case", FEW, ids=str)
+def test_no_uniform_mesh_is_much_cheaper(case: Case, target: float, tmp_path: Path) -> None:
+    """Processor time of the whole run, starting Python and the companions apart, against the cheapest uniform
+    `h_contact` of a grid for which it and all finer ones keep the target at every step."""
+    case = replace(case, steps=10)
+    scene = resolve(from_mapping(case.mapping()))
+    assert scene.oracle is not None
+    exact = np.array([solution.force for solution in scene.oracle.curve(scene.deltas) or []])
+    fixed = []
+    for n in (3, 4, 6, 8, 12, 16, 24, 36):
+        mesh = {"h_contact": min(scene.prediction["a"], 2.0) / n}  # the layer's height is 1
+        outcome = run(from_mapping(case.mapping() | {"mesh": mesh}), directory=tmp_path / "fixed")
+        error = np.abs([state.force for state in outcome.states] / exact - 1).max()
+        fixed.append((error, seconds(outcome.report)))
+    good = [cpu for k, (_, cpu) in enumerate(fixed) if all(error <= target for error, _ in fixed[k:])]
+    own = min(seconds(judged(case, target, tmp_path / "accuracy").report) for _ in range(2))
+    cheapest = good[0] if good else float("inf")  # the singular edge of a punch asks for more than all of these
+    print(f"{case}, {target:g}: accuracy {own:.3f} s, cheapest fixed mesh {cheapest:.3f} s")
+    assert START + own <= 2 * (START + cheapest)
 
 
 @pytest.mark.parametrize("case", FEW, ids=str)
