@@ -210,14 +210,9 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.centre)
-    if isinstance(tip, FlatPunch):
-        if 2 * tip.radius > width:
-            raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
-                              f"at most {width / 2:g}")  # fmt: skip
-        if tip.edge_radius >= tip.radius:
-            raise ConfigError(
-                "indenter.edge_radius", "must be smaller than the punch's radius", f"below {tip.radius:g}"
-            )
+    if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
+        raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
+                          f"at most {width / 2:g}")  # fmt: skip
     if path.control == "depth" and max(path.values) >= body.height:
         raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {body.height:g}",
                           f"stay below {body.height:g}")  # fmt: skip

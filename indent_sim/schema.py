@@ -20,7 +20,7 @@ from indent_sim.errors import ConfigError, ConfigErrors
 from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
-from indent_sim.model.indenters import Indenter, Profile
+from indent_sim.model.indenters import FlatPunch, Indenter, Profile
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, PositiveInt
@@ -165,6 +165,9 @@ def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
     if isinstance(config.body, Strip) and not tip.of_revolution:
         return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
+    if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
+        problem = "must be smaller than the punch's radius"
+        return [ConfigError("indenter.edge_radius", problem, f"below {tip.radius:g}")]
     try:
         if isinstance(tip, Profile):
             tip.check()

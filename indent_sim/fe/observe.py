@@ -103,9 +103,10 @@ def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.nda
     after = _measure(trace.tangents(trace.X + nodal, points))
     if body.scene.kinematics.name != "axisymmetric":
         return after / before
-    # u_r/r tends to du_r/dr on the axis, where both stretches of the surface are equal
+    # u_r/r tends to du_r/dr on the axis, where both stretches of the surface are equal and r is round-off, not 0
     r = X[..., 0]
-    hoop = np.where(r > 0, 1 + u[..., 0] / np.where(r > 0, r, 1.0), after / before)
+    is_off_axis = r > 1e-9 * before
+    hoop = np.where(is_off_axis, 1 + u[..., 0] / np.where(is_off_axis, r, 1.0), after / before)
     return after / before * hoop
 
 

@@ -177,6 +177,7 @@ MALFORMED = [
     (edited("delta: 0.01\n  steps: 10", "forces: [0, 0]"), 20, "loading.forces", "every force is 0"),
     (edited("delta: 0.01\n  steps: 10", "deltas: []"), 20, "loading.deltas", "list of 1 to 100000 numbers, got []"),
     # tips and bodies
+    (tip("shape: flat_punch\n  radius: 0.2\n  edge_radius: 0.2"), 15, "indenter.edge_radius", "below 0.2"),
     (tip("shape: pyramid\n  half_angle: 90"), 14, "indenter.half_angle", "must be > 1e-06 and < 90, got 90"),
     (tip("shape: pyramid\n  half_angle: 60\n  faces: 2"), 15, "indenter.faces", "must be >= 3 and <= 64, got 2"),
     (tip("shape: pyramid\n  half_angle: 60\n  faces: 4.0"), 15, "indenter.faces", "a whole number"),

@@ -167,6 +167,15 @@ def test_effort_of_the_other_methods(method: str, nu: float) -> None:
     assert iterations(states) <= EFFORT[method]
 
 
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
+    """To 1 % of its peak, the axis included, where u_r/r is 0/0 and the ring's stretch is the radial one."""
+    state = solve(ball(nu, 0.02, loading={"deltas": [0.1, 0.3]}))[-1]
+    pressure = state.surface.pressure[np.argsort(state.surface.x)]
+    assert np.diff(pressure).max() <= 0.01 * state.p_max
+    assert state.p_max == pytest.approx(pressure[1], rel=0.01)
+
+
 def test_a_hopeless_depth_is_given_up() -> None:
     """A sharp punch whose edge no mesh resolves: ten failures of ten iterations a try, and what is known is said."""
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
