@@ -14,7 +14,7 @@ import os
 import shutil
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -274,16 +274,20 @@ def _real(target: Path) -> Path:
 
 
 def _refuse_foreign(target: Path) -> None:
-    try:
-        if not target.exists():
-            return
-        if not target.is_dir():
-            raise UsageError(f"{target} is not a folder")
-        contents = {entry.name for entry in target.iterdir()} - HIDDEN
-    except OSError as error:
-        raise UsageError(f"cannot use {target}: {error.strerror or error}") from error
-    if contents and not read_report(target):
+    if contents(target, HIDDEN) and not read_report(target):
         raise UsageError(f"{target} is not empty and was not made by {PROGRAM}; choose another --output")
+
+
+def contents(path: Path, apart_from: Iterable[str]) -> set[str]:
+    """Names in a folder, none when there is no folder; UsageError when it is something else or cannot be read."""
+    try:
+        if not path.exists():
+            return set()
+        if not path.is_dir():
+            raise UsageError(f"{path} is not a folder")
+        return {entry.name for entry in path.iterdir()} - set(apart_from)
+    except OSError as error:
+        raise UsageError(f"cannot use {path}: {error.strerror or error}") from error
 
 
 def _refuse_locked(folder: Path) -> None:

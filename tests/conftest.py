@@ -37,6 +37,27 @@ PATIENCE = 180  # s; a run that takes longer than this hangs
 Mpirun = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The folder of a scene's run that nothing disturbs; each scene is run once."""
+    from mpi4py import MPI  # only the tests that run something load it
+
+    from indent_sim.config import load
+    from indent_sim.run import run
+
+    done: dict[str, Path] = {}
+
+    def of(scene: str) -> Path:
+        if scene not in done:
+            place = tmp_path_factory.mktemp("undisturbed")
+            (place / "scene.yaml").write_text(scene)
+            run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out")
+            done[scene] = place / "out"
+        return done[scene]
+
+    return of
+
+
 @pytest.fixture
 def mpirun(tmp_path: Path) -> Mpirun:
     """Run this Python on n ranks with the given arguments, in an empty directory."""

@@ -16,12 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import MPI_ENVIRONMENT
-from mpi4py import MPI
 from test_cli import environment
 from test_resume import CONDENSED, HYPERELASTIC, same_numbers
 
-from indent_sim import run
-from indent_sim.config import load
 from indent_sim.results import Results, read
 
 RUN = (sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out")
@@ -34,22 +31,6 @@ def scene(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """A scene, written as scene.yaml."""
     (tmp_path / "scene.yaml").write_text(SCENES[request.param])
     return SCENES[request.param]
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory):
-    """The folder of a scene's run that nothing disturbs; each scene is run once."""
-    done: dict[str, Path] = {}
-
-    def of(text: str) -> Path:
-        if text not in done:
-            place = tmp_path_factory.mktemp("undisturbed")
-            (place / "scene.yaml").write_text(text)
-            run.run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out")
-            done[text] = place / "out"
-        return done[text]
-
-    return of
 
 
 def started(place: Path, *words: str, before: tuple[str, ...] = ()) -> subprocess.Popen[str]:

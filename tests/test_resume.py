@@ -71,22 +71,6 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
     return lambda *words: CliRunner().invoke(cli.program, ["run", "scene.yaml", "--output", "out", *words])
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The folder of a scene's run that nothing disturbs; each scene is run once."""
-    done: dict[str, Path] = {}
-
-    def of(scene: str) -> Path:
-        if scene not in done:
-            place = tmp_path_factory.mktemp("undisturbed")
-            (place / "scene.yaml").write_text(scene)
-            run.run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out")
-            done[scene] = place / "out"
-        return done[scene]
-
-    return of
-
-
 def interrupt(place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt) -> list[bytes]:
     """Run place/scene.yaml into place/out and stop it after some rows; returns the lines of its table."""
 

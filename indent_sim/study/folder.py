@@ -17,7 +17,7 @@ from typing import Any
 
 from indent_sim import __version__
 from indent_sim.errors import UsageError
-from indent_sim.folder import PROGRAM, REPORT, read_report, write_atomically
+from indent_sim.folder import PROGRAM, REPORT, contents, read_report, write_atomically
 from indent_sim.results import to_json
 
 RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
@@ -142,15 +142,7 @@ def opened(path: Path, *, resume: bool, shared: bool) -> Iterator[StudyFolder]:
 
 
 def _refuse_foreign(path: Path) -> None:
-    try:
-        if not path.exists():
-            return
-        if not path.is_dir():
-            raise UsageError(f"{path} is not a folder")
-        contents = {entry.name for entry in path.iterdir()} - {LOCK, RUNS}
-    except OSError as error:
-        raise UsageError(f"cannot use {path}: {error.strerror or error}") from error
-    if contents and not _is_study(path):
+    if contents(path, {LOCK, RUNS}) and not _is_study(path):
         raise UsageError(f"{path} is not empty and was not made by `{PROGRAM} study`; choose another --output")
 
 
