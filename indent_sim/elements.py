@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
+FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
+# r = 0 and coordinates have all their digits, gmsh aborts or never ends
 WIDE = 0.75  # contact radius over height from which a layer is squeezed rather than indented
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 Expected = tuple[float, Solution | None]  # at some depth: the contact radius, theory's solution
@@ -51,7 +53,19 @@ def sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales:
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius
     given = wanted.sizes(height, width, edge, bend) if wanted else _given(mesh, scales, height, edge)
-    return sizing.choose(a, height, width, dim, mesh.order, given, edge=edge, round_radius=bend)
+    found = sizing.choose(a, height, width, dim, mesh.order, given, edge=edge, round_radius=bend)
+    least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
+    _refuse_lost(found.finest * scales.length, least * scales.length)
+    return found
+
+
+def _refuse_lost(smallest: float, least: float) -> None:
+    """ConfigError for elements so small beside the body that their corners are rounding errors."""
+    if smallest < least * (1 - 1e-9):
+        problem = (
+            f"has the smallest element {smallest:.3g}: a mesh of this body carries no smaller ones than {least:.3g}"
+        )
+        raise ConfigError("mesh", problem, "make the body smaller: one of 1e5 contact radii feels like a half-space")
 
 
 def _given(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:

@@ -160,8 +160,8 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         solver=dataclasses.asdict(config.solver) | {"method": solver_choice.value},
         warnings=(*warnings_of(body, material, tip, center, max(deltas), a, theory, formulation),
                   *contact_warnings(contact, material, sizes, theory, max(deltas), a),
-                  *(sizes.doubts(a, contact.method == "penalty") if max(deltas) > 0 else ()),
-                  *shallow_doubts(sizes, deltas, radius)),
+                  *(sizes.doubts(a, material.constants[1], contact.method == "penalty") if max(deltas) > 0 else ()),
+                  *shallow_doubts(sizes, material, deltas, radius)),
         prediction=prediction_of(path, theory, tip, material, max(deltas), a, scales) | {
             **({"truncation_error": truncation.error} if truncation else {}),
             "force_error": stated_error(contact, material, sizes, theory, deltas[-1], radius(deltas[-1])),
