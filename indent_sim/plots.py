@@ -141,7 +141,10 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         if "force_error" in run.table and np.isfinite(run["force_error"]).any():
             half = force(np.nan_to_num(run["force_error"]))
             label = f"estimated error{_of_last(half, y)}" if i == len(runs) - 1 else None
-            axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+            if len(x) > 1:
+                axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+            else:  # a band needs two
+                axes.errorbar(x, y, half, color=COLOURS[i % 7], alpha=0.5, capsize=6, ls="", label=label)
     if theory and theory.get("curve", {}).get("delta"):
         curve = theory["curve"]
         x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
