@@ -85,23 +85,23 @@ def plot_run(folder: Path | str) -> Path:
 
 
 def force_indentation(results: Results, path: Path | str, theory: Mapping[str, Any] | None = None) -> None:
-    """The picture of a run: force against depth beside theory, contact radius, and the last pressure profile.
+    """The picture of a run: force against depth beside theory, contact radius, and the pressure at the largest force.
 
     `theory` as in run.json (taken from there when not given): name, force_deviation (load control:
     delta_deviation), and curve with delta, force and a.
     """
     theory = theory if theory is not None else results.report.get("theory")
-    has_pressure = bool(results.surface) and bool(np.any(results.surface["pressure"] > 0))
+    strongest = _strongest(results)
     with canvas() as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
-            [["force", "a"], ["force", "pressure"]] if has_pressure else [["force", "a"]],
+            [["force", "a"], ["force", "pressure"]] if strongest else [["force", "a"]],
             width_ratios=[1.55, 1],
         )
         head(figure, _title(results), _subtitle(results))
         _draw_forces(panels["force"], [results], theory)
         _draw_radius(panels["a"], results, theory)
-        if has_pressure:
-            _draw_pressure(panels["pressure"], results)
+        if strongest:
+            _draw_pressure(panels["pressure"], results, strongest)
         save(figure, path)
 
 
@@ -176,10 +176,9 @@ def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None)
     _from_zero(axes, radius(results["a"]), radius(curve.get("a", [])))
 
 
-def _draw_pressure(axes: Axes, results: Results) -> None:
-    """The contact pressure of the last state that has any, around the tip: a profile along a line or a map."""
+def _draw_pressure(axes: Axes, results: Results, step: float) -> None:
+    """The contact pressure of a step, around the tip: a profile along a line or a map."""
     surface = results.surface
-    step = surface["step"][surface["pressure"] > 0].max()
     x, y, p = (surface[name][surface["step"] == step] for name in ("x", "y", "pressure"))
     center, a = _tip(results, x, y, p), _contact_radius(results, step, x, y)
     near = (np.abs(x - center[0]) <= VIEW * a) & (np.abs(y - center[1]) <= VIEW * a)
@@ -199,6 +198,13 @@ def _draw_pressure(axes: Axes, results: Results) -> None:
     inside = p[near & (np.hypot(x - center[0], y - center[1]) <= a)]
     _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(inside))) if inside.any() else pressure(p))
     return None
+
+
+def _strongest(results: Results) -> float | None:
+    """The step of the largest force among those whose surface is known; None without any force."""
+    shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
+    forces = np.where(shown, results["force"], 0.0) if shown.any() else np.zeros(1)
+    return float(results["step"][np.argmax(forces)]) if forces.max() > 0 else None
 
 
 def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from indent_sim.choices import auto_stiffness
 from indent_sim.config import Config, to_mapping
-from indent_sim.scene import Scene, auto_stiffness
+from indent_sim.scene import Scene
 
 
 def resolved(config: Config, scene: Scene) -> Config:

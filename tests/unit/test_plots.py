@@ -136,6 +136,17 @@ class TestPressure:
         assert axes.get_ylim() == pytest.approx((0, 1.08))
         assert axes.get_xlim() == pytest.approx((0, 1.5 * a))
 
+    def test_the_largest_force_is_shown_when_the_tip_has_left(self, drawn):
+        result = a_result(units={})
+        result.table["force"][-1] = 0.0
+        left = {name: np.append(column, column) for name, column in result.surface.items()}
+        left["step"][: len(left["x"]) // 2] = 4.0
+        left["pressure"][len(left["x"]) // 2 :] = 1e-17
+        result.surface.update(left)
+        assert drawn(result)["pressure"].get_title(loc="left").startswith("step 4,")
+        result.table["force"][:] = 0.0
+        assert "pressure" not in drawn(result)
+
     def test_a_singular_edge_does_not_hide_the_rest(self, drawn):
         result = a_result(units={})
         pressure = result.surface["pressure"]
