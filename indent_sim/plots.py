@@ -30,6 +30,7 @@ PICTURE = "force_indentation.png"
 FORMATS = (".png", ".svg", ".pdf")
 MANY = 40  # points from which a line carries no markers
 PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
+LETTERS = 9.0  # of a title to the inch
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 SI = ("m", "N", "Pa", "N/m")
@@ -140,7 +141,10 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         if "force_error" in run.table and np.isfinite(run["force_error"]).any():
             half = force(np.nan_to_num(run["force_error"]))
             label = f"estimated error{_of_last(half, y)}" if i == len(runs) - 1 else None
-            axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+            if len(x) > 1:
+                axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+            else:  # a band needs two
+                axes.errorbar(x, y, half, color=COLOURS[i % 7], alpha=0.5, capsize=6, ls="", label=label)
     if theory and theory.get("curve", {}).get("delta"):
         curve = theory["curve"]
         x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
@@ -278,8 +282,9 @@ def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], t
 
 
 def head(figure: Figure, title: str, subtitle: str) -> None:
-    """Title and subtitle above the panels."""
-    height = figure.get_figheight()  # inches
+    """Title, as far as it fits, and subtitle above the panels."""
+    height, fits = figure.get_figheight(), int(LETTERS * figure.get_figwidth())  # inches
+    title = title if len(title) <= fits else f"{title[: fits - 1]}…"
     figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.64 / height))  # type: ignore[union-attr, call-arg]
     figure.text(0.01, 1 - 0.12 / height, title, ha="left", va="top", fontsize=13, fontweight="bold")
     figure.text(0.01, 1 - 0.46 / height, subtitle, ha="left", va="top", color=GREY, fontsize=9)

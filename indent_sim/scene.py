@@ -87,7 +87,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     solver = choices.solver(config, given.material, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = _smooth(given, gap)
-    cost = _affordable(given, sizes, _work(given, str(solver.value), gap, formulation))
+    cost = _affordable(given, sizes, _work(given, str(solver.value), gap, formulation), fineness is not None)
     reduction, scales = given.reduction, given.scales
     return Scene(
         title=config.title, units={"length": config.units.length, "force": config.units.force}, scales=scales,
@@ -127,14 +127,15 @@ def _work(given: Premises, solver: str, gap: str, formulation: str) -> Work:
     return Work(solver, formulation == "mixed", solves, gap == "current" or not given.material.small_strain)
 
 
-def _affordable(given: Premises, sizes: Sizes, work: Work) -> Cost:
+def _affordable(given: Premises, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
     """What the scene will cost; ConfigError when that is beyond this machine."""
     reduction = given.reduction
     found = cost_of(sizes, reduction.extent, given.center, work, is_round=reduction.radius is not None)
     available = machine_memory()
     if found.memory > available:
-        raise ConfigError("mesh.h_contact", f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
-                          f"machine has {available / 1e9:.3g} GB", "use a larger h_contact, or symmetry")  # fmt: skip
+        key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
+        raise ConfigError(key, f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
+                          f"machine has {available / 1e9:.3g} GB", f"use a larger {name}, or symmetry")  # fmt: skip
     return found
 
 

@@ -72,6 +72,11 @@ class TestOneRun:
         )
         assert [word for word in words if word not in text_of(svg)] == []
 
+    def test_the_error_of_a_single_step_is_drawn(self, svg):
+        """A band needs two points: one has a bar, from 0.9 to 1.1 of the force here."""
+        plots.force_indentation(a_result(steps=1, error=True), svg)
+        assert "LineCollection" in text_of(svg) and "estimated error" in text_of(svg)
+
     def test_plane_strain_forces_are_per_length(self, svg):
         plots.force_indentation(a_result("plane_strain"), svg)
         assert "N/m]" in text_of(svg) and "half-width" in text_of(svg)
