@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.accuracy import Fineness
 from indent_sim.costing import DENSE, MOST_CANDIDATES
 from indent_sim.errors import ConfigError
+from indent_sim.expectation import TELLING, penalty_loss
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.premises import Premises
-from indent_sim.sizing import Sizes
-from indent_sim.state import Scales
+from indent_sim.sizing import Sizes, rounded
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
-STIFFEST = 1e3  # E*/h of a penalty that `accuracy` chooses: beyond it the pressures oscillate
+STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -87,22 +87,29 @@ def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness |
     name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
     if name is None:
         return kind(), Choice("contact", kind().method, why)
-    scales, auto = given.scales, getattr(wanted, name, "auto") == "auto"
-    stiffness = auto_stiffness(kind, sizes, given.material, scales, fineness) if auto else getattr(wanted, name)
-    unit = given.material.E_star / sizes.h_contact
-    value = stiffness * scales.length / scales.pressure
-    _refuse_soft(kind, name, value / unit, unit * scales.pressure / scales.length)
+    auto, in_users = getattr(wanted, name, "auto") == "auto", given.scales.pressure / given.scales.length
+    stiffness = rounded(_stiffness(kind, given, sizes, fineness) * in_users) if auto else getattr(wanted, name)
+    value, unit = stiffness / in_users, given.material.E_star / sizes.h_contact
+    _refuse_soft(kind, name, value / unit, unit * in_users)
     law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
     source = f"{name} {'auto' if auto else 'as given'}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {stiffness:.6g}", f"{why}; {source}")
 
 
-def auto_stiffness(kind: Any, sizes: Sizes, material: Material, scales: Scales, fineness: Fineness | None) -> float:
-    """The epsilon_n or gamma that `auto` stands for [pressure per length of the user]."""
-    stiffness = kind.auto_multiple * material.E_star / sizes.typical
-    if fineness is not None and kind is Penalty:  # whose error must fit into what is asked for
-        stiffness = min(fineness.penalty, STIFFEST * material.E_star / sizes.typical)
-    return float(stiffness * scales.pressure / scales.length)
+def _stiffness(kind: Any, given: Premises, sizes: Sizes, fineness: Fineness | None) -> float:
+    """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
+    unit = given.material.E_star / sizes.typical
+    usual = float(kind.auto_multiple * unit)
+    if kind is not Penalty:
+        return usual
+    if fineness is not None:  # the penalty's error must fit into what is asked for
+        return min(fineness.penalty, STIFFEST * unit)
+    depths = {delta for delta in (given.deepest, given.deltas[-1]) if delta > 0}
+    lost = [
+        penalty_loss(Penalty(epsilon_n=usual), given.material, given.theory, delta, given.radius(delta))
+        for delta in depths
+    ]
+    return min(usual * max(1.0, max(lost, default=0.0) / TELLING), STIFFEST * unit)
 
 
 def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:

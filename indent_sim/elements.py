@@ -50,7 +50,8 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius
     settled = wanted.sizes(height, width, edge, bend) if wanted else _settled(mesh, given.scales, height, edge)
-    return sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, round_radius=bend)
+    last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
+    return sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend)
 
 
 def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:

@@ -135,7 +135,8 @@ def of_theory(case: Case) -> Answer | None:
     depths = [delta for delta in scene.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
     if scene.path.control == "force" and depths:
-        depths = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS).tolist()
+        around = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS)
+        depths = [float(depth) for depth in around]
     curve = (scene.oracle.curve(depths) if scene.oracle else None) if depths else []
     if curve is None:
         return None
