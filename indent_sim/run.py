@@ -12,7 +12,7 @@ from indent_sim import geometry
 from indent_sim.checkpoint import Checkpoint
 from indent_sim.comparison import memory, summary
 from indent_sim.earlier import earlier_run
-from indent_sim.error_bars import RATIOS, Companion, ErrorBars, coarser, softer
+from indent_sim.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import read_report, uninterrupted
 from indent_sim.model.contact import Penalty
@@ -82,6 +82,7 @@ class Attempt:
         self.clock, self.count = Clock(), 0
         self._before = comm.bcast(on_root(comm, read_report, target)) if resume else {}
         self._resume = resume
+        self._tried: list[float] = list((self._before.get("accuracy") or {}).get("tried", []))  # elements, in turn
         self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
 
@@ -109,24 +110,29 @@ class Attempt:
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             bars = self._bars(scene, companions) if self._with_bars else None
             if bars is not None:
-                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness))
+                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness, self._tried))
             simulation = Simulation(config, scene, record, self.clock, bars)
             states = simulation.follow(self.progress)
             simulation.release()
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))
-                check(self.resolve, scene, states, bars, self.count)
+                self._tried += [scene.fineness.n] if scene.fineness else []
+                check(self.resolve, scene, states, bars, len(self._tried))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
     def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
         with self.clock.stage("imports"):
             _backend()
         with self.clock.stage("companions"):
-            companions = companions or [Companion(ratio, self._curve(coarser(scene, ratio))) for ratio in RATIOS]
-            soft = None
-            if isinstance(scene.contact, Penalty):
-                soft = self._curve(softer(coarser(scene, companions[0].ratio)))
+            companions = companions or self._companions(scene)
+            own = companions[0].scene
+            soft = self._curve(softer(own)) if own is not None and isinstance(own.contact, Penalty) else None
             return ErrorBars(scene, companions, soft)
+
+    def _companions(self, scene: Scene) -> list[Companion]:
+        """Runs beside the first of this call; those of a resumed one begin with its earlier attempts, as before."""
+        earlier = [self.resolve(elements) for elements in reversed(self._tried)]
+        return [Companion(ratio, self._curve(other), other) for ratio, other in beside(scene, earlier)]
 
     def _curve(self, scene: Scene) -> list[State]:
         """The states of a scene without surface tables; what one failed to reach is missing."""
