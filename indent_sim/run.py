@@ -24,6 +24,7 @@ from indent_sim.refinement import check, entry, pursue, refuse_other_bars, unjud
 from indent_sim.resolved import left_open, resolved
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
+from indent_sim.stopping import unmasked
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
@@ -101,7 +102,7 @@ class Attempt:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), len(scene.deltas))):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    force_error=self._with_bars) as record:  # fmt: skip
+                    force_error=self._with_bars) as record, unmasked():  # fmt: skip
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],
