@@ -106,7 +106,8 @@ class Attempt:
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],
-                        plan=_plan(scene) | {"auto": left_open(config, decided)},
+                        plan={"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales,
+                              "auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=self.comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             bars = self._bars(scene, companions) if self._with_bars else None
@@ -213,10 +214,6 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
     fe = _backend()
     comm = comm or MPI.COMM_SELF
     return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, geometry.build, scene), scene, comm)))
-
-
-def _plan(scene: Scene) -> dict[str, Any]:
-    return {"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales}
 
 
 class Simulation:
