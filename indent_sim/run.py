@@ -24,6 +24,7 @@ from indent_sim.refinement import check, entry, pursue, refuse_other_bars, unjud
 from indent_sim.resolved import left_open, resolved
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
+from indent_sim.stopping import unmasked
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
@@ -101,11 +102,12 @@ class Attempt:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), len(scene.deltas))):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    force_error=self._with_bars) as record:  # fmt: skip
+                    force_error=self._with_bars) as record, unmasked():  # fmt: skip
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],
-                        plan=_plan(scene) | {"auto": left_open(config, decided)},
+                        plan={"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales,
+                              "auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=self.comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             bars = self._bars(scene, companions) if self._with_bars else None
@@ -212,10 +214,6 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
     fe = _backend()
     comm = comm or MPI.COMM_SELF
     return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, geometry.build, scene), scene, comm)))
-
-
-def _plan(scene: Scene) -> dict[str, Any]:
-    return {"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales}
 
 
 class Simulation:
