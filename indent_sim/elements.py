@@ -37,16 +37,21 @@ def fineness(config: Config, per_radius: float | None, dim: int, deltas: tuple[f
         area = pi * a**2 if config.body.shape != "strip" else 2 * a
         contacts.append((delta, a, solution.force / area if solution else material.E_star * delta / (2 * a)))
     given = getattr(config.contact, "epsilon_n", "auto") != "auto"
-    confined = max(a for _, a, _ in contacts) >= WIDE * height and material.constants[1] >= INCOMPRESSIBLE
+    squeezed = max(a for _, a, _ in contacts) >= WIDE * height and material.constants[1] >= INCOMPRESSIBLE
+    confined = squeezed and not _is_sharp(config.indenter)
     return fineness_of(target, per_radius, contacts, dim, config.mesh.order, confined, given)
+
+
+def _is_sharp(tip: Indenter) -> bool:
+    """Whether contact ends at a punch's edge, wherever its surface ends, with a peak of pressure there."""
+    return isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
 
 
 def sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
            wanted: Fineness | None) -> Sizes:  # fmt: skip
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
     mesh, dim = config.mesh, reduction.kinematics.dim
-    sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
-    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and sharp else None
+    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and _is_sharp(tip) else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius
