@@ -24,6 +24,7 @@ CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface t
 START = 1.05  # s: imports, gmsh, writing
 COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
 PROCESS = 1.7e8  # bytes
+MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 

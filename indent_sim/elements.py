@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import pi
 from typing import TYPE_CHECKING
 
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
 from indent_sim.errors import ConfigError
-from indent_sim.model.indenters import FlatPunch, Indenter
-from indent_sim.model.materials import Material
-from indent_sim.reduction import Reduction
+from indent_sim.model.indenters import FlatPunch
+from indent_sim.premises import Premises
 from indent_sim.sizing import Given, Sizes, rounded
 from indent_sim.state import Scales
-from indent_sim.theory.solution import Solution
 
 if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
@@ -22,44 +19,47 @@ if TYPE_CHECKING:
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 WIDE = 0.75  # contact radius over height from which a layer is squeezed rather than indented
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
-Expected = tuple[float, Solution | None]  # at some depth: the contact radius, theory's solution
 
 
-def fineness(config: Config, per_radius: float | None, dim: int, deltas: tuple[float, ...],
-             expect: Callable[[float], Expected], material: Material, height: float) -> Fineness | None:  # fmt: skip
+def fineness(config: Config, given: Premises, per_radius: float | None) -> Fineness | None:
     """What `accuracy` asks of the mesh; the shallowest and the deepest contact know it."""
-    target, contacts = target_of(config.accuracy), []
+    target = target_of(config.accuracy)
     if target is None:
         return None
-    inside = [delta for delta in deltas if delta > 0] or [max(abs(delta) for delta in deltas) or 1.0]
-    for delta in (min(inside), max(inside)):
-        a, solution = expect(delta)
-        area = pi * a**2 if config.body.shape != "strip" else 2 * a
-        contacts.append((delta, a, solution.force / area if solution else material.E_star * delta / (2 * a)))
-    given = getattr(config.contact, "epsilon_n", "auto") != "auto"
-    squeezed = max(a for _, a, _ in contacts) >= WIDE * height and material.constants[1] >= INCOMPRESSIBLE
-    confined = squeezed and not _is_sharp(config.indenter)
-    return fineness_of(target, per_radius, contacts, dim, config.mesh.order, confined, given)
+    inside = [delta for delta in given.deltas if delta > 0] or [max(map(abs, given.deltas)) or 1.0]
+    contacts = [_contact(given, delta) for delta in (min(inside), max(inside))]
+    stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
+    squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
+    gives_way = squeezed and given.material.constants[1] >= INCOMPRESSIBLE
+    confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
+    return fineness_of(target, per_radius, contacts, given.dim, config.mesh.order, confined, stiffness_given)
 
 
 def _is_sharp(tip: Indenter) -> bool:
-    """Whether contact ends at a punch's edge, wherever its surface ends, with a peak of pressure there."""
+    """Whether contact ends at a punch's edge, with a peak of the pressure there."""
     return isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
 
 
-def sizes(config: Config, reduction: Reduction, tip: Indenter, a: float, scales: Scales,
-           wanted: Fineness | None) -> Sizes:  # fmt: skip
+def _contact(given: Premises, delta: float) -> tuple[float, float, float]:
+    """A depth, the contact radius and the mean pressure to expect there."""
+    a, solution = given.radius(delta), given.solution(delta)
+    area = pi * a**2 if given.body.shape != "strip" else 2 * a
+    return delta, a, solution.force / area if solution else given.material.E_star * delta / (2 * a)
+
+
+def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
-    mesh, dim = config.mesh, reduction.kinematics.dim
+    mesh, reduction, tip, a = config.mesh, given.reduction, given.tip, given.a
     edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and _is_sharp(tip) else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius
-    given = wanted.sizes(height, width, edge, bend) if wanted else _given(mesh, scales, height, edge)
-    return sizing.choose(a, height, width, dim, mesh.order, given, edge=edge, round_radius=bend)
+    settled = wanted.sizes(height, width, edge, bend) if wanted else _settled(mesh, given.scales, height, edge)
+    last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
+    return sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend)
 
 
-def _given(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:
+def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:
     """The sizes of the config; ConfigError where they contradict one another or the scene."""
     names = ("h_contact", "h_axis", "h_edge", "h_far")
     lengths = {name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")}

@@ -30,6 +30,7 @@ PICTURE = "force_indentation.png"
 FORMATS = (".png", ".svg", ".pdf")
 MANY = 40  # points from which a line carries no markers
 PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
+LETTERS = 9.0  # of a title to the inch
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 SI = ("m", "N", "Pa", "N/m")
@@ -84,23 +85,23 @@ def plot_run(folder: Path | str) -> Path:
 
 
 def force_indentation(results: Results, path: Path | str, theory: Mapping[str, Any] | None = None) -> None:
-    """The picture of a run: force against depth beside theory, contact radius, and the last pressure profile.
+    """The picture of a run: force against depth beside theory, contact radius, and the pressure at the largest force.
 
     `theory` as in run.json (taken from there when not given): name, force_deviation (load control:
     delta_deviation), and curve with delta, force and a.
     """
     theory = theory if theory is not None else results.report.get("theory")
-    has_pressure = bool(results.surface) and bool(np.any(results.surface["pressure"] > 0))
+    strongest = _strongest(results)
     with canvas() as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
-            [["force", "a"], ["force", "pressure"]] if has_pressure else [["force", "a"]],
+            [["force", "a"], ["force", "pressure"]] if strongest else [["force", "a"]],
             width_ratios=[1.55, 1],
         )
         head(figure, _title(results), _subtitle(results))
         _draw_forces(panels["force"], [results], theory)
         _draw_radius(panels["a"], results, theory)
-        if has_pressure:
-            _draw_pressure(panels["pressure"], results)
+        if strongest:
+            _draw_pressure(panels["pressure"], results, strongest)
         save(figure, path)
 
 
@@ -140,7 +141,10 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         if "force_error" in run.table and np.isfinite(run["force_error"]).any():
             half = force(np.nan_to_num(run["force_error"]))
             label = f"estimated error{_of_last(half, y)}" if i == len(runs) - 1 else None
-            axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+            if len(x) > 1:
+                axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+            else:  # a band needs two
+                axes.errorbar(x, y, half, color=COLOURS[i % 7], alpha=0.5, capsize=6, ls="", label=label)
     if theory and theory.get("curve", {}).get("delta"):
         curve = theory["curve"]
         x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
@@ -172,10 +176,9 @@ def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None)
     _from_zero(axes, radius(results["a"]), radius(curve.get("a", [])))
 
 
-def _draw_pressure(axes: Axes, results: Results) -> None:
-    """The contact pressure of the last state that has any, around the tip: a profile along a line or a map."""
+def _draw_pressure(axes: Axes, results: Results, step: float) -> None:
+    """The contact pressure of a step, around the tip: a profile along a line or a map."""
     surface = results.surface
-    step = surface["step"][surface["pressure"] > 0].max()
     x, y, p = (surface[name][surface["step"] == step] for name in ("x", "y", "pressure"))
     center, a = _tip(results, x, y, p), _contact_radius(results, step, x, y)
     near = (np.abs(x - center[0]) <= VIEW * a) & (np.abs(y - center[1]) <= VIEW * a)
@@ -195,6 +198,13 @@ def _draw_pressure(axes: Axes, results: Results) -> None:
     inside = p[near & (np.hypot(x - center[0], y - center[1]) <= a)]
     _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(inside))) if inside.any() else pressure(p))
     return None
+
+
+def _strongest(results: Results) -> float | None:
+    """The step of the largest force among those whose surface is known; None without any force."""
+    shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
+    forces = np.where(shown, results["force"], 0.0) if shown.any() else np.zeros(1)
+    return float(results["step"][np.argmax(forces)]) if forces.max() > 0 else None
 
 
 def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -272,8 +282,9 @@ def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], t
 
 
 def head(figure: Figure, title: str, subtitle: str) -> None:
-    """Title and subtitle above the panels."""
-    height = figure.get_figheight()  # inches
+    """Title, as far as it fits, and subtitle above the panels."""
+    height, fits = figure.get_figheight(), int(LETTERS * figure.get_figwidth())  # inches
+    title = title if len(title) <= fits else f"{title[: fits - 1]}…"
     figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.64 / height))  # type: ignore[union-attr, call-arg]
     figure.text(0.01, 1 - 0.12 / height, title, ha="left", va="top", fontsize=13, fontweight="bold")
     figure.text(0.01, 1 - 0.46 / height, subtitle, ha="left", va="top", color=GREY, fontsize=9)

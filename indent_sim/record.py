@@ -67,3 +67,8 @@ class Record:
         """Add entries to run.json."""
         if self._folder is not None:
             self._folder.report.update(entries)
+
+    def warn(self, *warnings: str) -> None:
+        """Add warnings to those of run.json."""
+        if self._folder is not None:
+            self.note(warnings=[*self._folder.report.get("warnings", []), *warnings])

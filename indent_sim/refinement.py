@@ -68,9 +68,25 @@ def check(resolve: Resolve, scene: Scene, states: Sequence[State], bars: ErrorBa
     raise AccuracyNotReached(f"{said}; {end}", finer, [Companion(1.0, states), *bars.companions][: len(RATIOS)])
 
 
+def unjudged(scene: Scene, states: Sequence[State], bars: ErrorBars) -> list[str]:
+    """What to say of steps whose error bar is wider than the scene's accuracy allows, but that are not held to it."""
+    floor, fineness = _floor(states), scene.fineness
+    if fineness is None:
+        return []
+    wide = [state.step for state, budget in zip(states, bars.budgets, strict=True)
+            if 0 < abs(state.force) <= floor and not budget.total <= fineness.target * abs(state.force)]  # fmt: skip
+    said = f"accuracy is not asked of steps with less than {FORCELESS:g} of the largest force"
+    return [f"{said}: of {', '.join(map(str, wide[:5]))}{' and more' if len(wide) > 5 else ''}"] if wide else []
+
+
+def _floor(states: Sequence[State]) -> float:
+    """The force up to which a step has none that an accuracy could be asked of."""
+    return FORCELESS * max((abs(state.force) for state in states), default=0.0)
+
+
 def worst_of(states: Sequence[State], budgets: Sequence[Budget]) -> tuple[float, Budget | None]:
     """The largest error bar relative to its force, of all steps that have a force, and its budget."""
-    floor = FORCELESS * max((abs(state.force) for state in states), default=0.0)
+    floor = _floor(states)
     bars = [(budget.total / abs(state.force), budget)
             for state, budget in zip(states, budgets, strict=True) if abs(state.force) > floor]  # fmt: skip
     unknown = [(float("inf"), budget) for relative, budget in bars if relative != relative]

@@ -6,7 +6,8 @@ import dataclasses
 from typing import Any
 
 from indent_sim.config import Config, to_mapping
-from indent_sim.scene import Scene, auto_stiffness
+from indent_sim.scene import Scene
+from indent_sim.sizing import rounded
 
 
 def resolved(config: Config, scene: Scene) -> Config:
@@ -44,7 +45,7 @@ def _mesh(config: Config, scene: Scene) -> Any:
     sizes, L = scene.sizes, scene.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
                     symmetry=scene.symmetry)  # fmt: skip
-    if scene.fineness is None:
+    if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name, length in (("h_axis", sizes.h_axis), ("h_edge", sizes.h_edge)) if length}
     return dataclasses.replace(mesh, **own)
@@ -53,9 +54,6 @@ def _mesh(config: Config, scene: Scene) -> Any:
 def _contact(config: Config, scene: Scene) -> Any:
     law = type(scene.contact)
     given = config.contact if isinstance(config.contact, law) else law()
-    stiffness = {
-        name: auto_stiffness(law, scene.sizes, scene.material, scene.scales, scene.fineness)
-        for name in ("epsilon_n", "gamma")
-        if hasattr(given, name)
-    }
+    own = rounded(getattr(scene.contact, "stiffness", 0.0) * scene.scales.pressure / scene.scales.length)
+    stiffness = {name: own for name in ("epsilon_n", "gamma") if hasattr(given, name)}
     return _decided(dataclasses.replace(given, gap=config.contact.gap), gap=scene.gap, **stiffness)

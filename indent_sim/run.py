@@ -20,7 +20,7 @@ from indent_sim.model.indenters import Indenter
 from indent_sim.model.quantities import scaled
 from indent_sim.parallel import on_root
 from indent_sim.record import Clock, Record
-from indent_sim.refinement import check, entry, pursue, refuse_other_bars
+from indent_sim.refinement import check, entry, pursue, refuse_other_bars, unjudged
 from indent_sim.resolved import left_open, resolved
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
@@ -114,10 +114,13 @@ class Attempt:
             states = simulation.follow(self.progress)
             simulation.release()
             if bars is not None:
+                record.warn(*unjudged(scene, states, bars))
                 check(self.resolve, scene, states, bars, self.count)
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
     def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
+        with self.clock.stage("imports"):
+            _backend()
         with self.clock.stage("companions"):
             companions = companions or [Companion(ratio, self._curve(coarser(scene, ratio))) for ratio in RATIOS]
             soft = None
@@ -240,7 +243,7 @@ class Simulation:
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
             other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
-            record.note(warnings=[*scene.warnings, other])
+            record.warn(other)
         self._take_up()
         wanted = self.output.fields != "none" and len(self.states) < len(scene.deltas)
         self._fields = fe.Fields(self._walk.observed) if wanted else None

@@ -12,6 +12,7 @@ GRADING = {2: 0.2, 1: 0.1}  # growth of the size per unit distance, by order
 PER_WALL_RADIUS = 5.0  # elements per radius of a curved wall: its polygon encloses 0.7 % less than the circle
 PATCH = 1.15  # the fine patch reaches this far beyond the expected contact radius
 ENOUGH = {2: 3.0, 1: 10.0}  # elements per contact radius below which results are doubtful, by order
+SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that still gets as many elements
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
 
@@ -111,9 +112,10 @@ def rounded(value: float) -> float:
 
 
 def choose(a: float, height: float, width: float, dim: int, order: int, given: Given, *, edge: float | None,
-           round_radius: float | None = None) -> Sizes:  # fmt: skip
+           last: float | None = None, round_radius: float | None = None) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
+    last: the radius to expect at the last step, if there is contact [length].
     round_radius: of a curved wall, which straight facets follow [length].
     """
     fine = rounded(given.h_contact or min(a / PER_RADIUS[dim, order], height / 4))  # what follows must not know
@@ -122,7 +124,7 @@ def choose(a: float, height: float, width: float, dim: int, order: int, given: G
     far = given.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
     patch = PATCH * a + 2 * fine
     h_edge = rounded(given.h_edge or fine / EDGE_RATIO[dim]) if edge is not None else None
-    axis = rounded(given.h_axis or fine)
+    axis = rounded(given.h_axis or (fine if given.h_contact else fine * max((last or a) / a, SMALLEST)))
     grading = rounded(given.grading or GRADING[order])
     return Sizes(fine, rounded(far), rounded(patch), order, grading, edge, h_edge,
                  h_axis=axis if axis < fine else None, a=rounded(a))  # fmt: skip

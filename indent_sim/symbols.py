@@ -133,12 +133,12 @@ LOADING = (
 )
 
 MESH = (
-    Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error", "length"),
+    Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error at the last step", "length"),
     Symbol(
         "h_axis",
         "",
         "element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest contact "
-        "ends; without it h_contact is everywhere under the tip",
+        "ends; without it a given h_contact is everywhere under the tip",
         "length",
     ),
     Symbol(

@@ -153,6 +153,36 @@ def test_a_lifted_tip_has_no_error(tmp_path: Path) -> None:
     assert bars[1] == 0 and all(bar is not None and math.isfinite(bar) for bar in bars)
 
 
+def test_a_step_without_force_to_speak_of_is_said_not_to_be_judged(tmp_path: Path) -> None:
+    """2e-5 of the depth is 1e-7 of the force. Its contact has a fifth of the elements of the others: a wide bar."""
+    loading = {"deltas": [2e-7, 1e-3, 0.01]}
+    outcome = simulate(tmp_path / "run", accuracy=0.01, loading=loading)
+    shallow, *others = outcome.states
+    assert (
+        all(state.force_error <= 0.01 * state.force for state in others) and shallow.force_error > 0.01 * shallow.force
+    )
+    (said,) = [text for text in outcome.report["warnings"] if "accuracy" in text]
+    assert said.endswith("largest force: of 1") and "1e-06" in said
+    assert not [text for text in simulate(tmp_path / "other", accuracy=0.01).report["warnings"] if "accuracy" in text]
+
+
+def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monkeypatch: Any) -> None:
+    import time
+
+    load = run._backend
+    loaded: list[float] = []
+
+    def slow() -> Any:
+        if not loaded:
+            time.sleep(0.5)
+            loaded.append(time.perf_counter())
+        return load()
+
+    monkeypatch.setattr(run, "_backend", slow)
+    timings = simulate(tmp_path / "run", error_bars=True).report["timings"]
+    assert timings["imports"] >= 0.5
+
+
 def test_plan_says_what_accuracy_chose(tmp_path: Path) -> None:
     from click.testing import CliRunner
 

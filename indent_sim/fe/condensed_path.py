@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from indent_sim.costing import MOST_CANDIDATES
 from indent_sim.fe import observe
 from indent_sim.fe.body import Body
 from indent_sim.fe.compliance import Condenser
@@ -17,7 +18,7 @@ from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
 from indent_sim.fe.path import PATIENCE, SMALLEST_CUT
 from indent_sim.model.loading import LoadPath
-from indent_sim.scene import MOST_CANDIDATES, Scene
+from indent_sim.scene import Scene
 from indent_sim.state import State
 
 MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach

@@ -60,7 +60,7 @@ class Penalty(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
-    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact: 0.1 % of the force on HERTZ
+    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
 
 
 @dataclass(frozen=True)

@@ -149,7 +149,7 @@ def _resolved(config: Config, point: Point) -> Scene:
 
 def _is_discrete(key: str) -> bool:
     section = key.split(".")[0]
-    return section in DISCRETE or key in ("material.formulation", "loading.steps")
+    return section in DISCRETE or key in ("accuracy", "material.formulation", "loading.steps")
 
 
 def unique(cases: Iterable[Case]) -> list[Case]:

@@ -10,11 +10,11 @@ from typing import Any
 
 from indent_sim.config import Place, Source, read_document
 from indent_sim.config_errors import closest
-from indent_sim.errors import ConfigError, ConfigErrors
+from indent_sim.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.schema import keys_at
 from indent_sim.study.grid import LARGEST, MOST, Block, Point, points, read_block
 from indent_sim.yaml_strict import Path as Keys
-from indent_sim.yaml_strict import key_text
+from indent_sim.yaml_strict import key_path, key_text
 
 KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
 UNVARIED = ("title", "units", "output")  # sections that say nothing of the physics
@@ -52,7 +52,7 @@ class StudyFile:
 
 
 def read(path: Path | str) -> StudyFile:
-    """The study of a file. UsageError when it or its scene cannot be read, ConfigError for anything wrong in it."""
+    """The study of a file. UsageError when it cannot be read, ConfigError for anything wrong in it."""
     path = Path(path)
     document, source = read_document(path)
     if unknown := [key for key in document if key not in KEYS]:
@@ -98,7 +98,10 @@ class _Reader:
         """The scene's document and where its keys stand, in a file of its own or written out here."""
         base = self.document.get("base")
         if isinstance(base, str) and base:
-            return read_document(self.path.parent / base)
+            try:
+                return read_document(self.path.parent / base)
+            except UsageError as error:
+                raise self.error(("base",), str(error)) from None
         if not isinstance(base, dict):
             raise self.error(("base",), "missing" if base is None else "is no scene",
                              "give the path of a scene file, or the scene itself")  # fmt: skip
@@ -114,6 +117,7 @@ class _Reader:
         chosen = {key: (value, self.place(("set", key))) for key, value in self.section("set").items()}
         for key in chosen:
             self.check_key(("set", key), key)
+        self.check_apart(list(chosen), ("set",))
         return tuple((key, value, place) for key, (value, place) in (quiet | named | chosen).items())
 
     def section(self, key: str) -> dict[str, Any]:
@@ -134,14 +138,27 @@ class _Reader:
             keys: Keys = ("vary", index) if listed else ("vary",)
             if not isinstance(part, dict) or not set(part) - {"zip"}:
                 raise self.error(keys, "must be keys and their values, e.g. mesh.order: [1, 2]")
-            for key in set(part) - {"zip"}:
+            varied = [key for key in part if key != "zip"]
+            for key in varied:
                 self.check_key((*keys, key), key)
+            self.check_apart(varied, keys)
             blocks.append(read_block(part, keys, self.source))
             if sum(block.size for block in blocks) > MOST:
                 raise self.error(keys, f"more than {MOST} runs")
         return tuple(blocks)
 
+    def check_apart(self, given: list[str], keys: Keys) -> None:
+        """No section beside a key inside it, here or in `set`: one of the two would be lost."""
+        written = {key: ("set", key) for key in self.section("set")} | {key: (*keys, key) for key in given}
+        for whole in given:
+            for part in [key for key in written if key.startswith(f"{whole}.")]:
+                raise self.error(
+                    written[part], f"contradicts {whole}, which is given as a whole", "give one of the two"
+                )
+
     def check_key(self, keys: Keys, key: str) -> None:
+        if not key or key != key_text(key_path(key)):
+            raise self.error(keys, "is no key", "write it with dots, e.g. mesh.order")
         if key.split(".")[0] in UNVARIED:
             raise self.error(keys, "does not change the physics", f"a study has one {key.split('.')[0]} of its own")
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from indent_sim import plots
 from indent_sim.study import table
 from indent_sim.study.cases import short
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
 MOST_COLOURS = len(plots.COLOURS)
 MOST_NAMED = 8  # points of the front that are named
+APART = (0.03, 0.045)  # of the panel's width or height: points that are nearer have no room for a number each
+FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and by how much for each
 MOST_LETTERS = 48  # of a name
 SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
@@ -28,7 +32,9 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
         path.unlink(missing_ok=True)
         return
     number = _one_number(shown, keys)
-    with plots.canvas((12.4, 5.0) if number else (9.6, 5.0)) as figure:
+    groups = _groups(shown, keys, number)
+    height = 5.0 + INCHES * max(0, len(groups) - FEW_COLOURS)
+    with plots.canvas((12.4 if number else 9.6, height)) as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
             [["work", "number", "names"] if number else ["work", "names"]],
             width_ratios=[1, 1, 0.62] if number else [1, 0.5],
@@ -36,13 +42,12 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
         failed = sum(row["status"] == "failed" for row in rows)
         runs = f"{len(rows)} runs" + (f", {failed} failed" if failed else "")
         plots.head(figure, title, f"{runs}  ·  force error against {reference}")
-        groups = _groups(shown, keys, number)
         _work(panels["work"], groups)
         front = table.pareto(rows)
-        _front(panels["work"], front)
+        named = _front(panels["work"], front)
         if number:
             _against(panels["number"], groups, number)
-        _names(panels["names"], panels["work"], front, _telling(shown, keys))
+        _names(panels["names"], panels["work"], named, len(front), _telling(shown, keys))
         plots.save(figure, path)
 
 
@@ -68,33 +73,51 @@ def _telling(rows: Sequence[Row], keys: Sequence[str]) -> list[str]:
     return kept or list(keys)
 
 
-def _front(axes: Axes, front: Sequence[Row]) -> None:
-    """The Pareto front as a line, its points numbered."""
-    x, y = [row["cpu_s"] for row in front], [_error(row) for row in front]
-    axes.plot(x, y, color=plots.INK, lw=1.2, zorder=2, label="Pareto front")
-    for number, row in enumerate(front[:MOST_NAMED], start=1):
-        axes.annotate(f"{number}", (row["cpu_s"], _error(row)), xytext=(-6, -6), textcoords="offset points",
+def _front(axes: Axes, front: Sequence[Row]) -> list[Row]:
+    """The Pareto front as a line, the points with room for it numbered; returns these."""
+    points = [(row["cpu_s"], _error(row)) for row in front]
+    axes.plot(*zip(*points, strict=True), color=plots.INK, lw=1.2, zorder=2, label="Pareto front")
+    places = axes.transLimits.transform(axes.transScale.transform(points))  # in parts of the panel
+    named = _spread(_with_room(places))
+    for number, i in enumerate(named, start=1):
+        axes.annotate(f"{number}", points[i], xytext=(-6, -6), textcoords="offset points",
                       ha="right", va="top", fontsize=9, fontweight="bold")  # fmt: skip
+    return [front[i] for i in named]
+
+
+def _with_room(places: np.ndarray) -> list[int]:
+    """The points of a front that lie apart from one another, the last among them."""
+    kept = [len(places) - 1]
+    for i in reversed(range(len(places) - 1)):
+        if np.any(np.abs(places[i] - places[kept[-1]]) >= APART):
+            kept.append(i)
+    return kept[::-1]
+
+
+def _spread(indices: list[int]) -> list[int]:
+    """At most MOST_NAMED of them from the first to the last."""
+    chosen = np.linspace(0, len(indices) - 1, min(MOST_NAMED, len(indices))).round().astype(int)
+    return [indices[i] for i in chosen]
 
 
 def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
     for i, (name, rows) in enumerate(groups.items()):
         along = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
-        axes.plot([row[key] for row in along], [_error(row) for row in along], lw=1.0, **_mark(i), label=name)
+        x = [row[key] for row in along]
+        is_curve = len(set(x)) == len(x)  # else several curves share the colour
+        axes.plot(x, [_error(row) for row in along], ls="-" if is_curve else "", lw=1.0, **_mark(i), label=name)
     _log_axes(axes, key, [row[key] for rows in groups.values() for row in rows if row[key] is not None])
 
 
-def _names(axes: Axes, work: Axes, front: Sequence[Row], keys: Sequence[str]) -> None:
+def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, keys: Sequence[str]) -> None:
     """What the colours and the numbers on the front stand for."""
     axes.axis("off")
     handles, labels = work.get_legend_handles_labels()
     axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
-    lines = ["Pareto front"]
-    for number, row in enumerate(front[:MOST_NAMED], start=1):
+    lines = ["Pareto front" if len(named) == of else f"Pareto front, {len(named)} of its {of} points"]
+    for number, row in enumerate(named, start=1):
         lines.append(f"{number}  {_brief(row, keys)}")
         lines.append(f"    {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}")
-    if len(front) > MOST_NAMED:
-        lines.append(f"and {len(front) - MOST_NAMED} more")
     axes.text(0, 0, "\n".join(lines), fontsize=8, va="bottom", ha="left", linespacing=1.35, transform=axes.transAxes)
 
 

@@ -6,13 +6,14 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from indent_sim import results
 from indent_sim.config import Place
-from indent_sim.errors import ConfigError
+from indent_sim.errors import ConfigError, UsageError
 from indent_sim.results import Results
 from indent_sim.study.cases import Case
 from indent_sim.study.file import StudyFile
@@ -73,7 +74,7 @@ class Comparison:
             if any(case.scene.path.control == "force" for case in cases):
                 raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
         elif not isinstance(self._wanted, str):
-            self._file = of_results(results.read(self._wanted))
+            self._file = of_results(_read(self._wanted, where))
             missing = [case for case in cases if math.isnan(_for(case, self._file).at(case.depth)[0])]
             if missing:
                 raise _error(where, f"has no depth {missing[0].depth:g}, the last of {missing[0].words}")
@@ -116,6 +117,13 @@ class Comparison:
             self.notes = (f"theory is not exact for this body ({why}): the errors include the difference",)
 
 
+def _read(path: Path, where: Place) -> Results:
+    try:
+        return results.read(path)
+    except UsageError as error:
+        raise _error(where, str(error), "give a result folder or its force_indentation.csv") from None
+
+
 def _for(case: Case, answer: Answer) -> Answer:
     """The answer as a case needs it, whose depths may be found, not prescribed."""
     return dataclasses.replace(answer, between=case.scene.path.control == "force")
@@ -127,7 +135,8 @@ def of_theory(case: Case) -> Answer | None:
     depths = [delta for delta in scene.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
     if scene.path.control == "force" and depths:
-        depths = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS).tolist()
+        around = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS)
+        depths = [float(depth) for depth in around]
     curve = (scene.oracle.curve(depths) if scene.oracle else None) if depths else []
     if curve is None:
         return None
@@ -160,9 +169,10 @@ def _is_exact(case: Case) -> bool:
 
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
-    """Sorts cases from coarse to fine; among equal meshes one whose enforcement costs no accuracy comes last."""
-    exact = case.scene.contact.method == "augmented_lagrangian"
-    return done[case.id].report.get("dofs", 0), -case.scene.sizes.h_contact, exact, -case.index
+    """Sorts cases from coarse to fine: linear elements before quadratic ones, however many they are, and among equal
+    meshes one whose enforcement costs no accuracy last."""
+    sizes, exact = case.scene.sizes, case.scene.contact.method == "augmented_lagrangian"
+    return sizes.order, done[case.id].report.get("dofs", 0), -sizes.h_contact, exact, -case.index
 
 
 def _error(where: Place, problem: str, remedy: str = "") -> ConfigError:

@@ -25,6 +25,7 @@ EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 SAID = ("stated_error", "warnings", "verdict")
 COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS, *SAID)
 ROUNDING = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
+SIZES = ("mesh", "mesh.h_contact", "mesh.h_axis", "mesh.h_edge", "mesh.h_far", "mesh.grading", "accuracy")
 TARGETS = (0.05, 0.01, 0.001)
 
 Row = dict[str, Any]
@@ -83,8 +84,10 @@ def _costs(report: Mapping[str, Any]) -> Row:
     """CPU seconds per stage and in sum (what a process does once, loading libraries, left out), and memory.
 
     memory_MB is what the run itself needed, peak_memory_MB what its process held, with what earlier runs left.
+    Of a run that was cut off and went on nobody knows the seconds before.
     """
-    cpu, wall = report.get("cpu_timings", {}), report.get("timings", {})
+    whole = not report.get("resumed_after")
+    cpu, wall = (report.get(name, {}) if whole else {} for name in ("cpu_timings", "timings"))
     row: Row = {f"cpu_{stage}": cpu.get(stage) for stage in STAGES}
     row["cpu_s"] = _sum(cpu)
     peak, before = report.get("peak_memory_MB"), report.get("memory_before_MB")
@@ -162,15 +165,15 @@ def recommended(table: Sequence[Row], keys: Sequence[str], target: float) -> Row
 
     A coarse mesh may hit the force by luck; what a finer one misses was luck.
     """
-    candidates = measured(table)
-    meshes = [key for key in keys if key in ("mesh", "mesh.h_contact", "mesh.h_far")]
+    known = [row for row in table if row["force_error_vs"]]
+    meshes = [key for key in keys if key in SIZES]
     others = [key for key in keys if key not in meshes]
     within = [
         row
-        for row in candidates
+        for row in measured(table)
         if all(
             abs(finer["force_error_vs"]) <= target
-            for finer in candidates
+            for finer in known
             if finer["dofs"] >= row["dofs"] and all(finer[key] == row[key] for key in others)
         )
     ]

@@ -24,8 +24,8 @@ import numpy as np
 from .abel import contact_nodes, tip_pressure
 from .compliance import Kernel, axisymmetric_kernel, gauss
 from .half_space import E_star
-from .roots import first_guess, increasing_root, next_guess
-from .solution import MAX_SLENDERNESS, Solution, check_body, check_contact, no_contact, wall_distance
+from .march import march
+from .solution import MAX_SLENDERNESS, Solution, check_body, wall_distance
 from .tips import Tip
 
 
@@ -48,22 +48,7 @@ def curve(
 ) -> list[Solution]:
     """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's contact radius."""
     check_body(E, nu, h, base, wall)
-    layer = _Layer(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h))
-    solutions: list[Solution] = []
-    known: list[tuple[float, float]] = []
-    for delta in deltas:
-        check_contact(delta, tip.edge, h, wall)
-        if delta <= 0.0:
-            solutions.append(no_contact(delta))
-            continue
-        if tip.edge is not None:
-            a = tip.edge / h
-        else:
-            start = next_guess(known, delta / h) or first_guess(layer.g, delta / h, layer.largest())
-            a = increasing_root(lambda a: layer.at(a).touch, delta / h, start, layer.largest())
-            known.append((delta / h, a))
-        solutions.append(layer.solution(delta, a))
-    return solutions
+    return march(_Layer(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
 
 
 def wall_error(tip: Tip, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
@@ -107,7 +92,11 @@ class _Layer:
     base: str
     wall: float | None  # in units of h
 
-    def g(self, x: np.ndarray) -> np.ndarray:
+    @property
+    def edge(self) -> float | None:
+        return self.tip.edge
+
+    def profile(self, x: np.ndarray) -> np.ndarray:
         return self.tip.g(x * self.h) / self.h
 
     def largest(self) -> float:
@@ -126,7 +115,7 @@ class _Layer:
         B = kernel.basis(x)
         fine, fine_w = contact_nodes(a, [b / self.h for b in self.tip.breaks], self._tip_count(a))
         at_tip = kernel.basis(np.append(fine, a))
-        g = self.g(np.append(fine, a))
+        g = self.profile(np.append(fine, a))
         source = np.column_stack([np.ones_like(g), g])
 
         factor = (2.0 / math.pi) * kernel.weight[:, None]
@@ -201,4 +190,4 @@ def _tip_part(layer: _Layer, a: float, r: np.ndarray) -> np.ndarray:
     """∫_r^a g'(t)/sqrt(t^2-r^2) dt, the half-space pressure of the tip; nothing for a flat one."""
     if layer.tip.edge is not None:
         return np.zeros_like(r)
-    return tip_pressure(layer.g, r, a, [b / layer.h for b in layer.tip.breaks], layer.tip.sharp)
+    return tip_pressure(layer.profile, r, a, [b / layer.h for b in layer.tip.breaks], layer.tip.sharp)

@@ -26,13 +26,11 @@ import numpy as np
 
 from .compliance import S_MAX, base_complement, gauss
 from .half_space import E_star
-from .roots import first_guess, increasing_root, next_guess
+from .march import march
 from .solution import (
     MAX_SLENDERNESS,
     Solution,
     check_body,
-    check_contact,
-    no_contact,
     require_positive,
     wall_distance,
 )
@@ -104,22 +102,7 @@ def curve(
 ) -> list[Solution]:
     """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's half-width."""
     check_body(E, nu, h, base, wall)
-    strip = _Strip(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h))
-    solutions: list[Solution] = []
-    known: list[tuple[float, float]] = []
-    for delta in deltas:
-        check_contact(delta, tip.edge, h, wall)
-        if delta <= 0.0:
-            solutions.append(no_contact(delta))
-            continue
-        if tip.edge is not None:
-            a = tip.edge / h
-        else:
-            start = next_guess(known, delta / h) or first_guess(strip.f, delta / h, strip.largest())
-            a = increasing_root(lambda a: strip.at(a).touch, delta / h, start, strip.largest())
-            known.append((delta / h, a))
-        solutions.append(strip.solution(delta, a))
-    return solutions
+    return march(_Strip(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
 
 
 def wall_error(tip: Profile, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
@@ -162,7 +145,11 @@ class _Strip:
     base: str
     wall: float | None  # in units of h
 
-    def f(self, x: np.ndarray) -> np.ndarray:
+    @property
+    def edge(self) -> float | None:
+        return self.tip.edge
+
+    def profile(self, x: np.ndarray) -> np.ndarray:
         return self.tip.f(x * self.h) / self.h
 
     def largest(self) -> float:
@@ -178,7 +165,7 @@ class _Strip:
         scale = a / 2.0 if self.wall is None else math.sin(math.pi * a / (2.0 * self.wall))
         eigenvalue = np.concatenate([[-math.pi * math.log(scale)], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position(q, a)
-        f, remainder = self.f(x), (math.pi / n) * self._remainder(x, a) @ T
+        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, a) @ T
         # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
         corner = self.tip.corner * slope
         kink = corner * _kink_coefficients(n) / eigenvalue

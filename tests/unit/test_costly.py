@@ -51,6 +51,7 @@ TEXTS = {
     "tiny elements": (SCENE + "mesh: {h_contact: 1e-28}\n", "machine has"),
     "small elements everywhere": (SCENE + "mesh: {h_contact: 1e-6, h_far: 1e-6}\n", "machine has"),
     "a billion elements": (BOX + "mesh: {h_contact: 1e-3, h_far: 1e-3}\n", "machine has"),
+    "an accuracy beyond any machine": (BOX + "accuracy: 1e-9\n", "accuracy: about"),
     "a pyramid on a half-space": (
         edited("paraboloid, R: 1.0", PYRAMID, HALF_SPACE) + "mesh: {h_contact: 1e-5}\n",
         "machine has",

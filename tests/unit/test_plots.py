@@ -72,6 +72,11 @@ class TestOneRun:
         )
         assert [word for word in words if word not in text_of(svg)] == []
 
+    def test_the_error_of_a_single_step_is_drawn(self, svg):
+        """A band needs two points: one has a bar, from 0.9 to 1.1 of the force here."""
+        plots.force_indentation(a_result(steps=1, error=True), svg)
+        assert "LineCollection" in text_of(svg) and "estimated error" in text_of(svg)
+
     def test_plane_strain_forces_are_per_length(self, svg):
         plots.force_indentation(a_result("plane_strain"), svg)
         assert "N/m]" in text_of(svg) and "half-width" in text_of(svg)
@@ -130,6 +135,17 @@ class TestPressure:
         axes = drawn(result)["pressure"]
         assert axes.get_ylim() == pytest.approx((0, 1.08))
         assert axes.get_xlim() == pytest.approx((0, 1.5 * a))
+
+    def test_the_largest_force_is_shown_when_the_tip_has_left(self, drawn):
+        result = a_result(units={})
+        result.table["force"][-1] = 0.0
+        left = {name: np.append(column, column) for name, column in result.surface.items()}
+        left["step"][: len(left["x"]) // 2] = 4.0
+        left["pressure"][len(left["x"]) // 2 :] = 1e-17
+        result.surface.update(left)
+        assert drawn(result)["pressure"].get_title(loc="left").startswith("step 4,")
+        result.table["force"][:] = 0.0
+        assert "pressure" not in drawn(result)
 
     def test_a_singular_edge_does_not_hide_the_rest(self, drawn):
         result = a_result(units={})

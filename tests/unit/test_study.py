@@ -194,6 +194,12 @@ MALFORMED = [
     ("base: scene.yaml\ncompare_to: theory\nvary: {material.nu: [0.3, -0.2]}\n", 2, "compare_to", "no theory"),
     ("base: scene.yaml\noutput: {fields: some}\nvary: {mesh.order: [1]}\n", 2, "output.fields", "must be"),
     ("base: scene.yaml\nvary: {mesh.order: [1]\n", None, "", "not YAML"),
+    ("base: scene.yaml\nvary: {'': [1]}\n", 2, "vary", "is no key"),
+    ("base: scene.yaml\nset: {mesh..order: 1}\nvary: {mesh.order: [1]}\n", 2, "set.mesh..order", "is no key"),
+    ("base: scene.yaml\nvary:\n  mesh.order: [1]\n  mesh: [{order: 2}]\n", 3, "vary.mesh.order", "contradicts mesh"),
+    ("base: scene.yaml\nset: {mesh.order: 1}\nvary: {mesh: [{h_far: 1.0}]}\n", 2, "set.mesh.order", "as a whole"),
+    ("base: other.yaml\nvary: {mesh.order: [1]}\n", 1, "base", "cannot read the config"),
+    ("base: scene.yaml\ncompare_to: scene.yaml\nvary: {mesh.order: [1]}\n", 2, "compare_to", "not a table"),
 ]
 
 
@@ -307,6 +313,9 @@ class TestRuns:
         (strange / "config.yaml").write_text("another: 1\n")
         again = study.carry_out(path, output=out, resume=True)
         assert [json.loads((f / "run.json").read_text()).get("resumed_after") for f in (cut, strange)] == [[1], None]
+        costs = {row["run"]: row["cpu_s"] for row in again.rows}
+        assert costs[cut.name] is None and costs[strange.name] > 0  # the seconds before the cut are not known
+        assert cut.name not in [row["run"] for row in table.measured(again.rows)]
         assert [row["force"] for row in again.rows] == pytest.approx([row["force"] for row in whole.rows], rel=1e-9)
 
     def test_memory_is_given_back(self, written, tmp_path):
@@ -445,6 +454,20 @@ class TestComparison:
         assert [row["force_error_vs"] == 0 for row in rows] == [False, True, False, True]
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
 
+    def test_more_linear_elements_are_not_finer_than_quadratic_ones(self, written, tmp_path):
+        path = written("base: scene.yaml\nvary: {mesh: [{order: 1, h_contact: 0.01}, {h_contact: 0.05}]}\n")
+        linear, quadratic = study.carry_out(path, output=tmp_path / "out").rows
+        assert linear["dofs"] > quadratic["dofs"]
+        assert quadratic["force_error_vs"] == 0 != linear["force_error_vs"]
+
+    def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
+        (tmp_path / "scene.yaml").write_text(SCENE.replace("mesh: {h_contact: 0.05, h_far: 0.5}\n", ""))
+        done = study.carry_out(
+            written("base: scene.yaml\nvary: {accuracy: [fast, accurate]}\n"), output=tmp_path / "out"
+        )
+        assert 0 < abs(done.rows[0]["force_error_vs"]) < 0.05 and done.rows[1]["force_error_vs"] == 0
+        assert "accuracy=fast" in done.recommendations[0]
+
     def test_inexact_theory_is_said_to_be(self, written, tmp_path):
         path = written(
             "base: scene.yaml\nset: {body.sides: free}\ncompare_to: theory\nvary: {mesh.h_contact: [0.06]}\n"
@@ -485,6 +508,10 @@ class TestAdvice:
         rows = self.rows(("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004))
         assert [table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)] == ["0", "2"]
         assert table.recommended(rows, ["method"], 1e-5) is None
+
+    def test_a_run_of_unknown_cost_is_not_advised_but_tells_luck(self):
+        rows = self.rows(("a", 1, 10, 1e-4), ("a", None, 20, 0.005), ("b", None, 10, 1e-5), ("b", 9, 20, 1e-5))
+        assert table.recommended(rows, ["method"], 0.001)["run"] == "3"
 
     def test_what_has_no_error_is_not_measured(self):
         rows = self.rows(("a", 1, 10, 0.0), ("a", 1, 10, None))
@@ -549,9 +576,55 @@ vary:
         assert (row["force"], row["force_error_vs"], row["verdict"]) == (0.0, 0.0, "right")
 
 
-def test_of_keys_that_go_together_a_picture_names_the_first():
-    from indent_sim.study.picture import _telling
+class TestPicture:
+    KEYS = ("contact.method", "mesh.h_contact")
 
-    rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
-    assert _telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
-    assert _telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them
+    @pytest.fixture
+    def drawn(self, tmp_path, monkeypatch):
+        """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front as it is listed."""
+        from indent_sim import plots
+        from indent_sim.study import picture
+
+        figures = []
+        monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+
+        def draw(rows):
+            table = [
+                {"run": str(i), "status": "done", "contact.method": m, "method": m, "mesh.h_contact": h, "cpu_s": s,
+                 "force_error_vs": e} for i, (m, h, s, e) in enumerate(rows)
+            ]  # fmt: skip
+            picture.draw(table, self.KEYS, "A title that is " + "very " * 40 + "long", "theory", tmp_path / "study.png")
+            figures[-1].draw_without_rendering()
+            return figures[-1], figures[-1].axes[-1].texts[0]
+
+        return draw
+
+    @staticmethod
+    def overlap(*texts) -> bool:
+        boxes = [text.get_window_extent() for text in texts]
+        return any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
+
+    def test_numbers_on_a_dense_front_do_not_cover_one_another(self, drawn):
+        """Forty points, some almost on one another; best and quickest are named."""
+        rows = [("ab"[i % 2], 0.1 / (1 + i), 0.08 * 1.04 ** (i - i % 3), 0.01 * 0.8**i) for i in range(40)]
+        figure, listed = drawn(rows)
+        numbers = [text for text in figure.axes[0].texts if text.get_text().isdigit()]
+        assert len(numbers) == 8 and not self.overlap(*numbers)
+        assert "8 of its" in listed.get_text() and f"{rows[-1][3]:+.2g}" in listed.get_text()
+
+    def test_the_legend_and_the_list_have_room_beside_one_another(self, drawn):
+        figure, listed = drawn([("abcdefg"[i % 7], 0.1 / (1 + i), 0.1 * 1.2**i, 0.01 * 0.7**i) for i in range(14)])
+        assert not self.overlap(listed, figure.axes[-1].get_legend())
+        assert figure.texts[0].get_window_extent().x1 < figure.bbox.x1  # the title
+
+    def test_no_line_through_points_of_several_curves(self, drawn):
+        """More words than colours: all points are one group."""
+        figure, _ = drawn([(f"word {i % 9}", 0.1 / (1 + i // 9), 1.0 + i, 0.1 / (1 + i)) for i in range(18)])
+        assert figure.axes[1].lines[0].get_linestyle() == "None"
+
+    def test_of_keys_that_go_together_the_first_is_named(self):
+        from indent_sim.study.picture import _telling
+
+        rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
+        assert _telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
+        assert _telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
-from indent_sim import scene as resolving
+from indent_sim import choices
 from indent_sim.config import load
 from indent_sim.errors import ConfigError
 from indent_sim.fe import compliance, condensed_path
@@ -137,7 +137,7 @@ def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> No
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
     assert scene(WALLED, **fine).solver["method"] == "condensed"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(resolving, "MOST_CANDIDATES", 100)
+        patch.setattr(choices, "MOST_CANDIDATES", 100)
         base = scene(WALLED, **fine)
         assert base.solver["method"] == "newton"
         (why,) = [choice.why for choice in base.choices if choice.key == "solver.method"]

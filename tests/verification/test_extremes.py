@@ -64,6 +64,11 @@ RIGHT: dict[str, Any] = {
         indenter=PUNCH | {"edge_radius": 0.01}, contact={"method": "active_set"}, **once(1e-3)
     ),
     "released and pressed again": lambda: layer(loading={"deltas": [0.3, -1.0, 0.3]}),
+    "a last contact of a thousandth of the first": lambda: layer(loading={"deltas": [0.3, 1e-6]}),
+    "the same with a penalty": lambda: layer(loading={"deltas": [0.3, 1e-6]}, contact={"method": "penalty"}),
+    "a penalty on a thin incompressible layer": lambda: layer(
+        WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.06)
+    ),
 }
 
 
@@ -75,12 +80,15 @@ def test_right(name: str) -> None:
 FLAGGED: dict[str, Any] = {
     "a soft penalty": (lambda: layer(**stiffness("penalty", 1.0)), "too low"),
     "a far too soft penalty": (lambda: layer(**stiffness("penalty", 1e-4)), "too low"),
-    "a penalty on a thin incompressible layer": (
-        lambda: layer(WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.06)),
+    "a penalty on a far thinner one": (
+        lambda: layer(WIDE | {"radius": 20.0}, nu=0.5, R=100.0, contact={"method": "penalty"}, **once(0.4)),
         "too low",
     ),
     "one and a half elements": (lambda: layer(contact={"method": "active_set"}, mesh={"h_contact": 0.069}), "only 1.5"),
-    "a last depth that the mesh cannot see": (lambda: layer(loading={"deltas": [0.3, 1e-6]}), "at the shallowest"),
+    "a last depth that the mesh cannot see": (
+        lambda: layer(loading={"deltas": [0.3, 1e-6]}, mesh={"h_contact": 0.0647}),
+        "at the shallowest",
+    ),
 }
 
 

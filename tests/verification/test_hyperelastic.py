@@ -177,13 +177,13 @@ def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
 
 
 def test_a_hopeless_depth_is_given_up() -> None:
-    """A sharp punch whose edge no mesh resolves: ten failures of ten iterations a try, and what is known is said."""
+    """A sharp punch whose edge no mesh resolves: eleven tries of four iterations each, and what is known is said."""
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
     base = ball(0.49, 0.1, indenter=punch, loading={"delta": 0.6, "steps": 1}, mesh={"h_contact": 0.1},
-                solver={"max_iterations": 10})  # fmt: skip
+                solver={"max_iterations": 4})  # fmt: skip
     (state,) = run.states(base)
     assert not state.converged
-    assert state.newton_iterations <= 10 * 10 * 5  # two guesses, and through three softer contacts
+    assert state.newton_iterations <= (1 + 10) * 4 * 5  # ten cuts; two guesses, and through three softer contacts
     assert "the last equilibrium found is at delta = 0" in state.reason
     assert "J is smallest" in state.reason
     assert "a larger indenter.edge_radius" in state.reason

@@ -135,7 +135,7 @@ def cases_of(*default: tuple[str, str]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(("name", "method"), marked)
 
 
-@cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"), ("plane_strain", "penalty"))
+@cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
 def test_force_of_quadratic_elements_converges_faster_than_h2(name: str, method: str) -> None:
     """The force is a derivative of the energy, whose error for a smooth solution is h^4 with P2; the square-root edge
     of the pressure leaves h^2 to h^3, and the rest of the jitter moves the slope by up to 0.5. The finest mesh must
@@ -167,7 +167,7 @@ def test_force_of_the_flat_punch_converges_as_h() -> None:
     """The pressure is singular like 1/sqrt(distance) at the edge, so the energy's error is O(h) of the elements there,
     here no smaller than the others. The contact is known, so the penalty may be as stiff as one likes."""
     case, errors = CASES["flat_punch"], []
-    divisions = (10, 20, 40, 80)
+    divisions = (10, 20, 40)
     for n in divisions:
         h = case.a / n
         base = case.scene(f"mesh.h_contact={h}")
