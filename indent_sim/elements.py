@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
 from indent_sim.errors import ConfigError
-from indent_sim.model.indenters import FlatPunch
+from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.premises import Premises
 from indent_sim.sizing import Given, Sizes, rounded
 from indent_sim.state import Scales
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
-WIDE = 0.75  # contact radius over height from which a layer is squeezed rather than indented
+WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
