@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.accuracy import Fineness
 from indent_sim.costing import DENSE, MOST_CANDIDATES
 from indent_sim.errors import ConfigError
-from indent_sim.expectation import TELLING, penalty_loss
+from indent_sim.expectation import penalty_loss
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.premises import Premises
-from indent_sim.sizing import Sizes, rounded
+from indent_sim.sizing import TELLING, Sizes, rounded
 
 if TYPE_CHECKING:
     from indent_sim.config import Config

@@ -20,7 +20,7 @@ import click
 
 from indent_sim import __version__
 from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError
-from indent_sim.stopping import stoppable
+from indent_sim.stopping import check, stoppable
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
@@ -134,13 +134,13 @@ def program() -> None:
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     comm = _world()
-    with together(comm), stoppable(comm.rank) as check:
+    with together(comm), stoppable(comm.rank):
         from indent_sim.config import load
         from indent_sim.parallel import on_root
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, check, **how)
+        outcome = _simulate(settings, comm, directory, **how)
     if comm.rank == 0:
         _conclude(outcome, as_json)
 
@@ -306,7 +306,7 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, check: Callable[[], None], **how: bool) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, **how: bool) -> Outcome:
     from indent_sim import terminal
     from indent_sim.run import run as simulate
 

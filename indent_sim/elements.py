@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
+FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
+# r = 0 and coordinates have all their digits, gmsh aborts or never ends
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
@@ -56,7 +58,17 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
     bend = reduction.radius
     settled = wanted.sizes(height, width, edge, bend) if wanted else _settled(mesh, given.scales, height, edge)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
-    return sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend)
+    found = sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend)
+    least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
+    _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
+    return found
+
+
+def _refuse_lost(smallest: float, least: float) -> None:
+    """ConfigError for elements so small beside the body that their corners are rounding errors."""
+    if smallest < least * (1 - 1e-9):
+        problem = f"elements of {smallest:.3g} are too small for a body of this size, at least {least:.3g}"
+        raise ConfigError("mesh", problem, "make the body smaller: one of 1e5 contact radii feels like a half-space")
 
 
 def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:

@@ -10,7 +10,7 @@ for the accidents, not for the trend: many errors fade faster from them to the r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isnan
 
@@ -34,14 +34,15 @@ Curve = dict[int, State]
 
 @dataclass(frozen=True)
 class Companion:
-    """A run of the same scene on a mesh whose sizes are `ratio` times as large."""
+    """A run of the same scene on a mesh whose sizes are `ratio` times as large; `scene`: that of this mesh."""
 
     ratio: float
     states: Sequence[State]
+    scene: Scene | None = field(default=None, repr=False)
 
     def beside(self, finer: float) -> Companion:
         """The same run as companion of a mesh that is finer by this ratio."""
-        return Companion(self.ratio * finer, self.states)
+        return replace(self, ratio=self.ratio * finer)
 
     @property
     def curve(self) -> Curve:
@@ -80,6 +81,15 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)
 
 
+def beside(scene: Scene, earlier: Sequence[Scene]) -> list[tuple[float, Scene]]:
+    """The scenes of two companions, the finest first, and the ratios of their sizes to those of this scene: `earlier`
+    attempts at it, and coarser meshes than the first of those."""
+    ratios = [other.sizes.h_contact / scene.sizes.h_contact for other in earlier]
+    base, begin = (earlier[-1], ratios[-1]) if earlier else (scene, 1.0)
+    coarse = [(begin * ratio, coarser(base, ratio)) for ratio in RATIOS]
+    return [*zip(ratios, earlier, strict=True), *coarse][: len(RATIOS)]
+
+
 def softer(scene: Scene) -> Scene:
     """The same scene with half the penalty stiffness."""
     assert isinstance(scene.contact, Penalty)
@@ -99,6 +109,10 @@ class ErrorBars:
         self._sizes, self._length = scene.sizes, scene.scales.length
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
+        beside = companions[0].scene or scene
+        self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
+        if isinstance(scene.contact, Penalty) and isinstance(beside.contact, Penalty):
+            self._stiffer = scene.contact.stiffness / beside.contact.stiffness
         self._run: Curve = {}
 
     def judged(self, state: State) -> State:
@@ -126,7 +140,8 @@ class ErrorBars:
         return float(r / self._sizes.at(r, np.zeros(())))
 
     def _enforcement(self, step: int) -> float:
-        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft."""
+        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft; the companion
+        says it of its own stiffness."""
         if self._soft is None:
             return 0.0
         own, soft = self._coarser[0].get(step), self._soft.get(step)
@@ -136,7 +151,7 @@ class ErrorBars:
         if own.force == low:
             return 0.0
         inverse = 2 - own.force / low if low else -1.0
-        return abs(1 / inverse - 1) if inverse > 0 else float("inf")
+        return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else float("inf")
 
 
 def _differences(fine: Curve, coarse: Curve, state: State) -> list[float]:

@@ -15,7 +15,7 @@ from indent_sim.model.indenters import Indenter, Paraboloid, Profile, Sphere
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.oracle import Oracle, half_space_depth, half_space_force, section_depth
-from indent_sim.sizing import Sizes, in_words
+from indent_sim.sizing import TELLING, Sizes, in_words
 from indent_sim.state import Scales
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
@@ -23,8 +23,7 @@ MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the m
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
 DEEPER = 3.5  # times the share of the thickness: how much further a penalty sinks at finite strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
-UNRESOLVED = 0.05  # of the force: a contact in about one element
-TELLING = 0.005  # of the force: a smaller loss is not worth a warning
+UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
 
 def depths_of(path: LoadPath, theory: Oracle | None, tip: Indenter, material: Material, height: float, scales: Scales
@@ -138,15 +137,18 @@ def stated_error(contact: ContactLaw, material: Material, sizes: Sizes, theory: 
     """The relative error of the force at a depth that the program warns of; 0 when it knows of none."""
     if delta <= 0:
         return 0.0
-    return max(penalty_loss(contact, material, theory, delta, a), sizes.force_doubt(a))
+    return penalty_loss(contact, material, theory, delta, a) + sizes.force_doubt(a, material.constants[1])
 
 
-def shallow_doubts(sizes: Sizes, deltas: Sequence[float], radius: Callable[[float], float]) -> list[str]:
+def shallow_doubts(sizes: Sizes, material: Material, deltas: Sequence[float], radius: Callable[[float], float]
+                   ) -> list[str]:  # fmt: skip
     """That the shallowest contact is smaller than an element, when the deepest one is not."""
     inside = [delta for delta in deltas if delta > 0]
     a = radius(min(inside)) if inside else 0.0
-    doubt = sizes.force_doubt(a) if inside else 0.0
-    if doubt < UNRESOLVED or sizes.force_doubt(radius(max(inside))) > 0:
+    if not inside or sizes.is_enough(a) or not sizes.is_enough(radius(max(inside))):
+        return []
+    doubt = sizes.force_doubt(a, material.constants[1])
+    if doubt < UNRESOLVED:
         return []
     return [
         f"the elements suit the deepest contact; at the shallowest only {a / sizes.h_contact:.2g} of them are in the "
@@ -157,12 +159,13 @@ def shallow_doubts(sizes: Sizes, deltas: Sequence[float], radius: Callable[[floa
 def contact_warnings(contact: ContactLaw, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
                      a: float) -> list[str]:  # fmt: skip
     """What a stiffness given in the config does to the answer at the deepest contact."""
+    doubts, sinking = [], penalty_loss(contact, material, theory, delta, a)
     if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * material.E_star / sizes.h_contact:
-        return ["a stiffness beyond 1000 E*/h_contact: the pressures oscillate"]
-    sinking = penalty_loss(contact, material, theory, delta, a)
-    if sinking < TELLING:
-        return []
-    return [f"penalty: the tip sinks into the body, the force is up to {100 * sinking:.2g} % too low at this epsilon_n"]
+        doubts.append("a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
+    if sinking >= TELLING:
+        lost = f"the force is up to {100 * sinking:.2g} % too low at this epsilon_n"
+        doubts.append(f"penalty: the tip sinks into the body, {lost}")
+    return doubts
 
 
 def _half_space_warning(

@@ -17,6 +17,8 @@ from indent_sim.model.body import Cylinder
 from indent_sim.scene import Scene
 from indent_sim.sizing import Sizes
 
+SHAKE = 1e-9  # of the body, what gmsh shifts points by so that no four of them lie on a circle
+SHAKE_OF_ELEMENT = 1e-4
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 
 
@@ -43,6 +45,7 @@ def build(scene: Scene) -> Grid:
         try:
             _draw(gmsh, scene)
             _prescribe_sizes(gmsh, scene)
+            gmsh.option.setNumber("Mesh.RandomFactor", _shake(scene))
             gmsh.model.mesh.generate(scene.kinematics.dim)
         except Exception as failure:  # gmsh raises bare Exceptions
             raise MeshError(f"gmsh could not mesh the body: {failure}") from failure
@@ -161,6 +164,16 @@ def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
         around = f"Sqrt(({r}-{number(sizes.edge)})^2+{depth}^2)"
         size = _smaller(size, f"{number(sizes.h_edge)}+{number(sizes.grading)}*{around}")
     return _smaller(size, number(sizes.h_far))
+
+
+def _shake(scene: Scene) -> float:
+    """How far gmsh may shift the points of a mesh at random, as a part of the longest side of the body.
+
+    Its own 1e-9, but little beside the smallest element: more turns cells inside out, and then the force is wrong or
+    gmsh aborts.
+    """
+    longest = max(high - low for low, high in scene.extent)
+    return min(SHAKE, SHAKE_OF_ELEMENT * scene.sizes.finest / longest)
 
 
 def _positive(a: str) -> str:

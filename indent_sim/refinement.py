@@ -65,7 +65,7 @@ def check(resolve: Resolve, scene: Scene, states: Sequence[State], bars: ErrorBa
     said += f"{fineness.target:g} is asked for"
     finer, why = _finer(resolve, fineness, found, worst, attempts)
     end = f"refining to {finer.fineness.n:.3g} elements in the contact radius" if finer and finer.fineness else why
-    raise AccuracyNotReached(f"{said}; {end}", finer, [Companion(1.0, states), *bars.companions][: len(RATIOS)])
+    raise AccuracyNotReached(f"{said}; {end}", finer, [Companion(1.0, states, scene), *bars.companions][: len(RATIOS)])
 
 
 def unjudged(scene: Scene, states: Sequence[State], bars: ErrorBars) -> list[str]:
@@ -114,9 +114,9 @@ def _finer(
         return None, f"the next mesh is beyond this machine ({limit.problem})"
 
 
-def entry(fineness: Fineness) -> dict[str, float]:
-    """What run.json says of the accuracy: what was asked for, and the elements in a contact radius."""
-    return {"target": fineness.target, "elements": fineness.n}
+def entry(fineness: Fineness, tried: Sequence[float]) -> dict[str, Any]:
+    """What run.json says of the accuracy: what was asked for, the elements in a contact radius, now and before."""
+    return {"target": fineness.target, "elements": fineness.n, "tried": list(tried)}
 
 
 def refuse_other_bars(before: Mapping[str, Any], config: Config, with_bars: bool, folder: Path) -> None:

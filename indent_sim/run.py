@@ -12,7 +12,7 @@ from indent_sim import geometry
 from indent_sim.checkpoint import Checkpoint
 from indent_sim.comparison import memory, summary
 from indent_sim.earlier import earlier_run
-from indent_sim.error_bars import RATIOS, Companion, ErrorBars, coarser, softer
+from indent_sim.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.errors import BackendError, ConfigError, NotConverged, VerificationError
 from indent_sim.folder import read_report, uninterrupted
 from indent_sim.model.contact import Penalty
@@ -24,6 +24,7 @@ from indent_sim.refinement import check, entry, pursue, refuse_other_bars, unjud
 from indent_sim.resolved import left_open, resolved
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
+from indent_sim.stopping import unmasked
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
@@ -82,6 +83,7 @@ class Attempt:
         self.clock, self.count = Clock(), 0
         self._before = comm.bcast(on_root(comm, read_report, target)) if resume else {}
         self._resume = resume
+        self._tried: list[float] = list((self._before.get("accuracy") or {}).get("tried", []))  # elements, in turn
         self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
 
@@ -100,33 +102,39 @@ class Attempt:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), len(scene.deltas))):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    force_error=self._with_bars) as record:  # fmt: skip
+                    force_error=self._with_bars) as record, unmasked():  # fmt: skip
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],
-                        plan=_plan(scene) | {"auto": left_open(config, decided)},
+                        plan={"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales,
+                              "auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=self.comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             bars = self._bars(scene, companions) if self._with_bars else None
             if bars is not None:
-                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness))
+                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness, self._tried))
             simulation = Simulation(config, scene, record, self.clock, bars)
             states = simulation.follow(self.progress)
             simulation.release()
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))
-                check(self.resolve, scene, states, bars, self.count)
+                self._tried += [scene.fineness.n] if scene.fineness else []
+                check(self.resolve, scene, states, bars, len(self._tried))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
     def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
         with self.clock.stage("imports"):
             _backend()
         with self.clock.stage("companions"):
-            companions = companions or [Companion(ratio, self._curve(coarser(scene, ratio))) for ratio in RATIOS]
-            soft = None
-            if isinstance(scene.contact, Penalty):
-                soft = self._curve(softer(coarser(scene, companions[0].ratio)))
+            companions = companions or self._companions(scene)
+            own = companions[0].scene
+            soft = self._curve(softer(own)) if own is not None and isinstance(own.contact, Penalty) else None
             return ErrorBars(scene, companions, soft)
+
+    def _companions(self, scene: Scene) -> list[Companion]:
+        """Runs beside the first of this call; those of a resumed one begin with its earlier attempts, as before."""
+        earlier = [self.resolve(elements) for elements in reversed(self._tried)]
+        return [Companion(ratio, self._curve(other), other) for ratio, other in beside(scene, earlier)]
 
     def _curve(self, scene: Scene) -> list[State]:
         """The states of a scene without surface tables; what one failed to reach is missing."""
@@ -206,10 +214,6 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
     fe = _backend()
     comm = comm or MPI.COMM_SELF
     return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, geometry.build, scene), scene, comm)))
-
-
-def _plan(scene: Scene) -> dict[str, Any]:
-    return {"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales}
 
 
 class Simulation:

@@ -9,9 +9,12 @@ import numpy as np
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {(2, 2): 10.0, (2, 1): 40.0, (3, 2): 5.0, (3, 1): 16.0}  # (dim, order)
 GRADING = {2: 0.2, 1: 0.1}  # growth of the size per unit distance, by order
-PER_WALL_RADIUS = 5.0  # elements per radius of a curved wall: its polygon encloses 0.7 % less than the circle
+PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon encloses 0.3 % less than the circle, which
+# an incompressible body between roller walls feels as much
 PATCH = 1.15  # the fine patch reaches this far beyond the expected contact radius
 ENOUGH = {2: 3.0, 1: 10.0}  # elements per contact radius below which results are doubtful, by order
+LINEAR = 0.006  # of the force, what linear elements far from the contact cost
+TELLING = 0.005  # of the force: a smaller error is not worth a warning
 SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that still gets as many elements
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
@@ -47,6 +50,11 @@ class Sizes:
         return self.h_axis or self.h_contact
 
     @property
+    def finest(self) -> float:
+        """The smallest size anywhere [length]."""
+        return min(self.smallest, self.h_edge or self.smallest)
+
+    @property
     def slope(self) -> float:
         """Growth of the size per unit distance from the axis, inside the contact, where there is one."""
         return self.h_contact / self.a
@@ -59,18 +67,29 @@ class Sizes:
             size = np.minimum(size, self.h_edge + self.grading * np.hypot(r - self.edge, depth))
         return np.minimum(size, self.h_far)
 
-    def force_doubt(self, a: float) -> float:
-        """The relative error of the force to fear with so few elements in the expected contact radius; 0 with enough.
+    def elements(self, a: float) -> float:
+        """How many elements there are in a contact radius a, judged by the one where it ends."""
+        return a / float(self.at(np.array(a), np.array(0.0)))
+
+    def is_enough(self, a: float) -> bool:
+        """Whether a contact of radius a is resolved; a punch's is known before, and its edge refined."""
+        return self.edge is not None or self.elements(a) >= ENOUGH[self.order]
+
+    def force_doubt(self, a: float, nu: float) -> float:
+        """The relative error of the force to fear on this mesh with the expected contact radius a; 0 for none.
 
         Measured on a layer (axisymmetric, all methods, quadratic elements): at most 0.3, 0.9, 2.3, 2.4, 5.5, 15, 20 and
-        117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements: below 7/n^2 %.
+        117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements: below 7/n^2 %. Linear elements, nu = 0 to 0.3: 0.9,
+        0.6, 0.4 and 0.3 % with n = 10, 16, 40 and 80, twice as much with nu = 0.45. A punch's sharp edge: below a
+        quarter of the size of its elements over its radius (axisymmetric and in three dimensions).
         """
-        n = a / float(self.at(np.array(a), np.array(0.0)))
-        if self.edge is not None or n >= ENOUGH[self.order]:  # an edge: the contact radius is known, and refined
-            return 0.0
-        return 0.25 / min(n, n**2) if self.order == 1 else 0.07 / n**2
+        n = self.elements(a)
+        linear = (LINEAR + 0.25 / min(n, n**2)) * max(1.0, 0.6 / np.sqrt(1 - 2 * nu)) if self.order == 1 else 0.0
+        if self.edge is not None and self.h_edge is not None:
+            return float(max(0.25 * self.h_edge / self.edge, LINEAR if linear else 0.0))
+        return float(linear) if linear else 0.0 if self.is_enough(a) else 0.07 / n**2
 
-    def doubts(self, a: float, penalty: bool) -> list[str]:
+    def doubts(self, a: float, nu: float, penalty: bool) -> list[str]:
         """What too few elements in the expected contact radius a will do to the results, in words.
 
         Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: the force is wrong by up to
@@ -78,19 +97,23 @@ class Sizes:
         quadratic elements by 20 %. Penalty with linear elements finds an a that is too small: by 60 % (n = 1),
         22 to 39 % (5), 12 to 25 % (10), 3 to 7 % (20).
         """
-        n, doubts = a / self.h_contact, []
-        if self.edge is not None:  # the contact radius is known, and its edge refined
-            return []
-        if n < ENOUGH[self.order]:
-            likely, of_a = self.force_doubt(a), 20 if penalty else {1: 8, 2: 3}[self.order]
+        likely, doubts = self.force_doubt(a, nu), []
+        if self.edge is not None and self.h_edge is not None:
+            return [f"elements of {self.h_edge / self.edge:.2g} radii at the punch's edge: the force may be too low by "
+                    f"{in_words(likely)}; give a smaller h_contact or h_edge"] if likely >= TELLING else []  # fmt: skip
+        if not self.is_enough(a):
+            of_a = 20 if penalty else {1: 8, 2: 3}[self.order]
             doubts.append(
-                f"only {n:.2g} elements in the expected contact radius: the force may be wrong by {in_words(likely)}, "
-                f"a by up to {of_a} %; give h_contact at most {1 / ENOUGH[self.order]:.2g} of the contact radius"
+                f"only {a / self.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
+                f"{in_words(likely)}, a by up to {of_a} %; give h_contact at most {1 / ENOUGH[self.order]:.2g} of the "
+                "contact radius"
             )
+        elif self.order == 1:
+            doubts.append(f"linear elements: the force may be too high by {in_words(likely)}; order: 2 costs no more")
         if penalty and self.order == 1:
             doubts.append(
-                f"penalty with linear elements underestimates a, here by up to {min(60, 250 / n):.0f} %; "
-                "use order: 2 or another contact method"
+                "penalty with linear elements underestimates a, here by up to "
+                f"{min(60, 250 * self.h_contact / a):.0f} %; use order: 2 or another contact method"
             )
         return doubts
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -22,32 +22,42 @@ class Stopped(KeyboardInterrupt):
         return Stopped, (self.number,)  # other ranks learn of it
 
 
-@contextmanager
-def stoppable(rank: int = 0) -> Iterator[Callable[[], None]]:
-    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along.
+_arrived: list[int] = []  # signals belong to the process
 
-    Yields a check to call now and then: libraries may swallow what is raised in their callbacks, or turn it
-    into an error of their own.
-    """
-    arrived: list[int] = []
+
+def check() -> None:
+    """Raise Stopped when a signal has arrived whose exception somebody swallowed; to be called now and then."""
+    if _arrived:
+        raise Stopped(_arrived[0])
+
+
+@contextmanager
+def unmasked() -> Iterator[None]:
+    """Stopped again, where a library turned what was raised in its callbacks into an error of its own."""
+    try:
+        yield
+    except Exception:
+        check()
+        raise
+
+
+@contextmanager
+def stoppable(rank: int = 0) -> Iterator[None]:
+    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along."""
 
     def stop(number: int, frame: FrameType | None) -> None:
-        arrived.append(number)
+        _arrived.append(number)
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
         raise Stopped(number)
 
-    def check() -> None:
-        if arrived:
-            raise Stopped(arrived[0])
-
+    _arrived.clear()
     handler: Any = stop if rank == 0 else signal.SIG_IGN
     before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield check
-    except Exception:
-        check()
-        raise
+        with unmasked():
+            yield
     finally:
+        _arrived.clear()
         for number, old in before.items():
             signal.signal(number, old)

@@ -50,7 +50,8 @@ def truncate(tip: Indenter, material: Material, delta: float) -> Truncation:
     while error > target:
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
         error = _error(theory, deepest, nu, ratio)
-    size = float(f"{ratio * deepest.a:.6g}")
+    ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
+    size = ratio * deepest.a
     if tip.of_revolution:
         return Truncation(Cylinder(size, size, base="fixed", sides="roller"), ratio, MARGIN * error)
     # the cylinder of theory fits into this box, which is softer

@@ -67,7 +67,7 @@ ROOMS: dict[str, set[str]] = {
     "plots": {"results"},
     "run": {
         *("checkpoint", "comparison", "config", "earlier", "error_bars", "fe", "folder", "geometry", "model"),
-        *("parallel", "plots", "record", "refinement", "resolved", "scene", "state"),
+        *("parallel", "plots", "record", "refinement", "resolved", "scene", "state", "stopping"),
     },
     "study": {"", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "yaml_strict"},
     # what people see

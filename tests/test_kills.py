@@ -19,7 +19,11 @@ from conftest import MPI_ENVIRONMENT
 from test_cli import environment
 from test_resume import CONDENSED, HYPERELASTIC, same_numbers
 
+from indent_sim.config import load
 from indent_sim.results import Results, read
+from indent_sim.run import run
+from indent_sim.state import State
+from indent_sim.stopping import Stopped, stoppable
 
 RUN = (sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out")
 SCENES = {"newton": HYPERELASTIC, "condensed": CONDENSED.replace("steps: 15", "steps: 60")}
@@ -69,6 +73,21 @@ class TestSignals:
         assert stopped.report["status"] == "interrupted" and 2 <= len(stopped) == stopped.report["rows"]
         resumed(tmp_path)
         same_numbers(tmp_path / "out", undisturbed(scene))
+
+    def test_a_library_may_hide_the_signal(self, tmp_path):
+        """What arrives in a callback of PETSc comes out of it as PETSc's own error."""
+
+        def hide(state: State, step: int, total: int) -> None:
+            try:
+                signal.raise_signal(signal.SIGTERM)
+            except Stopped:
+                raise RuntimeError("error code 101") from None
+
+        (tmp_path / "scene.yaml").write_text(CONDENSED)
+        with pytest.raises(Stopped), stoppable():
+            run(load(tmp_path / "scene.yaml"), directory=tmp_path / "out", progress=hide)
+        report = read(tmp_path / "out").report
+        assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 1)
 
     @pytest.mark.slow
     @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.stress)])

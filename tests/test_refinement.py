@@ -110,6 +110,34 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
     assert len(resumed.report["error_budget"]) == 5
 
 
+@pytest.mark.parametrize(("contact", "rows"), [({}, 8), ({"method": "penalty"}, 13)], ids=["second", "third, penalty"])
+def test_a_later_attempt_that_is_resumed_has_the_same_bars(
+    tmp_path: Path, monkeypatch: Any, contact: dict[str, Any], rows: int
+) -> None:
+    """Its companions are the attempts before, whatever the process that computed them. Five rows an attempt, three
+    attempts; forces agree to 1e-12 or so, hence their differences to 1e-6."""
+    monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
+    told: list[int] = []
+
+    def stop(state: Any, step: int, total: int) -> None:
+        told.append(step)
+        if len(told) == rows:
+            raise Stop
+
+    sections = {"accuracy": 0.002} | ({"contact": contact} if contact else {})
+    whole = simulate(tmp_path / "whole", **sections)
+    assert len(whole.report["accuracy"]["tried"]) >= 2
+    with pytest.raises(Stop):
+        run.run(from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop)
+    resumed = simulate(tmp_path / "run", resume=True, **sections)
+    tried, same = (outcome.report["accuracy"]["tried"] for outcome in (resumed, whole))
+    assert tried == pytest.approx(same, rel=1e-6)
+    assert read(tmp_path / "run")["force_error"] == pytest.approx(read(tmp_path / "whole")["force_error"], rel=1e-6)
+    for here, there in zip(resumed.report["error_budget"], whole.report["error_budget"], strict=True):
+        assert here.discretisation == pytest.approx(there.discretisation, rel=1e-6)
+        assert here.enforcement == pytest.approx(there.enforcement, rel=1e-6)
+
+
 def test_bars_cannot_be_added_to_rows_that_have_none(tmp_path: Path) -> None:
     simulate(tmp_path / "run")
     with pytest.raises(ConfigError, match="without error bars"):

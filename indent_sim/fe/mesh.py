@@ -15,6 +15,7 @@ from indent_sim.model.body import Cylinder
 from indent_sim.scene import Scene
 
 ON_PLANE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
+OF_ELEMENT = 1e-3  # the smallest: less than what lies between a plane and the next nodes
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class BodyMesh:
     dim: int
     surfaces: dict[str, np.ndarray]
     hash: str
+    near: float  # what is closer to a plane or a point lies on it [length]
 
     @cached_property
     def comm(self) -> Any:
@@ -41,7 +43,7 @@ class BodyMesh:
         target = np.asarray(point)[:, None]
 
         def close(x: np.ndarray) -> np.ndarray:
-            return np.all(np.abs(x[: self.dim] - target) < ON_PLANE, axis=0)
+            return np.all(np.abs(x[: self.dim] - target) < self.near, axis=0)
 
         return dolfinx.mesh.locate_entities(self.mesh, 0, close)
 
@@ -58,10 +60,11 @@ def distribute(grid: Grid | None, scene: Scene, comm: Any) -> BodyMesh:
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(0, dim)
-    return BodyMesh(mesh, dim, _surfaces(mesh, scene), fingerprint)
+    near = min(ON_PLANE, OF_ELEMENT * scene.sizes.finest)
+    return BodyMesh(mesh, dim, _surfaces(mesh, scene, near), fingerprint, near)
 
 
-def _surfaces(mesh: Any, scene: Scene) -> dict[str, np.ndarray]:
+def _surfaces(mesh: Any, scene: Scene, near: float) -> dict[str, np.ndarray]:
     """Facets on each face of the modelled block: x_min, x_max, (y_min, y_max,) base, top; the curved wall r_max."""
     surfaces = {}
     for axis, (name, bounds) in enumerate(zip(scene.kinematics.axes, scene.extent, strict=True)):
@@ -69,7 +72,7 @@ def _surfaces(mesh: Any, scene: Scene) -> dict[str, np.ndarray]:
         for end, value in zip(ends, bounds, strict=True):
 
             def on_plane(x: np.ndarray, axis: int = axis, value: float = value) -> np.ndarray:
-                return np.abs(x[axis] - value) < ON_PLANE
+                return np.abs(x[axis] - value) < near
 
             surfaces[end] = dolfinx.mesh.locate_entities_boundary(mesh, mesh.topology.dim - 1, on_plane)
     if isinstance(scene.body, Cylinder) and scene.kinematics.dim == 3:

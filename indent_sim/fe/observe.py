@@ -40,6 +40,7 @@ class Observed(Protocol):
         """lam (facets, points) as a pressure to be looked at [pressure]."""
 
 
+SAME_PLACE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 ROUNDOFF = 1e-12  # of the body's height: a coordinate below it is zero
 EDGE_MULTIPLE = 4.0  # of E*/h_contact: a within 0.5 % on HERTZ and on finite-strain spheres; 2 is high, 8 low
 
@@ -180,7 +181,8 @@ def surface(body: Observed) -> Surface | None:
     if parts is None:
         return None
     table = np.concatenate(parts)
-    keys = np.round(table[:, : dim - 1], 10)
+    same = min(SAME_PLACE, OF_ELEMENT * body.scene.sizes.finest)
+    keys = np.round(table[:, : dim - 1] / same)
     _, first, place, count = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
     place = place.ravel()
     X = np.where(np.abs(table[first, :dim]) < ROUNDOFF, 0.0, table[first, :dim])  # the axis is at 0, not at 1e-18

@@ -80,6 +80,20 @@ def test_the_error_of_a_penalty_is_extrapolated() -> None:
     assert bars == pytest.approx([EXACT[k] - state.force for k, state in enumerate(own, 1)], rel=1e-9)
 
 
+def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
+    """Companion of a refined run is the attempt before, whose penalty had a third of the stiffness."""
+    base, low = scene(contact={"method": "penalty"}), 0.02
+    law = base.contact
+    before = replace(base, contact=replace(law, epsilon_n=law.stiffness / 3))
+    own, soft = ([replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2))
+    same, beside = ([Companion(ratio, own, at) for ratio in RATIOS] for at in (base, before))
+    whole, third = (ErrorBars(base, others, soft) for others in (same, beside))
+    for state in own:
+        whole.judged(state), third.judged(state)
+    assert [b.enforcement for b in third.budgets] == pytest.approx([b.enforcement / 3 for b in whole.budgets])
+    assert whole.budgets[0].enforcement > 0.019 * own[0].force
+
+
 def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
     """A body whose force is c delta^1.5: the same curves, read at equal depths or at equal forces."""
     depths = {k: (EXACT[k] / 1.6) ** (2 / 3) for k in EXACT}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from scenes import ELASTIC, scene, solve
+from scenes import ELASTIC, force, scene, solve
 
 from indent_sim.errors import ConfigError
 from indent_sim.scene import Scene
@@ -53,6 +53,8 @@ RIGHT: dict[str, Any] = {
     ),
     "depth of 1e-8 radii": lambda: layer(**once(1e-8)),
     "a layer of a hundredth of the radius": lambda: layer(WIDE | {"radius": 1.0, "height": 0.01}, **once(1e-4)),
+    "a contact of 3e-8 thicknesses": lambda: layer(R=0.1, **once(1e-14)),
+    "a needle of one degree": lambda: layer(indenter={"shape": "cone", "half_angle": 1.0}, **once(1e-6)),
     "a thousand radii thick": lambda: layer(WIDE | {"radius": 4e3, "height": 1e3}, **once(1.0)),
     "most of the thickness at once": lambda: layer(contact={"method": "penalty"}, **once(0.9)),
     "far too soft": lambda: layer(**stiffness("augmented_lagrangian", 1e-4)),
@@ -85,6 +87,22 @@ FLAGGED: dict[str, Any] = {
         "too low",
     ),
     "one and a half elements": (lambda: layer(contact={"method": "active_set"}, mesh={"h_contact": 0.069}), "only 1.5"),
+    "a coarse punch": (lambda: layer(indenter=PUNCH, mesh={"h_contact": 0.1}, **once(1e-3)), "at the punch's edge"),
+    "linear elements": (
+        lambda: layer(nu=0.48, R=100.0, mesh={"order": 1, "h_contact": 0.1}, **once(0.01)),
+        "linear elements",
+    ),
+    "a stiff penalty on a squeezed layer": (
+        lambda: layer(
+            WIDE | {"radius": 20.0},
+            nu=0.5,
+            R=100.0,
+            mesh={"h_contact": 0.3},
+            **once(0.5),
+            contact={"method": "penalty", "epsilon_n": 1.1e3 / (1 - 0.5**2) / 0.3},
+        ),
+        "too low",
+    ),
     "a last depth that the mesh cannot see": (
         lambda: layer(loading={"deltas": [0.3, 1e-6]}, mesh={"h_contact": 0.0647}),
         "at the shallowest",
@@ -99,6 +117,28 @@ def test_not_right_and_says_so(name: str) -> None:
     base = make()
     assert TOLERANCE < abs(error(base)) <= base.prediction["force_error"]
     assert any(words in warning for warning in base.warnings)
+
+
+def test_elements_too_small_for_the_body_are_refused() -> None:
+    """gmsh would abort; with a smaller body there is no doubt."""
+    needle = {"shape": "cone", "half_angle": 1.0}
+    with pytest.raises(ConfigError, match="make the body smaller"):
+        layer(indenter=needle, **once(1e-9))
+    layer(WIDE | {"radius": 4e-3, "height": 1e-3}, indenter=needle, **once(1e-9))
+
+
+def test_a_curved_wall_in_three_dimensions() -> None:
+    """Its polygon encloses less than the circle, which an incompressible body feels: within 0.5 % of theory all the
+    same."""
+    walled = WIDE | {"radius": 1.0}
+    assert (
+        abs(
+            force(layer(walled, nu=0.5, R=10.0, mesh={"symmetry": "quarter"}, **once(0.02)))
+            / force(layer(walled, nu=0.5, R=10.0, **once(0.02)))
+            - 1
+        )
+        < TOLERANCE
+    )
 
 
 def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:

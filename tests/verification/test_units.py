@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from scenes import ELASTIC, PARABOLOID, WALLED, scene, solve
+from scenes import ELASTIC, PARABOLOID, WALLED, force, scene, solve
 
 from indent_sim.scene import Scene
 from indent_sim.state import State
@@ -58,3 +58,15 @@ def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
             assert there.newton_iterations == here.newton_iterations
             assert numbers(back) == pytest.approx(numbers(here), rel=SAME)
             assert back.penetration == pytest.approx(here.penetration, rel=SAME, abs=SAME * here.delta)
+
+
+def test_a_half_space_of_the_same_digits() -> None:
+    """Its finite body is so many contact radii large, in feet and pounds too."""
+    foot, psi = 1 / 0.3048, 1 / 6894.757
+
+    def force_in(length: float, pressure: float) -> float:
+        tip, path = {"shape": "paraboloid", "R": 0.8 * length}, {"delta": 0.02 * length, "steps": 1}
+        material = ELASTIC | {"E": 3.0 * pressure}
+        return force(scene({"shape": "half_space"}, material=material, indenter=tip, loading=path))
+
+    assert force_in(foot, psi) / (psi * foot**2) == pytest.approx(force_in(1.0, 1.0), rel=SAME)
