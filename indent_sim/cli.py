@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from indent_sim import __version__
-from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError
+from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError, VerificationError
 from indent_sim.stopping import check, stoppable
 
 if TYPE_CHECKING:
@@ -360,9 +360,9 @@ def _name_partial(directory: Path) -> None:
     """Where the rows of a run that failed are."""
     from indent_sim.results import read_report
 
-    report = read_report(directory)
-    if report.get("status") in ("failed", "interrupted") and report.get("rows"):
-        tell(f"{report['rows']} rows computed before are kept in {directory}; --resume goes on from them")
+    if (report := read_report(directory)).get("status") in ("failed", "interrupted") and report.get("rows"):
+        again = "" if report["exit_code"] == VerificationError.exit_code else "; --resume goes on from them"
+        tell(f"{report['rows']} rows computed before are kept in {directory}{again}")
 
 
 def _conclude(outcome: Outcome, as_json: bool) -> None:

@@ -21,7 +21,7 @@ from indent_sim.state import Scales
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
-DEEPER = 3.5  # times the share of the thickness: how much further a penalty sinks at finite strain, measured
+DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
@@ -110,7 +110,7 @@ def penalty_loss(contact: ContactLaw, material: Material, theory: Oracle | None,
     """
     if not isinstance(contact, Penalty) or delta <= 0:
         return 0.0
-    sunk = MOST_SUNK * (1.0 if material.small_strain else 1.0 + DEEPER * delta) / contact.stiffness
+    sunk = MOST_SUNK * (1.0 if material.small_strain else (1.0 - delta) ** -DEEPER) / contact.stiffness
     force, pressure = _carried(theory, material, delta, a, np.ones(1))
     if (quick := STEEPEST * sunk * float(pressure[0]) / delta) < TELLING:
         return quick  # a theory of many depths takes its time

@@ -378,3 +378,17 @@ class TestRanks:
         done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml")
         assert done.returncode == 0 and done.stdout == "results/scene\n"
         assert done.stderr.count("step 1/3") == 1 and read(tmp_path / "results" / "scene").report["ranks"] == 2
+
+
+def test_what_accuracy_cannot_reach_is_kept_but_not_to_be_resumed(indent_sim: Run) -> None:
+    """Another try would end the same."""
+    soft = (
+        "contact.method=penalty",
+        "contact.epsilon_n=300",
+        "accuracy=0.01",
+        "mesh.h_contact=auto",
+        "mesh.h_far=auto",
+    )
+    result = indent_sim("run", "scene.yaml", *(word for setting in soft for word in ("--set", setting)))
+    assert result.exit_code == 6
+    assert "3 rows computed before are kept" in result.stderr and "--resume" not in result.stderr

@@ -119,6 +119,16 @@ def test_not_right_and_says_so(name: str) -> None:
     assert any(words in warning for warning in base.warnings)
 
 
+def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
+    """What is left of the layer stiffens, and the tip sinks further than at small strain; truth: a multiplier."""
+    deep = {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.4999}, "indenter": {"shape": "sphere", "R": 1.0},
+            "loading": {"delta": 0.7, "steps": 3}, "mesh": {"h_contact": 0.06, "h_far": 0.3}}  # fmt: skip
+    body = WIDE | {"radius": 2.0}
+    penalty = scene(body, contact={"method": "penalty", "epsilon_n": 2e3}, **deep)
+    lost = 1 - force(penalty) / force(scene(body, **deep))
+    assert TOLERANCE < lost <= penalty.prediction["force_error"]
+
+
 def test_elements_too_small_for_the_body_are_refused() -> None:
     """gmsh would abort; with a smaller body there is no doubt."""
     needle = {"shape": "cone", "half_angle": 1.0}
