@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
 from indent_sim.errors import ConfigError
-from indent_sim.model.indenters import FlatPunch
+from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.premises import Premises
 from indent_sim.sizing import Given, Sizes, rounded
 from indent_sim.state import Scales
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
 # r = 0 and coordinates have all their digits, gmsh aborts or never ends
-WIDE = 0.75  # contact radius over height from which a layer is squeezed rather than indented
+WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
@@ -32,8 +32,14 @@ def fineness(config: Config, given: Premises, per_radius: float | None) -> Finen
     contacts = [_contact(given, delta) for delta in (min(inside), max(inside))]
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
-    confined = squeezed and given.material.constants[1] >= INCOMPRESSIBLE
+    gives_way = squeezed and given.material.constants[1] >= INCOMPRESSIBLE
+    confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
     return fineness_of(target, per_radius, contacts, given.dim, config.mesh.order, confined, stiffness_given)
+
+
+def _is_sharp(tip: Indenter) -> bool:
+    """Whether contact ends at a punch's edge, with a peak of the pressure there."""
+    return isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
 
 
 def _contact(given: Premises, delta: float) -> tuple[float, float, float]:
@@ -46,8 +52,7 @@ def _contact(given: Premises, delta: float) -> tuple[float, float, float]:
 def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
     mesh, reduction, tip, a = config.mesh, given.reduction, given.tip, given.a
-    sharp = isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
-    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and sharp else None
+    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and _is_sharp(tip) else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius

@@ -16,7 +16,7 @@ from math import isnan
 
 import numpy as np
 
-from indent_sim.accuracy import RATE, STEEPEST, fading
+from indent_sim.accuracy import EASING, RATE, STEEPEST, fading
 from indent_sim.model.contact import Penalty
 from indent_sim.scene import Scene
 from indent_sim.state import State
@@ -73,8 +73,9 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
     edge = sizes.h_edge and min(ratio ** RATE[sizes.order] * sizes.h_edge, fine)
+    growth = ratio ** EASING[sizes.order]
     larger = replace(
-        sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(ratio * sizes.grading, STEEPEST),
+        sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
         patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis,
     )  # fmt: skip
     return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)

@@ -88,9 +88,7 @@ def _draw(gmsh: Any, scene: Scene) -> None:
     elif isinstance(scene.body, Cylinder):
         _draw_cylinder(gmsh, scene, round(scene.body.radius, DIGITS))
     else:
-        (x0, x1), (y0, y1), (z0, z1) = _rounded(scene.extent)
-        gmsh.model.occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
-        gmsh.model.occ.synchronize()
+        _draw_box(gmsh, scene)
 
 
 def _rounded(extent: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
@@ -109,6 +107,19 @@ def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
     lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
     geo.addPlaneSurface([geo.addCurveLoop(lines)])
     geo.synchronize()
+
+
+def _draw_box(gmsh: Any, scene: Scene) -> None:
+    """A box whose top is split along a punch's edge: elements it crosses would feel a smaller punch, each another."""
+    (x0, x1), (y0, y1), (z0, z1) = _rounded(scene.extent)
+    occ = gmsh.model.occ
+    box = occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
+    if scene.sizes.edge is not None:
+        radius = round(scene.sizes.edge, DIGITS)
+        disk = occ.addDisk(*scene.center, z1, radius, radius)
+        below, _ = occ.intersect([(2, disk)], [(3, box)], removeTool=False)
+        occ.fragment([(3, box)], below)
+    occ.synchronize()
 
 
 def _draw_cylinder(gmsh: Any, scene: Scene, radius: float) -> None:

@@ -124,7 +124,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
         if len(told) == rows:
             raise Stop
 
-    sections = {"accuracy": 0.002} | ({"contact": contact} if contact else {})
+    sections = {"accuracy": 0.001} | ({"contact": contact} if contact else {})
     whole = simulate(tmp_path / "whole", **sections)
     assert len(whole.report["accuracy"]["tried"]) >= 2
     with pytest.raises(Stop):

@@ -20,7 +20,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
 from indent_sim.fe.compliance import Compliance
@@ -196,10 +196,12 @@ class CondensedContact:
         place = np.zeros(self.compliance.size, dtype=np.int64)
         place[rows] = np.arange(len(rows))
         inner, m = place[self.nodes[touched]], len(rows)
-        M_A = np.bincount((inner[:, :, None] * m + inner[:, None, :]).ravel(), local.ravel(), m * m).reshape(m, m)
+        i, j = np.broadcast_arrays(inner[:, :, None], inner[:, None, :])
+        M_A = csr_matrix((local.ravel(), (i.ravel(), j.ravel())), shape=(m, m))  # a node has few neighbours
+        among = D[np.ix_(rows, rows)]
         step = -residual
-        step[rows] += M_A @ (D[rows] @ step - D[np.ix_(rows, rows)] @ step[rows])
-        step[rows] = np.linalg.solve(np.eye(m) - M_A @ D[np.ix_(rows, rows)], step[rows])
+        step[rows] += M_A @ (D[rows] @ step - among @ step[rows])
+        step[rows] = np.linalg.solve(np.eye(m) - M_A @ among, step[rows])
         return step
 
     # ---- the active set ------------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.scene import Scene
 from indent_sim.state import State
 
-MARGIN = 4.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
+MARGIN = 1.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 
 

@@ -4,12 +4,15 @@ theory (Lebedev & Ufliand 1958, Hayes et al. 1972, Dini sum of the wall) solves 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq, least_squares
+from test_hertz import CUBE as CUBE_FORCE
+from test_hertz import FORCES
 
 from indent_sim.config import Config, from_mapping
 from indent_sim.run import run, states
@@ -80,12 +83,17 @@ class Judged:
     report: dict[str, Any]
 
 
+def exact_forces(config: Config) -> np.ndarray:
+    """The force of every step, by theory."""
+    scene = resolve(config)
+    assert scene.oracle is not None
+    return np.array([solution.force for solution in scene.oracle.curve(scene.deltas) or []]) * scene.scales.force
+
+
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
     config = from_mapping(case.mapping() | {"accuracy": target} | sections)
     outcome = run(config, directory=folder)
-    scene = resolve(config)
-    solutions = scene.oracle.curve(scene.deltas)
-    exact = np.array([solution.force for solution in solutions]) * scene.scales.force
+    exact = exact_forces(config)
     force = np.array([state.force for state in outcome.states])
     bar = np.array([state.force_error for state in outcome.states])
     return Judged(np.abs(force / exact - 1), bar / exact, outcome.report)
@@ -135,12 +143,10 @@ def test_the_force_converges_with_the_elements_in_the_contact(tip: str, order: i
 
 def rms(divisions: list[float], config: Config) -> float:
     """Root mean square of the relative force errors of all steps on some meshes."""
-    errors = []
+    errors, exact = [], exact_forces(config)
     for n in divisions:
-        scene = resolve(config, n)
-        assert scene.oracle is not None
-        exact = [solution.force * scene.scales.force for solution in scene.oracle.curve(scene.deltas) or []]
-        errors += [state.force / F - 1 for state, F in zip(states(scene, with_surface=False), exact, strict=True)]
+        found = states(resolve(config, n), with_surface=False)
+        errors += [state.force / F - 1 for state, F in zip(found, exact, strict=True)]
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
@@ -193,54 +199,72 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
     assert np.sum(true > bar) <= 1
 
 
-CUBE_FORCE = 1.59748e-3  # of the whole cube at delta = 0.01, good to 5e-6 relative (see test_hertz.py)
+CUBE: dict[str, Any] = Case("paraboloid", 0.1, 0.3).mapping() | {
+    "body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "loading": {"delta": 0.01, "steps": 10}}  # fmt: skip
+DEPTHS = np.arange(1, 11) * 1e-3
+
+
+def forces_on_a_finite_body(k_0: float, k_2: float) -> np.ndarray:
+    """Hertz' force at DEPTHS on a body (E = 1, nu = 0.3) that sinks F (k_0 - k_2 (r^2 + s^2)) less at r than a
+    half-space does, F at distances s from the axis, s^2 = 2 a^2/5 in the mean: what is far away is smooth."""
+    E_star = 1 / (1 - 0.3**2)
+
+    def excess(force: float, depth: float) -> float:
+        curvature = 1 + 2 * k_2 * force
+        a = (0.75 * force / E_star / curvature) ** (1 / 3)
+        return float(a**2 * curvature - depth - force * (k_0 - 0.4 * k_2 * a**2))
+
+    return np.array([brentq(excess, 1e-8, 3e-3, args=(depth,)) for depth in DEPTHS])
+
+
+def cube_forces() -> np.ndarray:
+    """Of the whole cube at DEPTHS. What the cylinder's independent forces say of k_2, and the cube's last one of k_0
+    (test_hertz.py); half of k_2 more or less would change the first force by 8e-5 of it."""
+    _, k_2 = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2]).x
+    k_0 = brentq(lambda k: forces_on_a_finite_body(k, k_2)[-1] / CUBE_FORCE - 1, 0.3, 0.5)
+    return forces_on_a_finite_body(k_0, k_2)
+
+
+def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> None:
+    """Two numbers give all ten forces on the cylinder to the seven digits that are known."""
+    found = least_squares(lambda k: forces_on_a_finite_body(*k) / FORCES - 1, [0.4, 0.2])
+    assert np.abs(found.fun).max() <= 1e-6
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_cube(target: float, tmp_path: Path) -> None:
-    """Three dimensions: the quarter of a box."""
-    cube = {"body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "loading": {"delta": 0.01, "steps": 10}}
-    outcome = run(
-        from_mapping(Case("paraboloid", 0.1, 0.3).mapping() | cube | {"accuracy": target}), directory=tmp_path
-    )
-    last = outcome.states[-1]
-    assert last.force_error is not None
-    assert abs(last.force - CUBE_FORCE) <= last.force_error <= target * CUBE_FORCE
+    """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
+    outcome = run(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
+    true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
+    bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
+    print(f"{target:g}  {outcome.report['accuracy']['elements']:.3g} elements  worst error {true.max():.1e}  "
+          f"worst bar {bar.max():.1e}")  # fmt: skip
+    assert np.all(true <= target)
+    assert np.all(true <= bar)
 
 
-START = 1.0  # s, of Python, dolfinx and gmsh: what `imports` says in run.json of a process of its own
-
-
-def seconds(report: dict[str, Any]) -> float:
-    return sum(cpu for stage, cpu in report["cpu_timings"].items() if stage not in ("imports", "companions"))
+@pytest.mark.verify
+@pytest.mark.parametrize(("radius", "nu"), [(0.1, 0.3), (0.25, 0.45), (0.5, 0.3)])
+def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
+    """The edge, a circle that straight facets follow, costs most of the mesh. Theory's layer ends at a round wall, or
+    nowhere: this wide a box differs by less than 1e-3. A bar may be half too narrow: few elements share the edge."""
+    config = from_mapping({
+        "body": {"shape": "box", "size": [4.0, 4.0, 1.0], "base": "fixed", "sides": "roller"},
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
+        "indenter": {"shape": "flat_punch", "radius": radius},
+        "loading": {"delta": 0.01 * radius, "steps": 1}, "output": QUIET, "accuracy": 0.01,
+    })  # fmt: skip
+    (state,) = run(config, directory=tmp_path).states
+    (exact,) = exact_forces(config)
+    true, bar = abs(state.force / exact - 1), (state.force_error or 0.0) / exact
+    print(f"radius {radius:g}, nu {nu:g}: error {true:.1e}  bar {bar:.1e}")
+    assert true <= 0.01
+    assert true <= 1.5 * bar
 
 
 FEW = [Case("paraboloid", 0.1, 0.3), Case("cone", 1.0, 0.45), Case("flat_punch", 0.5, 0.3, "roller"),
        Case("sphere", 3.0, 0.4999), Case("paraboloid", 0.1, 0.3, shape="strip")]  # fmt: skip
-
-
-@pytest.mark.verify
-@pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize("case", FEW, ids=str)
-def test_no_uniform_mesh_is_much_cheaper(case: Case, target: float, tmp_path: Path) -> None:
-    """Processor time of the whole run, starting Python and the companions apart, against the cheapest uniform
-    `h_contact` of a grid for which it and all finer ones keep the target at every step."""
-    case = replace(case, steps=10)
-    scene = resolve(from_mapping(case.mapping()))
-    assert scene.oracle is not None
-    exact = np.array([solution.force for solution in scene.oracle.curve(scene.deltas) or []])
-    fixed = []
-    for n in (3, 4, 6, 8, 12, 16, 24, 36):
-        mesh = {"h_contact": min(scene.prediction["a"], 2.0) / n}  # the layer's height is 1
-        outcome = run(from_mapping(case.mapping() | {"mesh": mesh}), directory=tmp_path / "fixed")
-        error = np.abs([state.force for state in outcome.states] / exact - 1).max()
-        fixed.append((error, seconds(outcome.report)))
-    good = [cpu for k, (_, cpu) in enumerate(fixed) if all(error <= target for error, _ in fixed[k:])]
-    own = min(seconds(judged(case, target, tmp_path / "accuracy").report) for _ in range(2))
-    cheapest = good[0] if good else float("inf")  # the singular edge of a punch asks for more than all of these
-    print(f"{case}, {target:g}: accuracy {own:.3f} s, cheapest fixed mesh {cheapest:.3f} s")
-    assert START + own <= 2 * (START + cheapest)
 
 
 @pytest.mark.parametrize("case", FEW, ids=str)
