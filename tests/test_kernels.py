@@ -66,6 +66,13 @@ def test_cold_warm_and_half_written(indent_sim):
     assert LINE in mended.stderr and victim.exists()
     assert time.monotonic() - begin < 60
 
+    # what a full disk or a power failure leaves: finished, and cut off
+    for library, length in zip(entries(cache, ".so"), (0, 5000), strict=False):
+        os.truncate(library, length)
+    again = start()
+    assert again.returncode == 0 and LINE in again.stderr, again.stderr
+    assert LINE not in start().stderr
+
 
 def test_an_entry_that_somebody_works_on_is_waited_for(tmp_path, monkeypatch):
     from indent_sim.fe import kernels

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,8 @@ class CondensedContact:
         """
         start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
         unit = self._scene.material.E_star / self._scene.sizes.h_contact
-        first = [unit / epsilon_n, 1.0] if with_multiplier and epsilon_n > unit else [1.0]
+        is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
+        first = [unit / epsilon_n, 1.0] if is_other else [1.0]
         for factors in (first, softer(self.law, self._scene)):
             self.F = start
             if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):

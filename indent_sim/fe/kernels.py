@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import logging
+import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -47,8 +48,13 @@ def compiling() -> Iterator[None]:
 
 
 def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
-    """FFCx's own look-up; an unfinished entry that nobody works on is removed, and compiled anew."""
+    """FFCx's own look-up; an unfinished entry that nobody works on is removed, and compiled anew, and so is one whose
+    library a full disk or a power failure has cut off: to load it would end the process."""
     entry = Path(cache_dir) / f"{module_name}.c"
+    if not all(map(_is_whole, entry.parent.glob(f"{module_name}.*so"))):
+        for suffix in ("*so", ".c.cached", ".c"):
+            for file in entry.parent.glob(f"{module_name}{suffix}"):
+                file.unlink(missing_ok=True)
     while True:
         if _age(entry) > STALE:
             entry.unlink(missing_ok=True)
@@ -75,6 +81,19 @@ def compile_kernels(
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error
+
+
+def _is_whole(library: Path) -> bool:
+    """Whether an ELF library is as long as its header says: its table of sections comes last."""
+    try:
+        with library.open("rb") as file:
+            head, size = file.read(64), file.seek(0, 2)
+    except OSError:
+        return True  # to be told of by who loads it
+    if len(head) < 64:
+        return False
+    table, entry, entries = *struct.unpack_from("Q", head, 0x28), *struct.unpack_from("HH", head, 0x3A)
+    return size >= table + entry * entries
 
 
 @atexit.register

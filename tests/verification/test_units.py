@@ -70,3 +70,15 @@ def test_a_half_space_of_the_same_digits() -> None:
         return force(scene({"shape": "half_space"}, material=material, indenter=tip, loading=path))
 
     assert force_in(foot, psi) / (psi * foot**2) == pytest.approx(force_in(1.0, 1.0), rel=SAME)
+
+
+def test_a_force_of_the_same_iterations() -> None:
+    """`auto` is E*/h_contact but for a rounding, which must not cost an iteration."""
+
+    def spent(length: float, pressure: float) -> list[int]:
+        body = WALLED | {"radius": 2.3 * length, "height": 1.1 * length}
+        tip, path = {"shape": "paraboloid", "R": 0.8 * length}, {"force": 0.01 * pressure * length**2, "steps": 3}
+        states = solve(scene(body, material=ELASTIC | {"E": 3.0 * pressure}, indenter=tip, loading=path))
+        return [state.newton_iterations for state in states]
+
+    assert spent(1.0, 1.0) == spent(3.0, 7.0) == spent(1e25, 1e-25) == spent(1e9, 1e-9)
