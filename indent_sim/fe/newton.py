@@ -13,6 +13,7 @@ from indent_sim.fe import options
 from indent_sim.fe.problem import Problem
 
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
+STIFF = 1e5  # E*/h_contact
 START = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
 CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
@@ -127,7 +128,9 @@ class Newton:
     def _solve_from_softer_contact(self) -> bool:
         """A stiffness that is too much for Newton is within reach from the solution for a tenth of it, and so on."""
         problem, failure = self.problem, self.failure
-        if self.snes.getConvergedReason() != PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT:
+        reason, reasons = self.snes.getConvergedReason(), PETSc.SNES.ConvergedReason
+        is_thrown_out = reason == reasons.DIVERGED_FNORM_NAN and is_stiff(problem.law, problem.scene)
+        if reason != reasons.DIVERGED_MAX_IT and not is_thrown_out:
             return False
         start, solved = problem.x.copy(), False
         for factor in softer(problem.law, problem.scene):
@@ -162,13 +165,18 @@ def stages(law: Any, scene: Any) -> list[float]:
     return [excess ** (k / steps - 1) for k in range(steps)]
 
 
+def is_stiff(law: Any, scene: Any) -> bool:
+    """Whether a first step may throw the body out of all bounds for the stiffness of contact alone."""
+    return getattr(law, "stiffness", 0.0) > STIFF * scene.material.E_star / scene.sizes.h_contact
+
+
 def softer(law: Any, scene: Any) -> list[float]:
     """Factors for the stiffness of a contact law, by decades from a soft contact to its own; none if it has none."""
     stiffness = getattr(law, "stiffness", None)
     if stiffness is None:
         return []
     soft = SOFT * scene.material.E_star / scene.sizes.h_contact
-    decades = max(1, ceil(log10(stiffness / soft)))
+    decades = max(1, ceil(log10(stiffness / soft) - 1e-9))  # a rounding is no decade
     return [10.0**-k for k in range(decades, -1, -1)]
 
 

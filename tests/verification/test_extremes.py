@@ -129,6 +129,14 @@ def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
     assert TOLERANCE < lost <= penalty.prediction["force_error"]
 
 
+def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
+    """1e6 E*/h throws the first step out of all bounds; through softer contact the force is that of `auto`."""
+    sections = {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}, "indenter": {"shape": "sphere", "R": 1.0},
+                "loading": {"delta": 0.1, "steps": 2}}  # fmt: skip
+    stiff = {"method": "augmented_lagrangian", "epsilon_n": 3.208e7}
+    assert abs(force(scene(WIDE, contact=stiff, **sections)) / force(scene(WIDE, **sections)) - 1) < TOLERANCE
+
+
 def test_elements_too_small_for_the_body_are_refused() -> None:
     """gmsh would abort; with a smaller body there is no doubt."""
     needle = {"shape": "cone", "half_angle": 1.0}
