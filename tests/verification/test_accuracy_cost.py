@@ -77,7 +77,7 @@ def compared(own: Spent, runs: Sequence[Spent], target: float) -> Ratios:
 @pytest.mark.verify
 def test_no_settings_by_hand_are_much_cheaper(tmp_path: Path) -> None:
     """All scenes, all targets: at most twice the processor time of the cheapest settings of a grid, start-up included
-    or not. Two of a hundred may be above without it, where hundredths of a second are measured."""
+    or not. The worst without it is 1.7: hundredths of a second are measured."""
     warm_up()
     table: dict[float, list[Ratios]] = {target: [] for target in TARGETS}
     for case in SCENES:
@@ -95,13 +95,13 @@ def test_no_settings_by_hand_are_much_cheaper(tmp_path: Path) -> None:
             print(f"{target:6g}  {name:16}  median {np.median(found):.2f}  worst {max(found):.2f}")
     every = [ratios for rows in table.values() for ratios in rows]
     assert max(ratios["as users wait"] for ratios in every) <= LIMIT
-    assert np.mean([ratios["without start-up"] <= LIMIT for ratios in every]) >= 0.98
+    assert max(ratios["without start-up"] for ratios in every) <= LIMIT
 
 
 @pytest.mark.verify
 def test_nor_in_three_dimensions(tmp_path: Path) -> None:
-    """The quarter of a cube, within 0.1 % at each of ten steps. The first one rules a uniform mesh; to 5 % and 1 % all
-    is over in a second, most of which no setting takes away."""
+    """The quarter of a cube, at each of ten steps, the first of which rules a uniform mesh. Without start-up it is 2.8
+    times within 5 %, a second, in which error bars need more elements than the force does, and 1.9 within 0.1 %."""
     exact = cube_forces()
     sizes = (0.04, 0.03, 0.02, 0.015, 0.0125, 0.01, 0.008, 0.0065)
     runs = [spent(CUBE | {"mesh": {"h_contact": h}}, exact, tmp_path, 1 / h) for h in sizes]
