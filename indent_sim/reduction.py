@@ -145,4 +145,4 @@ def _cuts(wanted: str, symmetric: list[str]) -> list[str]:
 
 
 def _middle(c: float, width: float) -> bool:
-    return isclose(c, width / 2, rel_tol=1e-12)
+    return isclose(c, width / 2, rel_tol=2e-11)  # both are rounded to 12 digits

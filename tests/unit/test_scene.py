@@ -85,3 +85,16 @@ def test_kinematics_and_strain_are_two_choices(kinematics):
 def test_the_half_space_is_refused_without_a_percentage_of_its_own():
     said = " ".join(scene().warnings)
     assert "Hertz, half-space, does not apply" in said and "%" not in said
+
+
+@pytest.mark.parametrize("width", [8.0, 7.974162139218347, 1.2345678912345, 0.70000000000123])
+def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
+    """Lengths are rounded to 12 digits, the tip's place and the body's middle each for itself."""
+    strip = {"shape": "strip", "width": width, "height": 1.1, "sides": "roller"}
+    box = {"shape": "box", "size": [width, width / 3, 1.1]}
+    for body, symmetry in ((strip, "half"), (box, "quarter")):
+        found = resolve(from_mapping({
+            "body": body, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+            "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 1e-3}}))  # fmt: skip
+        assert found.symmetry == symmetry and found.oracle is not None
+        assert found.oracle.exact == (body is strip)
