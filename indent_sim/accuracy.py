@@ -18,7 +18,7 @@ PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # `python -m pytest -m verify tests/verification/test_accuracy.py -s` prints it for every scene
 CONSTANT = {(2, 2): 0.45, (2, 1): 1.3, (3, 2): 0.33, (3, 1): 1.0}
 RATE = {2: 2.5, 1: 1.7}
-BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
+BLUNT = 2.5  # with fewer elements than this the error grows no more as n^-RATE
 FEWEST = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: two meshes much coarser say nothing
 MOST = 1000.0
 GROWTH = {(2, 2): 1.0, (2, 1): 0.8, (3, 2): 0.6, (3, 1): 0.7}  # grading times n^EASING

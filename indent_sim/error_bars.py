@@ -22,7 +22,7 @@ from indent_sim.scene import Scene
 from indent_sim.state import State
 
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
-SAFETY = 2.2
+SAFETY = 2.5
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it

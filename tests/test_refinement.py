@@ -117,6 +117,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     """Its companions are the attempts before, whatever the process that computed them. Five rows an attempt, three
     attempts; forces agree to 1e-12 or so, hence their differences to 1e-6."""
     monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setattr("indent_sim.refinement.GREATEST", 1.3)  # in small steps
     told: list[int] = []
 
     def stop(state: Any, step: int, total: int) -> None:
@@ -197,7 +198,7 @@ def test_a_step_without_force_to_speak_of_is_said_not_to_be_judged(tmp_path: Pat
 def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monkeypatch: Any) -> None:
     import time
 
-    load = run._backend
+    load = run.backend
     loaded: list[float] = []
 
     def slow() -> Any:
@@ -206,7 +207,7 @@ def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monk
             loaded.append(time.perf_counter())
         return load()
 
-    monkeypatch.setattr(run, "_backend", slow)
+    monkeypatch.setattr(run, "backend", slow)
     timings = simulate(tmp_path / "run", error_bars=True).report["timings"]
     assert timings["imports"] >= 0.5
 

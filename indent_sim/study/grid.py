@@ -72,7 +72,7 @@ def _zipped(wanted: Any, values: Mapping[str, Any], keys: Keys, source: Source) 
     """The keys that go together, in the order of the block."""
     if isinstance(wanted, bool):
         together = list(values) if wanted else []
-    elif isinstance(wanted, list) and all(key in values for key in wanted):
+    elif isinstance(wanted, list) and all(key in list(values) for key in wanted):  # whatever they are
         together = [key for key in values if key in wanted]
     else:
         raise _error(keys, source, "must be true, or a list of keys varied here", f"these are {', '.join(values)}")

@@ -188,6 +188,7 @@ MALFORMED = [
     ("base: scene.yaml\nvary: {k: {from: 0, to: 1}}\n", 2, "vary.k.count", "whole number"),
     ("base: scene.yaml\nvary: {zip: true, a: [1], b: [1, 2]}\n", 2, "vary.zip", "equally many"),
     ("base: scene.yaml\nvary: {zip: [c], a: [1]}\n", 2, "vary.zip", "varied here"),
+    ("base: scene.yaml\nvary: {zip: [[]], a: [1]}\n", 2, "vary.zip", "varied here"),
     ("base: scene.yaml\nvaryy: {mesh.order: [1]}\n", 2, "varyy", "did you mean 'vary'"),
     ("base: scene.yaml\nmesh: {order: 1}\nvary: {mesh.order: [1]}\n", 2, "mesh", "base scene"),
     ("base: scene.yaml\ncompare_to: Theory\nvary: {mesh.order: [1]}\n", 2, "compare_to", "neither theory nor"),
