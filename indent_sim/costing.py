@@ -64,7 +64,7 @@ def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[fl
     dim = len(extent)
     cells = _cells(sizes, extent, center, is_round)
     dofs = cells * (NODES[dim, sizes.order] * dim + (VERTICES[dim] if work.mixed else 0.0))
-    memory = PROCESS + (6e3 * dofs if dim == 2 else 650.0 * dofs ** (4 / 3))
+    memory = PROCESS + (6e3 * dofs if dim == 2 else 900.0 * dofs**1.25)
     if work.method == "condensed":
         n = candidates(sizes, extent, center)
         memory += DENSE * n**2
@@ -101,8 +101,8 @@ def candidates(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tu
 
 def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
     """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
-    body = 1e-5 * dofs if dim == 2 else 3e-9 * dofs**2 + 4e-9 * n * dofs ** (4 / 3)
-    return body + work.iterations * (3e-4 + 1.5e-10 * n**3)
+    body = 1e-5 * dofs if dim == 2 else 1.5e-5 * dofs + 1.5e-9 * dofs**2 + 2.5e-9 * n * dofs ** (4 / 3)
+    return body + work.iterations * (3e-4 + 3e-11 * n**3)
 
 
 def _newton(dim: int, dofs: float, work: Work) -> float:

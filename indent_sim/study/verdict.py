@@ -36,5 +36,7 @@ def counts(rows: Sequence[Mapping[str, Any]]) -> dict[str, int]:
 
 
 def impossible(rows: Sequence[Mapping[str, Any]]) -> int:
-    """How many rows were refused as scenes that cannot be, before anything was run."""
-    return sum(row["verdict"] == "refused" and row["exit_code"] == 3 for row in rows)
+    """How many rows were refused as scenes that cannot be, before anything was run; a contact method's own limit is
+    none of them."""
+    refused = [row["reason"] for row in rows if row["verdict"] == "refused" and row["exit_code"] == 3]
+    return sum("contact." not in reason.partition(": ")[2].partition(": ")[0] for reason in refused)

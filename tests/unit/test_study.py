@@ -560,6 +560,8 @@ vary:
         assert abs(soft["force_error_vs"]) <= soft["stated_error"] and "too low" in soft["warnings"]
         assert refused["exit_code"] == 3 and "nitsche gives wrong forces" in refused["reason"]
         assert done.recommendations == ["1 right, 1 flagged, 1 refused, 0 wrong"]
+        beyond = refused | {"reason": "scene.yaml:12: loading: depth 2 is beyond the body's thickness 1"}
+        assert verdict.impossible(done.rows) == 0 and verdict.impossible([*done.rows, beyond]) == 1
         assert [row["verdict"] for row in rows_of(done.directory)] == ["right", "flagged", "refused"]
 
     def test_without_one_a_point_that_cannot_be_is_an_error(self, written):
