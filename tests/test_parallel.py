@@ -136,7 +136,7 @@ def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.verify)])
 def test_same_curves_on_several_ranks(ranks: int, mpirun: Mpirun) -> None:
     together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(SCENES)))
     for name in SCENES:

@@ -110,7 +110,11 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
     assert len(resumed.report["error_budget"]) == 5
 
 
-@pytest.mark.parametrize(("contact", "rows"), [({}, 8), ({"method": "penalty"}, 13)], ids=["second", "third, penalty"])
+@pytest.mark.parametrize(
+    ("contact", "rows"),
+    [pytest.param({}, 8, id="second"),
+     pytest.param({"method": "penalty"}, 13, id="third, penalty", marks=pytest.mark.verify)],
+)  # fmt: skip
 def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     tmp_path: Path, monkeypatch: Any, contact: dict[str, Any], rows: int
 ) -> None:
