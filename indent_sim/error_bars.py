@@ -22,7 +22,7 @@ from indent_sim.scene import Scene
 from indent_sim.state import State
 
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
-SAFETY = {2: 2.5, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
+SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
@@ -128,7 +128,7 @@ class ErrorBars:
     def _discretisation(self, state: State) -> float:
         """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts."""
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
-        errors = [fading(self._elements(state.a) / ratio, self._dim, self._sizes.order) for ratio in ratios]
+        errors = [fading(self._elements(state.a) / ratio, self._sizes.order) for ratio in ratios]
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
