@@ -22,7 +22,7 @@ from indent_sim.scene import Scene
 from indent_sim.state import State
 
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
-SAFETY = 2.5
+SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
@@ -107,6 +107,7 @@ class ErrorBars:
         self.companions = companions
         self._truncation = scene.prediction.get("truncation_error", 0.0)
         self._sizes, self._length = scene.sizes, scene.scales.length
+        self._dim = scene.kinematics.dim
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
         beside = companions[0].scene or scene
@@ -131,7 +132,7 @@ class ErrorBars:
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
-            said += [SAFETY / share * difference for difference in _differences(fine, coarse, state)]
+            said += [SAFETY[self._dim] / share * difference for difference in _differences(fine, coarse, state)]
         return float("nan") if any(map(isnan, said)) else max(said)
 
     def _elements(self, a: float) -> float:
