@@ -13,6 +13,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,8 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
     """FFCx's own look-up; an unfinished entry that nobody works on is removed, and compiled anew, and so is one whose
     library a full disk or a power failure has cut off: to load it would end the process."""
     entry = Path(cache_dir) / f"{module_name}.c"
-    if not all(map(_is_whole, entry.parent.glob(f"{module_name}.*so"))):
+    is_finished = entry.with_suffix(".c.cached").exists()  # before that, the linker of another process may be at it
+    if is_finished and not all(_is_whole(entry.with_suffix(ending)) for ending in EXTENSION_SUFFIXES):
         for suffix in ("*so", ".c.cached", ".c"):
             for file in entry.parent.glob(f"{module_name}{suffix}"):
                 file.unlink(missing_ok=True)
