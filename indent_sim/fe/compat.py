@@ -83,11 +83,6 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     return cell_dofs(mesh.geometry.dofmap)
 
 
-def geometry_index_map(mesh: Any) -> Any:
-    """Index map of the geometry nodes."""
-    return mesh.geometry.index_map()
-
-
 def vector(function: Any) -> Any:
     """The PETSc vector behind a Function."""
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector

@@ -8,6 +8,7 @@ lambda ln J, or kappa ln J at the solution), so that nu = 0.5 is legal. Its numb
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -21,16 +22,16 @@ LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 
-class _Law:
+class _Law(ABC):
     """What follows from the small-strain constants E and nu of any law."""
 
     small_strain: ClassVar[bool] = False
     keeps_digits: ClassVar[bool] = False  # of a small strain: written in H, where others need 1 + H
 
     @property
+    @abstractmethod
     def constants(self) -> tuple[float, float]:
         """Small-strain E [pressure] and nu."""
-        raise NotImplementedError  # pragma: no cover
 
     @property
     def E_star(self) -> float:
@@ -135,29 +136,24 @@ class NeoHookean(_TwoConstants):
 
 @dataclass(frozen=True)
 class _Isochoric(_Law):
-    """psi = isochoric(J^-2/3 I1, J^-4/3 I2) + kappa/2 (ln J)^2, with the law's own constants and nu or kappa."""
+    """psi = isochoric(J^-2/3 C) + kappa/2 (ln J)^2, with the law's own constants and nu or kappa."""
 
     nu: PoissonRatio | None = None
     kappa: Modulus | None = None
     formulation: Formulation = "auto"
 
     @property
+    @abstractmethod
     def small_strain_mu(self) -> Any:
         """Shear modulus at small strain [pressure]."""
-        raise NotImplementedError  # pragma: no cover
 
+    @abstractmethod
     def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
         """Isochoric energy [pressure] of mean = tr C/3, square = dev C : dev C/6 and cube = det dev C, det C = 1."""
-        return self.energy_of_invariants(3 * mean, 3 * (mean * mean - square))
 
-    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
-        """Isochoric energy [pressure] of the modified invariants."""
-        raise NotImplementedError  # pragma: no cover
-
+    @abstractmethod
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
         """Isochoric energy [pressure] of principal stretches whose product is one (floats or arrays)."""
-        a, b, c = l1 * l1, l2 * l2, l3 * l3
-        return self.energy_of_invariants(a + b + c, a * b + b * c + c * a)
 
     def canonical(self) -> Any:
         """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
@@ -208,7 +204,25 @@ class _Isochoric(_Law):
 
 
 @dataclass(frozen=True)
-class MooneyRivlin(_Isochoric):
+class _OfInvariants(_Isochoric):
+    """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
+
+    @abstractmethod
+    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
+        """Isochoric energy [pressure] of the modified invariants."""
+
+    def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
+        """As `_Isochoric`: I1 = 3 mean, I2 = 3 (mean^2 - square)."""
+        return self.energy_of_invariants(3 * mean, 3 * (mean * mean - square))
+
+    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+        """As `_Isochoric`: I1 and I2 are sums of the squares and of their products."""
+        a, b, c = l1 * l1, l2 * l2, l3 * l3
+        return self.energy_of_invariants(a + b + c, a * b + b * c + c * a)
+
+
+@dataclass(frozen=True)
+class MooneyRivlin(_OfInvariants):
     """C10 (I1 - 3) + C01 (I2 - 3)."""
 
     C10: AnyModulus = 0.0
@@ -226,7 +240,7 @@ class MooneyRivlin(_Isochoric):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Yeoh(_Isochoric):
+class Yeoh(_OfInvariants):
     """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
 
     C10: Modulus
@@ -278,7 +292,7 @@ class Ogden(_Isochoric):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gent(_Isochoric):
+class Gent(_OfInvariants):
     """-mu Jm/2 ln(1 - (I1 - 3)/Jm): stiffens without bound as I1 - 3 comes to Jm."""
 
     mu: Modulus
@@ -300,7 +314,7 @@ ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArrudaBoyce(_Isochoric):
+class ArrudaBoyce(_OfInvariants):
     """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), c = 1/2, 1/20, 11/1050, 19/7000, 519/673750."""
 
     mu: Modulus
