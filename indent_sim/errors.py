@@ -2,7 +2,22 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
+
+
+def printable(text: str, line_breaks: bool = False) -> str:
+    """Text of a stranger as a terminal or a picture may show it, on one line unless line breaks are kept.
+
+    Characters that control a terminal or turn the direction of text become their escapes, as \\x1b.
+    """
+    if not line_breaks:
+        text = " ".join(text.split()) if any(sign in text for sign in "\n\r\t\v\f\x85\u2028\u2029") else text
+    return "".join(sign if _is_harmless(sign) else sign.encode("unicode_escape").decode() for sign in text)
+
+
+def _is_harmless(sign: str) -> bool:
+    return sign in "\n\t\u200c\u200d" or unicodedata.category(sign) not in ("Cc", "Cf", "Cs")
 
 
 class IndentSimError(Exception):
@@ -37,7 +52,7 @@ class ConfigError(IndentSimError):
         message = f"{self.key}: {self.problem}" if self.key else self.problem
         if self.remedy:
             message += f"; {self.remedy}"
-        return f"{place}: {message}" if place else message
+        return printable(f"{place}: {message}" if place else message)
 
     def __reduce__(self):
         return ConfigError, (self.key, self.problem, self.remedy, self.file, self.line)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from indent_sim.errors import UsageError
+from indent_sim.errors import UsageError, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,6 +31,7 @@ FORMATS = (".png", ".svg", ".pdf")
 MANY = 40  # points from which a line carries no markers
 PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
 LETTERS = 9.0  # of a title to the inch
+SUBTITLE, LABEL = 200, 120  # most letters
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 SI = ("m", "N", "Pa", "N/m")
@@ -53,6 +54,7 @@ STYLE: dict[str, Any] = {
     "lines.linewidth": 1.6,
     "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-3, 4),
+    "text.usetex": False,  # titles are text, and LaTeX is a program
     "svg.hashsalt": "indent-sim",  # the same results give the same file
 }
 
@@ -68,11 +70,19 @@ class Axis:
     @property
     def label(self) -> str:
         """The text along the axis."""
-        return f"{self.name} [{self.unit}]" if self.unit else self.name
+        return f"{self.name} [{in_picture(self.unit)}]" if self.unit else self.name
 
     def __call__(self, values: Any) -> np.ndarray:
         """Values as they are shown."""
         return np.asarray(values, dtype=float) * self.factor
+
+
+def in_picture(text: str, most: int = 60) -> str:
+    """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no formula."""
+    text = printable(text)
+    text = text if len(text) <= most else f"{text[: most - 1]}…"
+    text = text.replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text  # what begins with _ is left out of a legend
 
 
 def plot_run(folder: Path | str) -> Path:
@@ -134,7 +144,7 @@ def canvas(size: tuple[float, float] = (9.2, 4.8)) -> Iterator[Figure]:
 
 def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
     depth, force = _axis("delta", runs), _axis("force", runs)
-    names = _names(runs) if len(runs) > 1 else ["this run"]
+    names = [in_picture(name) for name in _names(runs)] if len(runs) > 1 else ["this run"]
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         x, y = depth(run["delta"]), force(run["force"])
         _curve(axes, x, y, i, name)
@@ -151,7 +161,7 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         axes.plot(x, y, **THEORY, label=_theory_label(theory))
     closed = (theory or {}).get("half_space")
     if theory and closed:
-        label = f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}"
+        label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
         at = theory | closed  # the formula's force at the run's depth, or its depth at the run's force
         axes.plot(depth([at["delta"]]), force([at["force"]]), **_hollow("D", GREY), label=label)
     _name_axes(axes, depth.label, force.label)
@@ -284,10 +294,9 @@ def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], t
 def head(figure: Figure, title: str, subtitle: str) -> None:
     """Title, as far as it fits, and subtitle above the panels."""
     height, fits = figure.get_figheight(), int(LETTERS * figure.get_figwidth())  # inches
-    title = title if len(title) <= fits else f"{title[: fits - 1]}…"
     figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.64 / height))  # type: ignore[union-attr, call-arg]
-    figure.text(0.01, 1 - 0.12 / height, title, ha="left", va="top", fontsize=13, fontweight="bold")
-    figure.text(0.01, 1 - 0.46 / height, subtitle, ha="left", va="top", color=GREY, fontsize=9)
+    figure.text(0.01, 1 - 0.12 / height, in_picture(title, fits), ha="left", va="top", fontsize=13, fontweight="bold")
+    figure.text(0.01, 1 - 0.46 / height, in_picture(subtitle, SUBTITLE), ha="left", va="top", color=GREY, fontsize=9)
 
 
 def save(figure: Figure, path: Path | str) -> None:
@@ -341,7 +350,7 @@ def _theory_label(theory: Mapping[str, Any]) -> str:
     beside = "" if deviation is None else f", this run {deviation:+.2%}"
     if "delta_deviation" in theory:
         beside = f", depth of this run {theory['delta_deviation']:+.2%}"
-    return f"{theory.get('name', 'theory')}{beside}"
+    return in_picture(f"{theory.get('name', 'theory')}{beside}", LABEL)
 
 
 def _against_run(deviation: float | None) -> str:
@@ -360,7 +369,7 @@ def _is_plane_strain(results: Results) -> bool:
 def _depth_text(results: Results, step: float) -> str:
     delta = results["delta"][results["step"] == step]
     depth = _axis("delta", [results])
-    return f"{depth(delta[0]):.4g} {depth.unit}".strip() if len(delta) else "?"
+    return f"{depth(delta[0]):.4g} {in_picture(depth.unit)}".strip() if len(delta) else "?"
 
 
 def _axis(column: str, runs: Sequence[Results]) -> Axis:

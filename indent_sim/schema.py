@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
-from indent_sim import magnitudes
+from indent_sim import magnitudes, petsc_options
 from indent_sim.errors import ConfigError, ConfigErrors
 from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
@@ -53,7 +53,7 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How the equations are solved; `petsc` options are passed through."""
+    """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
 
     method: Literal["auto", "newton", "condensed"] = "auto"
     rtol: Annotated[float, Gt(0), Le(1e-3)] = 1e-9
@@ -118,7 +118,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_constants, _path, _axis, _tip, _sizes)
+        checks = (_constants, _path, _axis, _tip, _sizes, _petsc)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -184,6 +184,10 @@ def _sizes(config: Config) -> list[ConfigError]:
              if getattr(config.mesh, name) not in (None, "auto")]  # fmt: skip
     return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
             for name in given]  # fmt: skip
+
+
+def _petsc(config: Config) -> list[ConfigError]:
+    return list(petsc_options.refused(config.solver.petsc))
 
 
 @cache

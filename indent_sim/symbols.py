@@ -154,7 +154,7 @@ SOLVER = (
     Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
     Symbol("rtol", "", "relative residual at which a step counts as converged", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
-    Symbol("petsc", "", "options handed to PETSc as they are; one that is not used is an error", WORD),
+    Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
 )
 
 OUTPUT = (

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.errors import printable
+
 if TYPE_CHECKING:
     from indent_sim.results import Comparison
     from indent_sim.run import Outcome
@@ -69,13 +71,15 @@ def conclusion(outcome: Outcome) -> list[str]:
 def plan(scene: Scene, width: int = 120) -> str:
     """The plan of a scene: every choice with its reason, and what to expect."""
     from rich.table import Table
+    from rich.text import Text  # rather than words, in which brackets are markup
 
-    choices = Table("what", "choice", "why", title=scene.title or None, title_justify="left", box=None)
+    title = Text(printable(scene.title)) if scene.title else None
+    choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
     for choice in scene.choices:
-        choices.add_row(choice.key, _shown(choice.value), choice.why)
+        choices.add_row(*(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why)))
     expected = Table("expected", "", box=None)
     for name, value in scene.prediction.items():
-        expected.add_row(name.replace("_", " "), _shown(value))
+        expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
     return _rendered(width, choices, "", expected)
 
 
@@ -174,7 +178,7 @@ def _rendered(width: int, *parts: Any) -> str:
     from rich.console import Console
 
     text = io.StringIO()
-    console = Console(file=text, width=width, force_terminal=sys.stdout.isatty(), highlight=False)
+    console = Console(file=text, width=width, force_terminal=sys.stdout.isatty(), highlight=False, emoji=False)
     for part in parts:
         console.print(part)
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip().splitlines())

@@ -36,7 +36,8 @@ ROOMS: dict[str, set[str]] = {
     "yaml_strict": set(),
     "hints": set(),
     "magnitudes": {"model"},
-    "schema": {"hints", "magnitudes", "model", "yaml_strict"},
+    "petsc_options": set(),
+    "schema": {"hints", "magnitudes", "model", "petsc_options", "yaml_strict"},
     "config_errors": {"hints", "schema", "yaml_strict"},
     "config": {"config_errors", "hints", "model", "schema", "yaml_strict"},
     # the chain
@@ -75,7 +76,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "study": {"", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "yaml_strict"},
     # what people see
-    "reference": {"hints", "model", "schema", "symbols"},
+    "reference": {"hints", "model", "petsc_options", "schema", "symbols"},
     "terminal": {"hints", "results", "run", "scene", "schema", "state", "symbols"},
     "doctor": set(),
 }

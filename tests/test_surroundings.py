@@ -167,3 +167,20 @@ def test_two_runs_at_once_into_one_folder(place, plain):
     assert all("in use by another run" in text for text, code in zip(told, codes, strict=True) if code == 2)
     same(read(place / "out"), plain)
     assert os.listdir(ROOT) and {entry.name for entry in place.iterdir()} == {"scene.yaml", "out"}
+
+
+def test_settings_that_lie_beside_a_scene_are_not_read(place, plain):
+    """Whoever sends a folder with a scene could send these too: they would run commands at the first import."""
+    for name in ("petscrc", ".petscrc"):
+        (place / name).write_text("-log_view ascii:x\n-indent_sim_ksp_type python\n")
+    wrapper = json.dumps({"cffi_extra_compile_args": ["-wrapper", "touch,PWNED"], "cache_dir": str(place / "cache")})
+    for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
+        (place / name).write_text(wrapper)
+    for name in ("ffcx_parameters.json", "ffcx_options.json"):
+        (place / name).write_text('{"scalar_type": "float"}')
+    (place / "matplotlibrc").write_text("text.usetex: True\nsavefig.directory: /\nfigure.dpi: 1\n")
+    before = set(os.listdir(place))
+    done = shell(place, "$indent_sim run scene.yaml --output out --set output.plot=true")
+    assert done.returncode == 0, done.stderr
+    same(read(place / "out"), plain)
+    assert set(os.listdir(place)) == before | {"out"}

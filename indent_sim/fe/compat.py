@@ -32,6 +32,20 @@ else:
     ufl.Constant._counter = itertools.count(FIRST_CONSTANT)
 
 
+def read_settings() -> None:
+    """Have dolfinx and FFCx look for their settings files, which each does once."""
+    import dolfinx.jit
+
+    if VERSION >= (0, 7):
+        from ffcx.options import get_options
+
+        dolfinx.jit.get_options(), get_options()
+    else:
+        from ffcx.parameters import get_parameters
+
+        dolfinx.jit.get_parameters(), get_parameters()
+
+
 def lagrange(dim: int, order: int, components: int | None = None) -> Any:
     """Continuous Lagrange element on simplices, scalar or with `components`."""
     if VERSION >= (0, 8):

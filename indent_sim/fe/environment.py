@@ -1,4 +1,5 @@
-"""dolfinx is loaded here, in surroundings that it can bear: it reads the command line and the home folder."""
+"""dolfinx is loaded here, in surroundings that it can bear: it reads the command line, the home folder and, from the
+working directory, settings that could have PETSc or the compiler run a command."""
 
 from __future__ import annotations
 
@@ -8,6 +9,8 @@ import signal
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from indent_sim.errors import BackendError
@@ -22,12 +25,34 @@ def load_dolfinx() -> None:
     ours, sys.argv = sys.argv, ["indent-sim"]  # its logger would take options from ours, and no odd file names
     pipe = signal.getsignal(signal.SIGPIPE)
     try:
-        import dolfinx  # noqa: F401
-        from petsc4py import PETSc  # noqa: F401
+        import petsc4py
+
+        petsc4py.init(["indent-sim", "-skip_petscrc"])
+        with _in_the_root_folder():
+            from indent_sim.fe import compat
+
+            compat.read_settings()
     finally:
         sys.argv = ours
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGPIPE, pipe)  # PETSc would end a run that nobody listens to
+
+
+@contextmanager
+def _in_the_root_folder() -> Iterator[None]:
+    """Nobody's scene came with the settings that stand there."""
+    try:
+        here = os.open(".", os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:  # it was deleted
+        yield
+        return
+    try:
+        os.chdir("/")
+        yield
+    finally:
+        with suppress(OSError):
+            os.fchdir(here)
+        os.close(here)
 
 
 def _settle_folders() -> None:

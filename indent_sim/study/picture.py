@@ -55,7 +55,7 @@ def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
         for linear in (False, True):
             mine = [row for row in rows if (row.get("mesh.order") == 1) == linear]
-            look = _mark(i) | (_hollow(i) if linear else {"label": name or "runs"})
+            look = _mark(i) | (_hollow(i) if linear else {"label": plots.in_picture(name) or "runs"})
             axes.plot([row["cpu_s"] for row in mine], [_error(row) for row in mine], ls="", **look)
     if any(row.get("mesh.order") == 1 for rows in groups.values() for row in rows):
         axes.plot([], [], ls="", **_mark(0) | _hollow(MOST_COLOURS - 1), label="hollow: order 1")
@@ -105,8 +105,8 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
         along = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
         x = [row[key] for row in along]
         is_curve = len(set(x)) == len(x)  # else several curves share the colour
-        axes.plot(x, [_error(row) for row in along], ls="-" if is_curve else "", lw=1.0, **_mark(i), label=name)
-    _log_axes(axes, key, [row[key] for rows in groups.values() for row in rows if row[key] is not None])
+        axes.plot(x, [_error(row) for row in along], ls="-" if is_curve else "", lw=1.0, **_mark(i), label=plots.in_picture(name))
+    _log_axes(axes, plots.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None])
 
 
 def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, keys: Sequence[str]) -> None:
@@ -126,7 +126,7 @@ def _brief(row: Row, keys: Sequence[str]) -> str:
     parts = [f"{_last(key)} {short(row[key])}" if _is_number(row[key]) else short(row[key])
              for key in keys if row[key] is not None]  # fmt: skip
     text = ", ".join(parts)
-    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
+    return plots.in_picture(text, MOST_LETTERS)
 
 
 def _last(key: str) -> str:

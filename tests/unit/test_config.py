@@ -48,7 +48,7 @@ indenter: {shape: cone, half_angle: 70.3, center: [0.1, -0.2]}
 contact: {method: penalty, epsilon_n: 1e4, gap: reference}
 loading: {deltas: [0.1, 0.2, -0.05]}
 mesh: {h_contact: 0.01, order: 1, symmetry: half}
-solver: {petsc: {ksp_type: cg, ksp_rtol: 1e-8, pc_gamg_levels: 3, ksp_view: true}}
+solver: {petsc: {ksp_type: cg, ksp_rtol: 1e-8, pc_mg_levels: 3, ksp_knoll: true}}
 output: {directory: out/on, fields: none, plot: false}
 """
 
@@ -74,7 +74,7 @@ def test_sections_are_the_dataclasses_of_model():
     assert config.center == (0.1, -0.2)
     assert config.contact == Penalty(epsilon_n=1e4, gap="reference")
     assert config.loading == Loading(deltas=(0.1, 0.2, -0.05))
-    assert config.solver.petsc == {"ksp_type": "cg", "ksp_rtol": 1e-8, "pc_gamg_levels": 3, "ksp_view": True}
+    assert config.solver.petsc == {"ksp_type": "cg", "ksp_rtol": 1e-8, "pc_mg_levels": 3, "ksp_knoll": True}
 
 
 def test_contact_without_a_method_is_auto():
