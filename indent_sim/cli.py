@@ -12,14 +12,23 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from indent_sim import __version__
-from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError, VerificationError
+from indent_sim.errors import (
+    BackendError,
+    ConfigError,
+    ConfigErrors,
+    IndentSimError,
+    NotConverged,
+    UsageError,
+    VerificationError,
+    printable,
+)
 from indent_sim.stopping import check, stoppable
 
 if TYPE_CHECKING:
@@ -32,6 +41,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more
 RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")  # how many, as mpirun tells them
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
+AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
+DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
 
 
@@ -45,11 +56,23 @@ class Program(click.Group):
         _open_closed_streams()
         return super().main(*args, **options)
 
+    def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
+        """Read the words before the command."""
+        as_json = "--json" in (args[: args.index("--")] if "--" in args else args)
+        try:
+            ctx = super().make_context(info_name, args, *rest, **extra)
+        except click.ClickException as error:
+            refuse(error, as_json)
+        ctx.meta[AS_JSON] = as_json
+        return ctx
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; expected failures speak for themselves, others leave a traceback."""
         try:
             return super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
+        except click.ClickException as error:
+            refuse(error, ctx.meta[AS_JSON])
+        except (click.exceptions.Exit, click.Abort):
             raise
         except (Exception, KeyboardInterrupt) as error:
             ctx.exit(explain(error))
@@ -65,16 +88,50 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
+def refuse(error: click.ClickException, as_json: bool) -> NoReturn:
+    """End as click does after a word or option that is none, with a JSON object where one was asked for."""
+    if as_json:
+        say_failure(error, error.exit_code, UsageError.__name__)
+    error.show()
+    raise click.exceptions.Exit(error.exit_code) from error
+
+
 def explain(error: BaseException) -> int:
-    """Say on stderr why the program ends; returns the exit code."""
+    """Say why the program ends, on stderr and, where --json was given, in an object on stdout; returns the exit code."""
+    code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
     if isinstance(error, KeyboardInterrupt):
         tell(str(error) or "interrupted")
-        return int(getattr(error, "exit_code", 130))
-    if isinstance(error, IndentSimError):
+    elif isinstance(error, IndentSimError):
         tell(str(error) if isinstance(error, ConfigError) else f"error: {error}")
-        return error.exit_code
-    tell("".join(traceback.format_exception(error)) + BUG)
-    return 1
+    else:
+        tell("".join(traceback.format_exception(error)) + BUG)
+    ctx = click.get_current_context(silent=True)
+    if ctx is not None and ctx.meta.get(AS_JSON):
+        say_failure(error, code, type(error).__name__)
+    return int(code)
+
+
+def say_failure(error: BaseException, code: int, kind: str) -> None:
+    """The JSON object of a command that failed; what it found before (`beside`) stands in it too."""
+    from indent_sim.results import to_json
+
+    status = "interrupted" if code > 128 else "failed"
+    found = {"status": status, "exit_code": code, "error": described(error, kind), **getattr(error, "beside", {})}
+    if isinstance(error, ConfigErrors):
+        found["errors"] = [described(one, kind) for one in error.errors]
+    with suppress(NotConverged):  # a full disk: the exit code tells
+        say(to_json(found))
+
+
+def described(error: BaseException, kind: str) -> dict[str, Any]:
+    """An error as JSON: type, message, and for a config error where it is and what would be right."""
+    message = error.format_message() if isinstance(error, click.ClickException) else str(error)
+    place = {name: getattr(error, name, None) or None for name in ("file", "line", "key", "remedy")}
+    if isinstance(error, ConfigError):
+        message = printable(error.problem)
+    else:
+        place = dict.fromkeys(place)
+    return {"type": kind.removesuffix("s") if kind == "ConfigErrors" else kind, "message": message, **place}
 
 
 def say(text: str) -> None:
@@ -89,9 +146,12 @@ def say(text: str) -> None:
 
 
 def tell(text: str) -> None:
-    """Print to stderr; that nobody listens any more, or that it fills a disk, is no error."""
+    """Print to stderr; that nobody listens any more, or that it fills a disk, is no error.
+
+    File names and titles are in it: what would control the terminal is shown, not sent.
+    """
     try:
-        click.echo(text, err=True)
+        click.echo(printable(text, line_breaks=True), err=True)
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
@@ -159,7 +219,7 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
 
     with _quiet_libraries(True), stoppable():
         done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
-    say(to_json(studies.as_json(done)) if as_json else str(done.directory))
+    say(to_json(DONE | studies.as_json(done)) if as_json else str(done.directory))
     for line in (*done.notes, *done.recommendations):
         tell(line)
     if done.failures:
@@ -177,7 +237,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
         from indent_sim.results import to_json
 
         parts = ("title", "units", "choices", "prediction", "warnings")
-        say(to_json({name: getattr(scene, name) for name in parts}))
+        say(to_json(DONE | {name: getattr(scene, name) for name in parts}))
         return
     from indent_sim import terminal
 
@@ -244,9 +304,15 @@ def doctor(as_json: bool) -> None:
     from indent_sim.results import to_json
 
     checks = health.examine()
-    say(to_json({"checks": checks}) if as_json else "\n".join(map(str, checks)))
-    if broken := [check.name for check in checks if check.verdict == "broken"]:
-        raise BackendError(f"missing or broken: {', '.join(broken)}")
+    broken = [check.name for check in checks if check.verdict == "broken"]
+    if not as_json:
+        say("\n".join(map(str, checks)))
+    elif not broken:
+        say(to_json(DONE | {"checks": checks}))
+    if broken:
+        error = BackendError(f"missing or broken: {', '.join(broken)}")
+        error.beside = {"checks": checks}
+        raise error
 
 
 def main() -> None:
@@ -371,7 +437,7 @@ def _conclude(outcome: Outcome, as_json: bool) -> None:
 
     if as_json:
         rows = rows_of(outcome.states)
-        say(to_json({"directory": outcome.directory, "rows": rows, "report": outcome.report}))
+        say(to_json(DONE | {"directory": outcome.directory, "rows": rows, "report": outcome.report}))
     else:
         say(str(outcome.directory))
     for line in terminal.conclusion(outcome):
