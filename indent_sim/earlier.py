@@ -6,15 +6,19 @@ does not count.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from indent_sim.errors import ConfigError, UsageError
-from indent_sim.folder import CONFIG, REPORT, TABLE, read_report
+from indent_sim.folder import CONFIG, REPORT, TABLE, content, refuse_links
+from indent_sim.reader import checked_report
 from indent_sim.state import COLUMNS, State
 from indent_sim.tables import state_of
 
+SAME_DEPTH = 1e-9  # relative
 OF_THE_WRITER = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
 
@@ -25,6 +29,14 @@ class Earlier:
     states: tuple[State, ...]
     size: int
     report: dict[str, Any]
+
+    def check(self, deltas: Sequence[float] | None, steps: int, folder: Path) -> None:
+        """UsageError when these are not rows of a path of so many steps, to these depths where they are prescribed."""
+        if len(self.states) > steps:
+            raise UsageError(f"{folder / TABLE} has {len(self.states)} rows, the scene {steps} steps: it is damaged")
+        for state, delta in zip(self.states, deltas or (), strict=False):
+            if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH, abs_tol=0):
+                raise UsageError(f"{folder / TABLE}: row {state.step} is not at the scene's depth: it is damaged")
 
     def finished(self, steps: int) -> bool:
         """Whether that run came to its end."""
@@ -47,11 +59,12 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
 
     Raises ConfigError when it holds a run of another config, UsageError when its rows cannot be understood.
     """
-    report = read_report(folder)
+    report = checked_report(folder)
     if not report:
         return None
     try:
-        _refuse_other(folder, (folder / CONFIG).read_text(encoding="utf-8"), config_yaml)
+        refuse_links(folder)
+        _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml)
         return Earlier(*_rows(folder / TABLE), report)
     except (FileNotFoundError, UnicodeDecodeError) as error:
         raise UsageError(f"{folder} has {REPORT} but not all that belongs to it: {error}") from error
@@ -63,7 +76,7 @@ def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
     if theirs == ours:
         return
     there, here = ([line.strip() for line in text.splitlines()] for text in (theirs, ours))
-    news = [f"'{line}' {where}" for where, one, other in (("there", there, here), ("here", here, there))
+    news = [f"'{line[:80]}' {where}" for where, one, other in (("there", there, here), ("here", here, there))
             for line in [line for line in one if line not in other][:1]]  # fmt: skip
     raise ConfigError(
         "",
@@ -73,7 +86,7 @@ def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
 
 
 def _rows(path: Path) -> tuple[tuple[State, ...], int]:
-    lines = path.read_bytes().split(b"\n")[:-1]  # what has no newline was torn
+    lines = content(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
         return (), 0
     names = tuple(lines[0].decode().split(","))

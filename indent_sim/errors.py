@@ -5,7 +5,8 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from types import MappingProxyType
+from typing import Any
 
 
 def printable(text: str, line_breaks: bool = False) -> str:
@@ -26,7 +27,7 @@ class IndentSimError(Exception):
     """Base of all expected failures; `exit_code` is what the shell sees."""
 
     exit_code = 1
-    beside: ClassVar[Mapping[str, Any]] = {}  # what the command found all the same, for its JSON object
+    beside: Mapping[str, Any] = MappingProxyType({})  # what the command found all the same, for its JSON object
 
 
 class UsageError(IndentSimError):

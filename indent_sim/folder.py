@@ -3,6 +3,9 @@
 A run writes into a hidden staging folder beside its target and becomes the target by renaming, so that
 readers see the old folder or the new one, never half of one. `.lock` inside the folder is held while the run
 lives (the kernel lets go of it when the run is killed) and moves with the rename.
+
+A folder is this program's when its run.json or its `.lock` says so; whatever says nothing of the kind is never moved,
+written or deleted, wherever it stands and whatever it is called. Links are not followed when writing.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import json
 import os
 import shutil
 import signal
+import stat
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -26,6 +30,8 @@ LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
 REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
 FILES = {REPORT, TABLE, CONFIG, "surface.csv", "fields.xdmf", "fields.h5", "force_indentation.png", "checkpoint.h5"}
+MARK = b"indent-sim\n"  # how a lock begins that this program made
+MOST_BYTES = 10**9  # of a file that is read back
 BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
 
 
@@ -52,7 +58,8 @@ def write_atomically(path: Path, content: str | bytes, sync: bool = True) -> Non
     data = content.encode() if isinstance(content, str) else content
     temporary = _temporary(path)
     try:
-        with open(temporary, "wb") as file:
+        temporary.unlink(missing_ok=True)  # of a write that was killed, or a link to somewhere else
+        with open(temporary, "xb") as file:
             file.write(data)
             file.flush()
             if sync:
@@ -70,7 +77,7 @@ def _temporary(path: Path) -> Path:
 
 def append_whole(path: Path, data: bytes, sync: bool = True) -> None:
     """Append in one write, or not at all: what a full disk cut off is taken back."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         size = os.fstat(descriptor).st_size
         try:
@@ -85,19 +92,57 @@ def append_whole(path: Path, data: bytes, sync: bool = True) -> None:
         os.close(descriptor)
 
 
+def content(path: Path) -> bytes:
+    """The bytes of a regular file; OSError when it is something else, which might never end, or longer than 1 GB."""
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "not a regular file", str(path))
+        data = file.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
+    return data
+
+
 def read_report(folder: Path) -> dict[str, Any]:
-    """The run.json of a folder; empty when there is none or it is not this program's."""
+    """The run.json of a folder as it stands; empty when there is none or it is not this program's."""
     try:
-        report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        report = json.loads(content(folder / REPORT))
+    except (OSError, ValueError, RecursionError):
         return {}
     return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
+
+
+def is_ours(folder: Path) -> bool:
+    """Whether this program made a folder: its lock or its run.json says so."""
+    return folder.is_dir() and not folder.is_symlink() and (_is_marked(folder / LOCK) or bool(read_report(folder)))
+
+
+def discard(folder: Path) -> None:
+    """Delete this program's files in a folder of its own, what says so last; the folder too when nothing is left."""
+    for name in (".staging", ".old"):
+        if is_ours(folder / name):
+            discard(folder / name)
+    names = sorted(FILES, key=lambda name: name == REPORT)
+    for path in [folder / name for name in names] + [_temporary(folder / name) for name in names] + [folder / LOCK]:
+        if path.is_symlink() or path.is_file():
+            path.unlink()
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def refuse_links(folder: Path) -> None:
+    """UsageError when one of the files that a run would go on writing is a link, or no file: it may be anything."""
+    for path in [folder / name for name in sorted(FILES | {LOCK})]:
+        with suppress(FileNotFoundError):
+            found = path.lstat()
+            if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
+                raise UsageError(f"{path} is a link, or no file: nothing is written through it")
 
 
 def has_rows(folder: Path) -> bool:
     """Whether the folder's force table holds at least one complete row."""
     try:
-        return (folder / TABLE).read_bytes().count(b"\n") > 1
+        return content(folder / TABLE).count(b"\n") > 1
     except OSError:
         return False
 
@@ -114,6 +159,7 @@ class Claim:
         self.published = False
         try:
             self._choose_places(target)
+            self._refuse_in_the_way()
             self._refuse()
             self._make_parents(self.target.parent)
             self._stage()
@@ -135,11 +181,12 @@ class Claim:
 
     def adopt(self) -> None:
         """Go on in the target itself, with the run that is there, in place of a staging folder."""
+        refuse_links(self.target)
         try:
             descriptor = _lock(self.target / LOCK)
             if descriptor is None:
                 raise UsageError(f"{self.target} is in use by another run")
-            os.pwrite(descriptor, bytes(BALLAST), 0)
+            _mark(descriptor)
             for name in FILES:  # of a write that was killed
                 _temporary(self.target / name).unlink(missing_ok=True)
         except OSError as error:
@@ -152,7 +199,6 @@ class Claim:
     def publish(self) -> None:
         """Give the staging folder its target's name; an old folder goes, but files that are not ours stay."""
         self._refuse()
-        shutil.rmtree(self._old, ignore_errors=True)
         if self._old.parent != self.target and not _is_working_directory(self.target):
             try:
                 self._rename_folder()
@@ -189,7 +235,7 @@ class Claim:
         """Free the lock file's bytes on a full disk."""
         if self._lock >= 0:
             with suppress(OSError):
-                os.ftruncate(self._lock, 0)
+                os.ftruncate(self._lock, len(MARK))
 
     def _make_parents(self, folder: Path) -> None:
         missing = []
@@ -221,7 +267,13 @@ class Claim:
         for entry in self.path.iterdir():  # of a killed run
             if entry.name != LOCK:
                 _delete(entry)
-        os.pwrite(descriptor, bytes(BALLAST), 0)
+        _mark(descriptor)
+
+    def _refuse_in_the_way(self) -> None:
+        """Nobody else's folder is used, whatever it is called."""
+        for path in (self.path, self._old):
+            if os.path.lexists(path) and not (is_ours(path) or (path == self.path and _is_unused(path))):
+                raise UsageError(f"{path} is in the way and was not made by {PROGRAM}; choose another --output")
 
     def _refuse(self) -> None:
         if not self._old.is_dir():  # else a run was killed while it took the place of an old one
@@ -236,13 +288,18 @@ class Claim:
             self._delete_old()
         elif not self.target.exists():
             os.rename(self._old, self.target)
+        elif not _is_marked(self._old / LOCK):  # it was renamed whole: what stands there now came later
+            _refuse_foreign(self.target)
+            self.target.rmdir()
+            os.rename(self._old, self.target)
         else:
             if not (self._old / REPORT).exists():  # the target was empty before
                 for name in FILES:
                     (self.target / name).unlink(missing_ok=True)
             for entry in self._old.iterdir():
-                os.replace(entry, self.target / entry.name)
-            self._old.rmdir()
+                if entry.name != LOCK:
+                    os.replace(entry, self.target / entry.name)
+            discard(self._old)
 
     def _rename_folder(self) -> None:
         if self.target.is_dir() and any(self.target.iterdir()):
@@ -250,7 +307,10 @@ class Claim:
         os.rename(self.path, self.target)
 
     def _rename_entries(self) -> None:
-        self._old.mkdir()
+        begun = self.path / ".old"  # that it is ours must be said before it has its name
+        begun.mkdir()
+        (begun / LOCK).write_bytes(MARK)
+        os.rename(begun, self._old)
         for entry in sorted(self.target.iterdir(), key=lambda entry: entry.name != REPORT):
             if entry.name not in HIDDEN:
                 shutil.move(entry, self._old / entry.name)
@@ -262,9 +322,9 @@ class Claim:
         if not self._old.is_dir():
             return
         for entry in self._old.iterdir():
-            if entry.name not in FILES | HIDDEN and not (self.target / entry.name).exists():
+            if entry.name not in FILES | HIDDEN and not os.path.lexists(self.target / entry.name):
                 shutil.move(entry, self.target / entry.name)
-        shutil.rmtree(self._old, ignore_errors=True)
+        discard(self._old)
 
 
 def _real(target: Path) -> Path:
@@ -274,8 +334,30 @@ def _real(target: Path) -> Path:
 
 
 def _refuse_foreign(target: Path) -> None:
-    if contents(target, HIDDEN) and not read_report(target):
+    hidden = {name for name in HIDDEN if is_ours(target / name) or _is_marked(target / name)}
+    if contents(target, hidden) and not read_report(target) and not _is_unused(target):
         raise UsageError(f"{target} is not empty and was not made by {PROGRAM}; choose another --output")
+
+
+def _is_unused(folder: Path) -> bool:
+    """Whether a folder holds at most a lock in which nothing is written yet, as a run killed right then leaves it."""
+    names = contents(folder, ()) if not folder.is_symlink() else {""}
+    return not names or (names == {LOCK} and (folder / LOCK).is_file() and (folder / LOCK).stat().st_size == 0)
+
+
+def _is_marked(lock: Path) -> bool:
+    """Whether a lock was made by this program."""
+    try:
+        found = lock.lstat()
+        with open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+            return stat.S_ISREG(found.st_mode) and file.read(len(MARK)) == MARK
+    except OSError:
+        return False
+
+
+def _mark(descriptor: int) -> None:
+    """Say in a lock that it is this program's, with its ballast behind."""
+    os.pwrite(descriptor, MARK.ljust(BALLAST, b"\0"), 0)
 
 
 def contents(path: Path, apart_from: Iterable[str]) -> set[str]:
@@ -302,7 +384,10 @@ def _refuse_locked(folder: Path) -> None:
 
 def _lock(path: Path, flags: int = os.O_CREAT) -> int | None:
     """An open, locked file; None when another process holds it."""
-    descriptor = os.open(path, os.O_RDWR | flags, 0o644)
+    descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -12,6 +12,7 @@ import dataclasses
 import json
 import math
 import os
+import re
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -25,7 +26,7 @@ import numpy as np
 from indent_sim import __version__, checkpoint
 from indent_sim.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.earlier import Earlier, earlier_run
-from indent_sim.errors import NotConverged, UsageError, VerificationError
+from indent_sim.errors import NotConverged, VerificationError
 from indent_sim.folder import (
     CONFIG,
     PROGRAM,
@@ -37,6 +38,7 @@ from indent_sim.folder import (
     uninterrupted,
     write_atomically,
 )
+from indent_sim.reader import checked_report, read_steps, read_table
 from indent_sim.state import COLUMNS, State, Surface
 from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, row, surface_block
 from indent_sim.xdmf import FieldWriter
@@ -49,6 +51,7 @@ __all__ = [
     "compare",
     "read",
     "read_report",
+    "read_run",
     "rows_of",
     "to_json",
 ]
@@ -255,20 +258,22 @@ class Results:
 
 
 def read(path: Path | str) -> Results:
-    """Read a result folder or a force table; UsageError when there is none or it cannot be understood."""
+    """Read a result folder or a force table; UsageError when there is none or it is damaged."""
     path = Path(path)
-    table = path / TABLE if path.is_dir() else path
-    columns = _read_table(table)
-    for name in ("step", *COMPARED):
-        if name not in columns:
-            raise UsageError(f"{table} has no column '{name}'")
-    if len(set(columns["step"])) != len(columns["step"]):
-        raise UsageError(f"{table} holds a step twice")
-    surface = _read_table(path / SURFACE) if (path / SURFACE).is_file() else {}
+    columns = read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
+    surface = read_table(path / SURFACE, SURFACE_COLUMNS) if os.path.lexists(path / SURFACE) else {}
     if surface:
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
-    return Results(path, columns, read_report(path), surface)
+    return Results(path, columns, checked_report(path), surface)
+
+
+def read_run(path: Path) -> Results:
+    """Read a result folder, with an empty table where the run failed before its first row; errors as of `read`."""
+    report = checked_report(path)
+    if report.get("rows"):
+        return read(path)
+    return Results(path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report)
 
 
 @dataclass(frozen=True)
@@ -320,7 +325,8 @@ def compare(first: Path | str, second: Path | str, rtol: float = 1e-6) -> Compar
 
 def to_json(value: Any, indent: int | None = 2) -> str:
     """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become plain."""
-    return json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+    return re.sub("[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text)  # of a file name in no encoding
 
 
 def _plain(value: Any) -> Any:
@@ -355,24 +361,6 @@ def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     names = (*COLUMNS, "force_error")
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
-
-
-def _read_table(path: Path) -> dict[str, np.ndarray]:
-    """The columns of a CSV file with a header; a last line without its newline was torn and is dropped."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
-    lines = [line for line in text[: text.rfind("\n") + 1].splitlines() if line.strip()]
-    if not lines:
-        raise UsageError(f"{path} is empty")
-    header = [name.strip() for name in lines[0].split(",")]
-    try:
-        rows = [[float(cell) for cell in line.split(",")] for line in lines[1:]]
-        values = np.array(rows).reshape(len(rows), len(header))
-    except ValueError as error:
-        raise UsageError(f"{path} is not a table of numbers with a header: {error}") from error
-    return {name: values[:, i] for i, name in enumerate(header)}
 
 
 def _relative_difference(pair: np.ndarray) -> np.ndarray:

@@ -12,11 +12,11 @@ from indent_sim.comparison import memory
 from indent_sim.earlier import earlier_run
 from indent_sim.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.errors import BackendError, ConfigError
-from indent_sim.folder import read_report
 from indent_sim.model.contact import Penalty
 from indent_sim.model.indenters import Indenter
 from indent_sim.model.quantities import scaled
 from indent_sim.parallel import on_root
+from indent_sim.reader import checked_report
 from indent_sim.record import Clock, Record
 from indent_sim.refinement import check, entry, pursue, refuse_other_bars, unjudged
 from indent_sim.resolved import left_open, resolved
@@ -75,7 +75,7 @@ class Attempt:
     def __init__(self, config: Config, comm: Any, target: Path, progress: Progress | None, resume: bool, bars: bool):
         self.config, self.comm, self.target, self.progress = config, comm, target, progress
         self.clock, self.count = Clock(), 0
-        self._before = comm.bcast(on_root(comm, read_report, target)) if resume else {}
+        self._before = comm.bcast(on_root(comm, checked_report, target)) if resume else {}
         self._resume = resume
         self._tried: list[float] = list((self._before.get("accuracy") or {}).get("tried", []))  # elements, in turn
         self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
@@ -93,7 +93,7 @@ class Attempt:
         config, decided = self.config, resolved(self.config, scene)
         resume = self._resume and self.count == 0
         self.count += 1
-        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), len(scene.deltas))):
+        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
                     force_error=self._with_bars) as record, unmasked():  # fmt: skip
@@ -135,12 +135,14 @@ class Attempt:
         return list(states(scene, self.comm, with_surface=False))
 
 
-def _finished(comm: Any, target: Path, config_yaml: str, steps: int) -> Outcome | None:
-    """The outcome of a run that came to its end before."""
+def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene) -> Outcome | None:
+    """The outcome of a run that came to its end before; UsageError when its rows are of another path."""
     earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml))
-    if earlier is None or not earlier.finished(steps):
+    if earlier is None:
         return None
-    return Outcome(target, earlier.report, list(earlier.states), steps)
+    steps, L = len(scene.deltas), scene.scales.length
+    earlier.check([d * L for d in scene.deltas] if scene.path.control == "depth" else None, steps, target)
+    return Outcome(target, earlier.report, list(earlier.states), steps) if earlier.finished(steps) else None
 
 
 def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iterator[State]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from indent_sim.folder import write_atomically
 from indent_sim.state import State, Surface
 
+UNKNOWN = ("p_max", "force_error")  # may be NaN
 INTEGERS = ("step", "newton_iterations")
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
@@ -23,7 +25,7 @@ def row(state: State, columns: tuple[str, ...]) -> bytes:
 
 
 def state_of(names: tuple[str, ...], line: bytes) -> State | None:
-    """The state of a line of the force table; None when the line is torn."""
+    """The state of a line of the force table; None when the line is torn, or holds what no solution is."""
     cells = line.decode("ascii", "replace").split(",")
     if len(cells) != len(names):
         return None
@@ -33,7 +35,8 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         }
     except ValueError:
         return None
-    return State(**values)
+    known = all(math.isfinite(value) for name, value in values.items() if name not in UNKNOWN)
+    return State(**values) if known and not any(map(math.isinf, values.values())) else None
 
 
 def surface_block(step: int, surface: Surface) -> bytes:

@@ -62,8 +62,9 @@ ROOMS: dict[str, set[str]] = {
     "xdmf": {"folder"},
     "checkpoint": {"folder"},
     "tables": {"folder", "state"},
-    "earlier": {"folder", "state", "tables"},
-    "results": {"", "checkpoint", "earlier", "folder", "state", "tables", "xdmf"},
+    "reader": {"folder"},
+    "earlier": {"folder", "reader", "state", "tables"},
+    "results": {"", "checkpoint", "earlier", "folder", "reader", "state", "tables", "xdmf"},
     "record": {"earlier", "parallel", "results"},
     "plots": {"results"},
     "simulation": {
@@ -71,8 +72,8 @@ ROOMS: dict[str, set[str]] = {
         *("scene", "state"),
     },
     "run": {
-        *("comparison", "config", "earlier", "error_bars", "folder", "geometry", "model", "simulation"),
-        *("parallel", "plots", "record", "refinement", "resolved", "scene", "state", "stopping"),
+        *("comparison", "config", "earlier", "error_bars", "geometry", "model", "simulation"),
+        *("parallel", "plots", "reader", "record", "refinement", "resolved", "scene", "state", "stopping"),
     },
     "study": {"", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "yaml_strict"},
     # what people see

@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from indent_sim import results
 from indent_sim.errors import NotConverged
-from indent_sim.results import Results, read_report
 from indent_sim.study import cases as case_list
 from indent_sim.study import file, folder, picture, table, verdict
 from indent_sim.study.cases import Case, Refusal
@@ -110,24 +107,16 @@ class _Conduct:
         code, reason = ending
         if code:
             return f"failed ({code}): {reason}"
-        found = results.read(self.place.run(case.id))
+        found = results.read_run(self.place.run(case.id))
         seconds = sum(found.report.get("cpu_timings", {}).values())
         return f"force {found['force'][-1]:.6g}  {seconds:.2f} s"
 
 
 def _rows(study: StudyFile, cases: Sequence[Case], refusals: Sequence[Refusal], against: Comparison,
           place: StudyFolder) -> list[Row]:  # fmt: skip
-    done = {case.id: _ended(place, case.id) for case in case_list.unique(cases) if place.is_finished(case.id)}
+    ended = [case.id for case in case_list.unique(cases) if place.has_ended(case.id)]
+    done = {name: results.read_run(place.run(name)) for name in ended}
     return table.rows(cases, study.keys, done, against, refusals, study.tolerance)
-
-
-def _ended(place: StudyFolder, name: str) -> Results:
-    """The result of a run, with an empty table when it failed before its first row."""
-    path = place.run(name)
-    report = read_report(path)
-    if report.get("rows"):
-        return results.read(path)
-    return Results(path, {name: np.empty(0) for name in ("step", "newton_iterations")}, report)
 
 
 def _conclude(study: Study) -> None:

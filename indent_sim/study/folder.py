@@ -1,6 +1,7 @@
 """The folder of a study: study.json, one result folder per physics under runs/, and who may write it.
 
-Any process may read back a finished run; several shards share the folder, anything else has it alone.
+Any process may read back a finished run; several shards share the folder, anything else has it alone. study.json says
+that the folder is a study's; in it only result folders that this program made are ever deleted.
 """
 
 from __future__ import annotations
@@ -8,22 +9,26 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import shutil
+import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from indent_sim import __version__
 from indent_sim.errors import UsageError
-from indent_sim.folder import PROGRAM, REPORT, contents, read_report, write_atomically
-from indent_sim.results import to_json
+from indent_sim.folder import PROGRAM, REPORT, contents, discard, is_ours, read_report, write_atomically
+from indent_sim.folder import content as content_of
+from indent_sim.results import read_run, to_json
 
 RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
 RUNS, OLD_RUNS, LOCK = "runs", ".runs.old", ".lock"
 PATIENCE = 5.0  # s to wait for the worker of a killed study to be gone
 LASTING = ("done", "failed")
+OF_THE_MACHINE = {128 + number for number in (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM,
+                                              signal.SIGXCPU)}  # fmt: skip
+LACKING = ("MemoryError", "cannot write results")  # how the reason of a run begins that ran out of memory or disk
 
 
 class StudyFolder:
@@ -40,6 +45,9 @@ class StudyFolder:
 
     def __enter__(self) -> StudyFolder:
         _refuse_foreign(self.path)
+        for folder in (self._runs, self._old):
+            if folder.is_symlink():
+                raise UsageError(f"{folder} is a link: the runs of a study stand in its own folder")
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             self._take_lock()
@@ -63,9 +71,19 @@ class StudyFolder:
         return self._runs / name
 
     def is_finished(self, name: str) -> bool:
-        """Whether a run has ended, well or not, under this version of the program."""
+        """Whether a run has ended and would end so again: not one that the machine killed, or gave no memory or disk."""
+        return self.has_ended(name) and not _was_killed(read_report(self.run(name)))
+
+    def has_ended(self, name: str) -> bool:
+        """Whether a run has ended, well or not, under this version of the program, and its result can be read."""
         report = read_report(self.run(name))
-        return report.get("status") in LASTING and report.get("version") == __version__
+        if report.get("status") not in LASTING or report.get("version") != __version__:
+            return False
+        try:
+            read_run(self.run(name))
+        except UsageError:  # damaged since
+            return False
+        return True
 
     def fail(self, name: str, exit_code: int, reason: str) -> None:
         """Write down a failure that left no report of its own."""
@@ -78,8 +96,10 @@ class StudyFolder:
         write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
 
     def forget_old(self) -> None:
-        """Delete the runs that this study replaces."""
-        shutil.rmtree(self._old, ignore_errors=True)
+        """Delete the runs that this study replaces; what else stands among them goes back to where it was."""
+        _discard_runs(self._old)
+        if self._old.is_dir():
+            self._put_back()
 
     def write(self, name: str, content: str) -> None:
         """Replace a file of the study at once."""
@@ -98,7 +118,7 @@ class StudyFolder:
         return self.path / OLD_RUNS
 
     def _take_lock(self) -> None:
-        self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+        self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         mode = fcntl.LOCK_SH if self._shared else fcntl.LOCK_EX
         deadline = time.monotonic() + PATIENCE
         while True:
@@ -123,8 +143,17 @@ class StudyFolder:
         if self._runs.exists() and any(self.is_finished(entry.name) for entry in self._runs.iterdir()):
             self.forget_old()
         else:
-            shutil.rmtree(self._runs, ignore_errors=True)
-            self._old.rename(self._runs)
+            _discard_runs(self._runs)
+            self._put_back()
+
+    def _put_back(self) -> None:
+        """Make the old runs the runs again, beside those that are there; UsageError when one has the same name."""
+        self._runs.mkdir(exist_ok=True)
+        for entry in self._old.iterdir():
+            if os.path.lexists(self.run(entry.name)):
+                raise UsageError(f"{entry} is in the way of a study; move it somewhere else")
+            entry.rename(self.run(entry.name))
+        self._old.rmdir()
 
 
 @contextmanager
@@ -141,14 +170,30 @@ def opened(path: Path, *, resume: bool, shared: bool) -> Iterator[StudyFolder]:
                         made.rmdir() if made.is_dir() else made.unlink()
 
 
+def _discard_runs(folder: Path) -> None:
+    """Delete the results that this program wrote, and the folder when nothing else is in it."""
+    for entry in folder.iterdir() if folder.is_dir() else ():
+        if is_ours(entry):
+            discard(entry)
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _was_killed(report: Mapping[str, Any]) -> bool:
+    """Whether a run failed for want of what the machine may have another time."""
+    return report.get("exit_code") in OF_THE_MACHINE or str(report.get("reason")).startswith(LACKING)
+
+
 def _refuse_foreign(path: Path) -> None:
-    if contents(path, {LOCK, RUNS}) and not _is_study(path):
+    runs = path / RUNS
+    begun = {LOCK, RUNS} if runs.is_dir() and not runs.is_symlink() and not any(runs.iterdir()) else {LOCK}
+    if contents(path, begun) and not _is_study(path):
         raise UsageError(f"{path} is not empty and was not made by `{PROGRAM} study`; choose another --output")
 
 
 def _is_study(path: Path) -> bool:
     try:
-        record = json.loads((path / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        record = json.loads(content_of(path / RECORD))
+    except (OSError, ValueError, RecursionError):
         return False
     return isinstance(record, dict) and record.get("program") == PROGRAM

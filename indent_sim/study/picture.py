@@ -105,8 +105,17 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
         along = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
         x = [row[key] for row in along]
         is_curve = len(set(x)) == len(x)  # else several curves share the colour
-        axes.plot(x, [_error(row) for row in along], ls="-" if is_curve else "", lw=1.0, **_mark(i), label=plots.in_picture(name))
-    _log_axes(axes, plots.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None])
+        axes.plot(
+            x,
+            [_error(row) for row in along],
+            ls="-" if is_curve else "",
+            lw=1.0,
+            **_mark(i),
+            label=plots.in_picture(name),
+        )
+    _log_axes(
+        axes, plots.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
+    )
 
 
 def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, keys: Sequence[str]) -> None:
