@@ -97,7 +97,7 @@ def refuse(error: click.ClickException, as_json: bool) -> NoReturn:
 
 
 def explain(error: BaseException) -> int:
-    """Say why the program ends, on stderr and, where --json was given, in an object on stdout; returns the exit code."""
+    """Say why the program ends, on stderr and, with --json, in an object on stdout; returns the exit code."""
     code = getattr(error, "exit_code", 130 if isinstance(error, KeyboardInterrupt) else 1)
     if isinstance(error, KeyboardInterrupt):
         tell(str(error) or "interrupted")
@@ -270,6 +270,7 @@ def plot(paths: tuple[Path, ...], output: Path | None) -> None:
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
         output = (first if len(paths) == 1 else Path()) / plots.PICTURE
+        plots.refuse_foreign(output)
     try:
         plots.overlay(runs, output)
     except OSError as error:

@@ -29,7 +29,7 @@ def _names(stem: str, endings: str) -> set[str]:
 
 
 def _each(stem: str, endings: str, words: str) -> dict[str, frozenset[str]]:
-    return {name: frozenset(words.split()) for name in _names(stem, endings)}
+    return {stem + ending: frozenset(words.split()) for ending in endings.split()}
 
 
 WHOLE = {

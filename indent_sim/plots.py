@@ -6,9 +6,11 @@ here, drawn off screen, and nothing of matplotlib's global state changes.
 
 from __future__ import annotations
 
+import os
+import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.errors import UsageError, printable
+from indent_sim.folder import content, read_report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,6 +30,7 @@ INK, GREY = "#222222", "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 PICTURE = "force_indentation.png"
+SOFTWARE, HEAD = b"Software\0indent-sim", 1000  # in the first bytes of a PNG of ours
 FORMATS = (".png", ".svg", ".pdf")
 MANY = 40  # points from which a line carries no markers
 PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
@@ -299,22 +303,44 @@ def head(figure: Figure, title: str, subtitle: str) -> None:
     figure.text(0.01, 1 - 0.46 / height, in_picture(subtitle, SUBTITLE), ha="left", va="top", color=GREY, fontsize=9)
 
 
+def refuse_foreign(path: Path) -> None:
+    """UsageError when a picture with a name that nobody chose would replace a file that this program did not make."""
+    is_result = path.name == PICTURE and bool(read_report(path.parent))
+    if os.path.lexists(path) and not is_result and not _is_own(path):
+        raise UsageError(f"{path} is there already and no picture of indent-sim; choose another name with --output")
+
+
+def _is_own(path: Path) -> bool:
+    """Whether a PNG names this program in its metadata, which stand before the picture."""
+    try:
+        return not path.is_symlink() and SOFTWARE in content(path)[:HEAD]
+    except OSError:
+        return False
+
+
 def save(figure: Figure, path: Path | str) -> None:
     """Write PNG, SVG or PDF after the suffix, all at once."""
     path = Path(path)
-    if path.suffix.lower() not in FORMATS:
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
         raise UsageError(f"{path}: a picture ends in {', '.join(FORMATS)}")
-    temporary = path.with_name(f".{path.stem}.new{path.suffix}")
-    dates = (
-        {}
-        if path.suffix.lower() == ".png"
-        else {"metadata": {"Date" if "svg" in path.suffix else "CreationDate": None}}
-    )
+    metadata: dict[str, Any] = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    descriptor, temporary = tempfile.mkstemp(suffix, f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
     try:
-        figure.savefig(temporary, dpi=160, **dates)  # type: ignore[arg-type]
-        temporary.replace(path)
+        with open(descriptor, "wb") as file:
+            figure.savefig(file, format=suffix[1:], dpi=160, metadata=metadata[suffix[1:]])
+            os.fchmod(file.fileno(), 0o666 & ~_umask())
+        os.replace(temporary, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):
+            os.unlink(temporary)
+
+
+def _umask() -> int:
+    """The permissions that new files do not get; there is no other way to ask."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
 
 
 # ---- words and units ------------------------------------------------------------

@@ -158,7 +158,7 @@ def read_table(path: Path, needed: Sequence[str], unknown: Sequence[str] = ()) -
     header = [name.strip() for name in lines[0].split(",")]
     for name in (*needed, *unknown):
         if name not in header:
-            raise UsageError(f"{path} has no column '{name}'")
+            raise UsageError(f"{path} has no column '{name}': not a table of results")
     if len(set(header)) < len(header):
         raise UsageError(f"{path} has two columns of one name")
     rows = [_row(line, header, f"{path}: line {number}") for number, line in enumerate(lines[1:], start=2)]

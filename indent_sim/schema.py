@@ -7,6 +7,7 @@ are that of the rest. Reader, error messages, JSON Schema and docs/config.md all
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -16,7 +17,7 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim import magnitudes, petsc_options
-from indent_sim.errors import ConfigError, ConfigErrors
+from indent_sim.errors import ConfigError, ConfigErrors, printable
 from indent_sim.hints import TaggedBy, core, field_names, hints, kinds_of, members
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
@@ -25,6 +26,8 @@ from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.quantities import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.yaml_strict import Path
+
+LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
 
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
@@ -118,7 +121,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_constants, _path, _axis, _tip, _sizes, _petsc)
+        checks = (_constants, _path, _axis, _tip, _sizes, _petsc, _directory)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -188,6 +191,37 @@ def _sizes(config: Config) -> list[ConfigError]:
 
 def _petsc(config: Config) -> list[ConfigError]:
     return list(petsc_options.refused(config.solver.petsc))
+
+
+def _directory(config: Config) -> list[ConfigError]:
+    directory = config.output.directory
+    problem = directory and outside(directory)
+    return [ConfigError("output.directory", problem, "choose any other folder with --output")] if problem else []
+
+
+def outside(directory: str) -> str:
+    """What is wrong with a result folder that a file names: it must lie below the working directory; "" if nothing.
+
+    Scene and study files come from other people; where else results may go is for the command line to say.
+    """
+    parts = directory.split("/")
+    if directory.startswith("/") or ".." in parts:
+        return "must be below the working directory, not absolute and without .."
+    if any(part.startswith((".", "~")) and part != "." for part in parts):
+        return "may not begin with . or ~, nor any folder in it"
+    if printable(directory) != directory or "\\" in directory:
+        return "holds a character that does not belong in the name of a folder"
+    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(directory) > LONGEST_PATH:
+        return "is too long"
+    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+
+
+def _leads_out(directory: str) -> bool:
+    try:
+        here = os.path.realpath(".")
+        return os.path.commonpath([here, os.path.realpath(directory)]) != here
+    except OSError:  # the working directory was deleted: nothing can be written there
+        return False
 
 
 @cache

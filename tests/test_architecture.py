@@ -66,7 +66,7 @@ ROOMS: dict[str, set[str]] = {
     "earlier": {"folder", "reader", "state", "tables"},
     "results": {"", "checkpoint", "earlier", "folder", "reader", "state", "tables", "xdmf"},
     "record": {"earlier", "parallel", "results"},
-    "plots": {"results"},
+    "plots": {"folder", "results"},
     "simulation": {
         *("checkpoint", "comparison", "config", "error_bars", "fe", "folder", "geometry", "parallel", "record"),
         *("scene", "state"),

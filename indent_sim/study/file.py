@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,12 +12,13 @@ from typing import Any
 from indent_sim.config import Place, Source, read_document
 from indent_sim.config_errors import closest
 from indent_sim.errors import ConfigError, ConfigErrors, UsageError
-from indent_sim.schema import keys_at
+from indent_sim.schema import keys_at, outside
 from indent_sim.study.grid import LARGEST, MOST, Block, Point, points, read_block
 from indent_sim.yaml_strict import Path as Keys
 from indent_sim.yaml_strict import key_path, key_text
 
 KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
+SCENE_FILES = (".yaml", ".yml", ".json")
 UNVARIED = ("title", "units", "output")  # sections that say nothing of the physics
 QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
 
@@ -98,15 +100,27 @@ class _Reader:
         """The scene's document and where its keys stand, in a file of its own or written out here."""
         base = self.document.get("base")
         if isinstance(base, str) and base:
-            try:
-                return read_document(self.path.parent / base)
-            except UsageError as error:
-                raise self.error(("base",), str(error)) from None
+            return self.scene_of(self.path.parent / base)
         if not isinstance(base, dict):
             raise self.error(("base",), "missing" if base is None else "is no scene",
                              "give the path of a scene file, or the scene itself")  # fmt: skip
         inside = {keys[1:]: place for keys, place in self.source.places.items() if keys[:1] == ("base",)}
         return base, Source(self.source.name, inside)
+
+    def scene_of(self, path: Path) -> tuple[dict[str, Any], Source]:
+        """The document of another file; of one that is no scene nothing is told, for studies come from strangers."""
+        no_scene = self.error(("base",), f"{path} is no scene file", "give the path of a scene, or the scene itself")
+        try:
+            if path.suffix not in SCENE_FILES or (path.exists() and not path.is_file()):
+                raise no_scene
+            document, source = read_document(path)
+        except (UsageError, OSError, ValueError) as error:
+            raise self.error(("base",), str(error)) from None
+        except ConfigError as error:
+            raise dataclasses.replace(error, key="") from None
+        if not isinstance(document.get("body"), dict):
+            raise no_scene
+        return document, source
 
     def common(self) -> Point:
         """The settings of every run: the study's quiet output, then `output`, then `set`."""
@@ -188,4 +202,6 @@ class _Reader:
         directory = self.section("output").get("directory", f"results/{self.path.stem}")
         if not isinstance(directory, str) or not directory:
             raise self.error(("output", "directory"), "must be the path of a folder")
+        if problem := outside(directory):
+            raise self.error(("output", "directory"), problem, "choose any other folder with --output")
         return Path(directory)

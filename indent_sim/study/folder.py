@@ -26,8 +26,8 @@ RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
 RUNS, OLD_RUNS, LOCK = "runs", ".runs.old", ".lock"
 PATIENCE = 5.0  # s to wait for the worker of a killed study to be gone
 LASTING = ("done", "failed")
-OF_THE_MACHINE = {128 + number for number in (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM,
-                                              signal.SIGXCPU)}  # fmt: skip
+SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)
+OF_THE_MACHINE = {128 + number for number in SENT}  # exit codes
 LACKING = ("MemoryError", "cannot write results")  # how the reason of a run begins that ran out of memory or disk
 
 
@@ -71,7 +71,7 @@ class StudyFolder:
         return self._runs / name
 
     def is_finished(self, name: str) -> bool:
-        """Whether a run has ended and would end so again: not one that the machine killed, or gave no memory or disk."""
+        """Whether a run has ended and would end so again: the machine did not kill it, and gave it memory and disk."""
         return self.has_ended(name) and not _was_killed(read_report(self.run(name)))
 
     def has_ended(self, name: str) -> bool:
