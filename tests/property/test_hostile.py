@@ -205,21 +205,16 @@ def bomb(rng: random.Random) -> str:
 def damage(rng: random.Random, folder: Path, outside: Path) -> None:
     """Something goes wrong with one file of a result folder, or somebody put something else there."""
     path = folder / rng.choice(FILES)
-    data = path.read_bytes() if path.is_file() and not path.is_symlink() else b""
+    data = path.read_bytes() if path.is_file() and not path.is_symlink() else b"x"
     kind = rng.choice(
         ["gone", "cut", "bits", "junk", "folder", "link", "hard link", "pipe", *3 * ["json", "cell", "lines"]]
     )
-    if kind == "json":
-        path = folder / "run.json"
+    if kind in ("json", "cell", "lines"):
+        path = folder / ("run.json" if kind == "json" else rng.choice(["force_indentation.csv", "surface.csv"]))
         with suppress(OSError, ValueError):
-            path.write_text(json.dumps(mistyped(rng, json.loads(path.read_text()))), errors="surrogatepass")
-        return
-    if kind in ("cell", "lines"):
-        path = folder / rng.choice(["force_indentation.csv", "force_indentation.csv", "surface.csv"])
-        with suppress(OSError, UnicodeDecodeError):
-            lines = path.read_text().split("\n")
-            other = retyped(rng, lines) if kind == "cell" else rng.choices(lines, k=len(lines))
-            path.write_text("\n".join(other), errors="surrogatepass")
+            state = path.lstat()
+            if stat.S_ISREG(state.st_mode) and state.st_nlink == 1:  # what the damage before left as it was
+                path.write_text(rewritten(rng, kind, path.read_text()), errors="surrogatepass")
         return
     with suppress(OSError):
         shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
@@ -237,6 +232,14 @@ def damage(rng: random.Random, folder: Path, outside: Path) -> None:
             os.link(outside / "victim", path)
         elif kind == "pipe":
             os.mkfifo(path)
+
+
+def rewritten(rng: random.Random, kind: str, text: str) -> str:
+    """The text of run.json or of a table with something else in it."""
+    if kind == "json":
+        return json.dumps(mistyped(rng, json.loads(text)))
+    lines = text.split("\n")
+    return "\n".join(retyped(rng, lines) if kind == "cell" else rng.choices(lines, k=len(lines)))
 
 
 def mistyped(rng: random.Random, value: Any) -> Any:
