@@ -26,6 +26,7 @@ from indent_sim.errors import (
     VerificationError,
 )
 from indent_sim.results import read
+from indent_sim.stopping import Stopped
 
 SCENE = """\
 title: A coarse one
@@ -212,6 +213,76 @@ class TestRefusals:
         (tmp_path / "closed").mkdir(mode=0o500)
         done = indent_sim("run", "scene.yaml", "--output", "closed/out")
         assert done.exit_code == 2 and left(tmp_path / "closed") == set()
+
+
+class TestJson:
+    """With --json there is one object on stdout, however the command ends."""
+
+    @pytest.mark.parametrize(
+        ("words", "code", "kind"),
+        [
+            (("run", "nowhere.yaml", "--json"), 2, "UsageError"),
+            (("run", "--json"), 2, "UsageError"),
+            (("run", "scene.yaml", "--json", "--bogus"), 2, "UsageError"),
+            (("--bogus", "plan", "scene.yaml", "--json"), 2, "UsageError"),
+            (("frobnicate", "--json"), 2, "UsageError"),
+            (("compare", "scene.yaml", "scene.yaml", "--json"), 2, "UsageError"),
+            (("list", "nothing", "--json"), 2, "UsageError"),
+            (("study", "scene.yaml", "--json"), 3, "ConfigError"),
+            (("plan", "scene.yaml", "--json", "--set", "body.radius=-1"), 3, "ConfigError"),
+            (("run", "scene.yaml", "--json", "--set", "indenter.R=x"), 3, "ConfigError"),
+        ],
+    )
+    def test_refusals(self, indent_sim, words, code, kind):
+        ended = indent_sim(*words)
+        told = json.loads(ended.stdout)
+        assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, "failed") and ended.stderr
+        assert told["error"].keys() == {"type", "message", "file", "line", "key", "remedy"}
+        assert told["error"]["type"] == kind and told["error"]["message"]
+
+    def test_a_config_error_is_at_its_line(self, indent_sim, tmp_path):
+        (tmp_path / "scene.yaml").write_text(SCENE.replace("R: 1.0", "r: 1.0").replace("nu: 0.3", "nu: 0.7"))
+        told = json.loads(indent_sim("plan", "scene.yaml", "--json").stdout)
+        assert [(error["key"], error["line"]) for error in told["errors"]] == [("material.nu", 3), ("indenter.r", 4)]
+        assert told["error"] == told["errors"][0] and told["error"]["file"] == "scene.yaml"
+        assert told["error"]["message"] == "must be > -1 and <= 0.5, got 0.7"
+
+    @pytest.mark.parametrize(
+        ("error", "code", "status"),
+        [
+            (MeshError("no mesh"), 4, "failed"),
+            (NotConverged("no way"), 5, "failed"),
+            (VerificationError("not so"), 6, "failed"),
+            (BackendError("gone"), 7, "failed"),
+            (KeyError("a bug"), 1, "failed"),
+            (MemoryError(), 1, "failed"),
+            (Stopped(signal.SIGTERM), 143, "interrupted"),
+        ],
+        ids=str,
+    )
+    def test_failures_signals_and_bugs(self, indent_sim, monkeypatch, error, code, status):
+        def fails(*args, **options):
+            raise error
+
+        monkeypatch.setattr("indent_sim.run.run", fails)
+        ended = indent_sim("run", "scene.yaml", "--json")
+        told = json.loads(ended.stdout)
+        assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, status)
+        assert told["error"]["type"] == type(error).__name__ and told["error"]["message"] == str(error)
+        assert ("Traceback" in ended.stderr) == (code == 1)
+
+    def test_doctor_says_both(self, indent_sim, monkeypatch):
+        monkeypatch.setattr(doctor, "NEEDED", ("no_such_package",))
+        told = json.loads(indent_sim("doctor", "--json").stdout)
+        assert told["exit_code"] == 7 and told["checks"] and "no_such_package" in told["error"]["message"]
+
+    def test_success_says_so_too(self, indent_sim):
+        for words in (("plan", "scene.yaml", "--json"), ("doctor", "--json")):
+            told = json.loads(indent_sim(*words).stdout)
+            assert (told["status"], told["exit_code"]) == ("done", 0)
+
+    def test_without_json_nothing_is_printed(self, indent_sim):
+        assert indent_sim("run", "nowhere.yaml").stdout == ""
 
 
 class TestEndings:

@@ -1,0 +1,235 @@
+"""What comes from a stranger: text that is only text, folders that are not ours, results that are damaged."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from test_plots import a_result
+from test_results import write_run
+
+from indent_sim import __version__, cli, plots, results
+from indent_sim.earlier import earlier_run
+from indent_sim.errors import UsageError, printable
+from indent_sim.folder import Claim
+from indent_sim.study import picture
+from indent_sim.study.folder import StudyFolder
+
+TITLES = ["[/x] [kPa]", "$\\frac{1$", "two $ signs $", r"\$", "_hidden", "\x1b[2J\x07", "a\nb", "\u202etfel", "ä 漢 🙂"]
+CONFIG = "title: x\n"  # of `write_run`
+SCENE = """\
+body: {shape: cylinder, radius: 1.0, height: 1.0}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.01, steps: 3}
+"""
+
+
+def said(*words: str | Path) -> Any:
+    return CliRunner().invoke(cli.program, [str(word) for word in words])
+
+
+def content_of(place: Path) -> dict[str, Any]:
+    """Every file below a folder, and every folder."""
+    paths = sorted(place.rglob("*"))
+    return {str(path.relative_to(place)): path.read_bytes() if path.is_file() else path.is_dir() for path in paths}
+
+
+class TestText:
+    @pytest.mark.parametrize("title", TITLES)
+    def test_a_plan_shows_the_title_as_it_is(self, tmp_path, title):
+        (tmp_path / "scene.yaml").write_text(
+            SCENE + f"title: {json.dumps(title)}\nunits: {{length: '[/x]', force: $}}\n"
+        )
+        shown = said("plan", tmp_path / "scene.yaml")
+        assert shown.exit_code == 0 and printable(title) in shown.stdout and "\x1b" not in shown.stdout
+        assert json.loads(said("plan", tmp_path / "scene.yaml", "--json").stdout)["title"] == title
+
+    @pytest.mark.parametrize("title", TITLES[:-1])
+    def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
+        monkeypatch.setitem(plots.STYLE, "svg.fonttype", "none")
+        run = a_result(title=title, units={"length": title, "force": title})
+        plots.overlay([run, a_result(title="another")], tmp_path / "two.svg")
+        plots.force_indentation(run, tmp_path / "one.svg")
+        for name in ("one", "two"):
+            text = (tmp_path / f"{name}.svg").read_text()
+            escaped = printable(title).replace("&", "&amp;")
+            assert escaped in text, name
+
+    def test_and_that_of_a_study(self, tmp_path):
+        costs = {"cpu_s": 1.0, "status": "done", "index": 1, "run": "x", "dofs": 10}
+        rows = [costs | {"contact.method": title, "force_error_vs": 0.01 * (1 + n), "cpu_s": 1.0 + n, "method": title}
+                for n, title in enumerate(TITLES[:6])]  # fmt: skip
+        picture.draw(rows, ["contact.method"], "$\\frac{", "$x", tmp_path / "study.png")
+        assert (tmp_path / "study.png").stat().st_size > 5000
+
+    def test_latex_is_not_started(self, tmp_path):
+        import matplotlib
+
+        with matplotlib.rc_context({"text.usetex": True}):
+            plots.force_indentation(a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png")
+
+
+class TestNotOurs:
+    @pytest.mark.parametrize("name", [".out.old", ".out.staging", "out/.old", "out/.staging", "out/.lock", "out"])
+    @pytest.mark.parametrize("kind", ["folder", "file", "link"])
+    def test_what_a_user_has_there_stays(self, tmp_path, name, kind):
+        (tmp_path / "mine").write_text("mine")
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        if kind == "folder":
+            path.mkdir()
+            (path / "force_indentation.csv").write_text("mine")
+        elif kind == "file":
+            path.write_text("mine")
+        else:
+            path.symlink_to(tmp_path / "mine")
+        before = content_of(tmp_path)
+        with pytest.raises(UsageError):
+            Claim(tmp_path / "out")
+        assert content_of(tmp_path) == before
+
+    def test_beside_a_result_too(self, tmp_path):
+        write_run(tmp_path / "out")
+        (tmp_path / ".out.old").mkdir()
+        (tmp_path / ".out.old" / "notes").write_text("mine")
+        before = content_of(tmp_path)
+        with pytest.raises(UsageError, match=r"\.out\.old is in the way"):
+            Claim(tmp_path / "out")
+        assert content_of(tmp_path) == before
+
+    @pytest.mark.parametrize("name", ["runs/thesis/data.csv", "runs/notes", ".runs.old/notes", ".lock"])
+    def test_a_folder_with_runs_of_somebody_is_no_study(self, tmp_path, name):
+        path = tmp_path / "study" / name
+        path.parent.mkdir(parents=True)
+        path.write_text("mine")
+        if name == ".lock":
+            (tmp_path / "study" / "notes").write_text("mine")
+        before = content_of(tmp_path)
+        for resume in (False, True):
+            with pytest.raises(UsageError, match="not made by"), StudyFolder(tmp_path / "study", resume=resume):
+                pass
+        assert content_of(tmp_path) == before
+
+    def test_in_a_study_only_results_are_replaced(self, tmp_path):
+        place = tmp_path / "study"
+        with StudyFolder(place, resume=False) as study:
+            study.write_record()
+            write_run(study.run("a"))
+        (place / "runs" / "a" / "notes").write_text("mine")
+        (place / "runs" / "thesis").mkdir()
+        (place / "runs" / "thesis" / "data.csv").write_text("mine")
+        with StudyFolder(place, resume=False) as study:
+            write_run(study.run("b"))
+            study.forget_old()
+        kept = {
+            "study.json",
+            ".lock",
+            "runs",
+            "runs/thesis",
+            "runs/thesis/data.csv",
+            "runs/a",
+            "runs/a/notes",
+            "runs/b",
+        }
+        assert {name for name in content_of(place) if not name.startswith("runs/b/")} == kept
+
+    def test_a_picture_of_somebody_is_not_replaced_by_one_with_no_name(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        for name in ("A", "B"):
+            write_run(tmp_path / name)
+        Path("force_indentation.png").write_bytes(b"my own")
+        refused = said("plot", "A", "B")
+        assert refused.exit_code == 2 and "--output" in refused.stderr
+        assert Path("force_indentation.png").read_bytes() == b"my own"
+        assert said("plot", "A", "B", "--output", "force_indentation.png").exit_code == 0  # as ordered
+        assert said("plot", "A", "B").exit_code == 0  # and now it is ours
+        assert sorted(os.listdir()) == ["A", "B", "force_indentation.png"]
+
+    @pytest.mark.parametrize("name", ["force_indentation.csv", "surface.csv", "fields.h5", "run.json", ".lock"])
+    def test_nothing_is_written_through_a_link(self, tmp_path, name):
+        write_run(tmp_path / "out")
+        victim, path = tmp_path / "victim", tmp_path / "out" / name
+        victim.write_bytes(path.read_bytes() if path.exists() else b"mine")
+        before = victim.read_bytes()
+        path.unlink(missing_ok=True)
+        path.symlink_to(victim)
+        with pytest.raises(UsageError):
+            results.ResultFolder(tmp_path / "out", CONFIG, resume=True).__enter__()
+        assert victim.read_bytes() == before
+
+
+class TestDamaged:
+    @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "1e999", ""])
+    @pytest.mark.parametrize("column", [1, 2, 3, 6])
+    def test_a_resumed_run_keeps_no_row_that_is_no_result(self, tmp_path, cell, column):
+        write_run(tmp_path / "out", 3)
+        table = tmp_path / "out" / "force_indentation.csv"
+        lines = [line.split(",") for line in table.read_text().splitlines()]
+        lines[2][column] = cell
+        table.write_text("".join(",".join(line) + "\n" for line in lines))
+        found = earlier_run(tmp_path / "out", CONFIG)
+        assert found is not None and [state.step for state in found.states] == [1]
+
+    @pytest.mark.parametrize(
+        ("rows", "deltas", "why"), [(3, [0.1, 0.2], "3 rows"), (2, [0.1, 0.3], "row 2 is not at the scene's depth")]
+    )
+    def test_rows_of_another_path_are_refused(self, tmp_path, rows, deltas, why):
+        write_run(tmp_path / "out", rows)
+        found = earlier_run(tmp_path / "out", CONFIG)
+        assert found is not None and [state.delta for state in found.states] == [
+            a_state(n + 1).delta for n in range(rows)
+        ]
+        scale = found.states[0].delta / deltas[0]
+        with pytest.raises(UsageError, match=why):
+            found.check([delta * scale for delta in deltas], len(deltas), tmp_path)
+
+    @pytest.mark.parametrize(
+        ("entry", "value"),
+        [("title", 3), ("units", ["m"]), ("center", "x"), ("theory", []), ("theory", {"name": 1}), ("warnings", "x"),
+         ("plan", {"choices": {}}), ("rows", -1), ("rows", "2"), ("status", "fine"), ("accuracy", {"tried": [None]}),
+         ("audit", {"force_against_reaction": "x"}), ("cpu_timings", {"mesh": None}), ("resumed_after", 3),
+         ("theory", {"name": "x", "delta": 1, "force": 1, "force_deviation": 0, "curve": {"delta": [1]}}),
+         ("peak_memory_MB", "1 GB"), ("exit_code", 1e99)],
+    )  # fmt: skip
+    def test_an_entry_that_is_something_else_is_named(self, tmp_path, entry, value):
+        write_run(tmp_path / "out")
+        path = tmp_path / "out" / "run.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {entry: value}))
+        for refused in (results.read, results.read_run, lambda folder: earlier_run(folder, CONFIG)):
+            with pytest.raises(UsageError, match=rf"run\.json is damaged: {entry}"):
+                refused(tmp_path / "out")
+        for words in (("plot", "out"), ("compare", "out", "out")):
+            done = CliRunner().invoke(cli.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
+            assert done.exit_code == 2 and "Traceback" not in done.stderr
+
+    def test_nothing_of_a_file_that_is_no_result_is_told(self, tmp_path):
+        (tmp_path / "secret").write_text("step,delta,force,a\n1,2,3,password\n")
+        with pytest.raises(UsageError, match="line 2, column 4 is not a number") as caught:
+            results.read(tmp_path / "secret")
+        assert "password" not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        ("code", "reason", "again"),
+        [(137, "the process of the run died of SIGKILL", True), (135, "", True), (143, "", True),
+         (1, "MemoryError: ", True), (5, "cannot write results: No space left on device", True),
+         (139, "SIGSEGV", False), (5, "step 3 of 4: not converged", False), (1, "KeyError: 'x'", False)],
+    )  # fmt: skip
+    def test_a_run_that_the_machine_killed_is_tried_again(self, tmp_path, code, reason, again):
+        with StudyFolder(tmp_path / "study", resume=False) as study:
+            study.fail("x", code, reason)
+            assert study.has_ended("x") and study.is_finished("x") != again
+            report = json.loads((study.run("x") / "run.json").read_text())
+            assert report["version"] == __version__
+
+    def test_a_damaged_run_of_a_study_is_done_again(self, tmp_path):
+        with StudyFolder(tmp_path / "study", resume=False) as study:
+            write_run(study.run("x"))
+            assert study.is_finished("x")
+            (study.run("x") / "force_indentation.csv").write_bytes(np.random.default_rng(0).bytes(100))
+            assert not study.is_finished("x")
