@@ -44,7 +44,7 @@ class TestText:
     @pytest.mark.parametrize("title", TITLES)
     def test_a_plan_shows_the_title_as_it_is(self, tmp_path, title):
         (tmp_path / "scene.yaml").write_text(
-            SCENE + f"title: {json.dumps(title)}\nunits: {{length: '[/x]', force: $}}\n"
+            SCENE + f"title: {json.dumps(title, ensure_ascii=False)}\nunits: {{length: '[/x]', force: $}}\n"
         )
         shown = said("plan", tmp_path / "scene.yaml")
         assert shown.exit_code == 0 and printable(title) in shown.stdout and "\x1b" not in shown.stdout
@@ -182,12 +182,9 @@ class TestDamaged:
     def test_rows_of_another_path_are_refused(self, tmp_path, rows, deltas, why):
         write_run(tmp_path / "out", rows)
         found = earlier_run(tmp_path / "out", CONFIG)
-        assert found is not None and [state.delta for state in found.states] == [
-            a_state(n + 1).delta for n in range(rows)
-        ]
-        scale = found.states[0].delta / deltas[0]
+        assert found is not None and [state.delta for state in found.states][:2] == [0.1, 0.2]
         with pytest.raises(UsageError, match=why):
-            found.check([delta * scale for delta in deltas], len(deltas), tmp_path)
+            found.check(deltas, len(deltas), tmp_path)
 
     @pytest.mark.parametrize(
         ("entry", "value"),
