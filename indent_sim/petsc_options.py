@@ -2,7 +2,8 @@
 
 Scenes come from other people, and PETSc can do anything on behalf of an option: pipe a viewer or a monitor through a
 shell, overwrite a file, import Python. So an option is allowed by name, and its value by type; nothing else is passed
-on. Each table holds names without the prefix of an inner solver, as in mg_levels_ksp_type.
+on. Each table holds names without the prefix of an inner solver, as in mg_levels_ksp_type. What ends PETSc 3.18 by a
+signal is left out too: eisenstat, the lengths of fcg, superlu's incomplete factors.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def _each(stem: str, endings: str, words: str) -> dict[str, frozenset[str]]:
 
 
 WHOLE = {
-    *_names("ksp_", "max_it check_norm_iteration gmres_restart gcr_restart lgmres_augment fcg_mmax bcgsl_ell"),
+    *_names("ksp_", "max_it check_norm_iteration gmres_restart gcr_restart lgmres_augment bcgsl_ell"),
     *_names("ksp_", "chebyshev_esteig_steps"),
     *_names("pc_", "asm_blocks asm_local_blocks asm_overlap gasm_overlap gasm_total_subdomains bjacobi_blocks"),
     *_names("pc_", "bjacobi_local_blocks redundant_number sor_its sor_lits factor_levels"),
@@ -52,7 +53,7 @@ WHOLE = {
 NUMBERS = {
     *_names("ksp_", "rtol atol divtol gmres_haptol gmres_breakdown_tolerance richardson_scale bcgsl_xres"),
     *_names("pc_factor_", "fill zeropivot shift_amount column_pivot nonzeros_along_diagonal"),
-    *_names("pc_", "sor_omega sor_diagonal_shift eisenstat_omega gamg_threshold_scale kaczmarz_lambda"),
+    *_names("pc_", "sor_omega sor_diagonal_shift gamg_threshold_scale kaczmarz_lambda"),
     *_names("pc_hypre_boomeramg_", "tol strong_threshold truncfactor max_row_sum relax_weight_all"),
     *_names("pc_hypre_boomeramg_", "outer_relax_weight_all"),
     *_names("pc_hypre_", "pilut_tol parasails_thresh parasails_filter parasails_loadbal"),
@@ -73,7 +74,7 @@ SWITCHES = {
     *_names("ksp_", "converged_use_initial_residual_norm converged_use_min_initial_residual_norm"),
     *_names("pc_factor_", "in_place reuse_fill reuse_ordering diagonal_fill pivot_in_blocks"),
     *_names("pc_sor_", "symmetric backward forward local_symmetric local_backward local_forward"),
-    *_names("pc_", "use_amat jacobi_abs jacobi_fixdiagonal eisenstat_no_diagonal_scaling kaczmarz_symmetric"),
+    *_names("pc_", "use_amat jacobi_abs jacobi_fixdiagonal kaczmarz_symmetric"),
     *_names("pc_gamg_", "repartition reuse_interpolation use_sa_esteig asm_use_agg sym_graph symmetrize_graph"),
     *_names("pc_gamg_", "use_parallel_coarse_grid_solver cpu_pin_coarse_grids"),
     *_names("pc_fieldsplit_", "detect_saddle_point diag_use_amat off_diag_use_amat dm_splits"),
@@ -93,10 +94,9 @@ WORDS: dict[str, frozenset[str]] = {
     **_each("ksp_", "pc_side", "left right symmetric"),
     **_each("ksp_", "convergence_test", "default skip"),
     **_each("ksp_gmres_", "cgs_refinement_type", "refine_never refine_ifneeded refine_always"),
-    **_each("ksp_", "fcg_truncation_type", "standard notay"),
-    **_each("pc_", "type", "none lu cholesky ilu icc qr svd jacobi pbjacobi vpbjacobi bjacobi sor eisenstat asm gasm "
+    **_each("pc_", "type", "none lu cholesky ilu icc qr svd jacobi pbjacobi vpbjacobi bjacobi sor asm gasm "
             "gamg hypre mg fieldsplit ksp redundant kaczmarz"),
-    **_each("pc_factor_", "mat_solver_type", "petsc mumps superlu superlu_dist umfpack klu cholmod pastix strumpack "
+    **_each("pc_factor_", "mat_solver_type", "petsc mumps superlu_dist umfpack klu cholmod pastix strumpack "
             "mkl_pardiso"),
     **_each("pc_factor_", "mat_ordering_type", "natural nd 1wd rcm qmd rowlength wbm spectral amd external"),
     **_each("pc_factor_", "shift_type", "none nonzero positive_definite inblocks"),
