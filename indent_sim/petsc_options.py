@@ -3,7 +3,7 @@
 Scenes come from other people, and PETSc can do anything on behalf of an option: pipe a viewer or a monitor through a
 shell, overwrite a file, import Python. So an option is allowed by name, and its value by type; nothing else is passed
 on. Each table holds names without the prefix of an inner solver, as in mg_levels_ksp_type. What ends PETSc 3.18 by a
-signal is left out too: eisenstat, the lengths of fcg, superlu's incomplete factors.
+signal is left out too: eisenstat, the lengths of fcg, superlu and the orderings wbm and spectral with incomplete factors.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ WORDS: dict[str, frozenset[str]] = {
             "gamg hypre mg fieldsplit ksp redundant kaczmarz"),
     **_each("pc_factor_", "mat_solver_type", "petsc mumps superlu_dist umfpack klu cholmod pastix strumpack "
             "mkl_pardiso"),
-    **_each("pc_factor_", "mat_ordering_type", "natural nd 1wd rcm qmd rowlength wbm spectral amd external"),
+    **_each("pc_factor_", "mat_ordering_type", "natural nd 1wd rcm qmd rowlength amd external"),
     **_each("pc_factor_", "shift_type", "none nonzero positive_definite inblocks"),
     **_each("pc_", "asm_type gasm_type", "none restrict interpolate basic"),
     **_each("pc_asm_", "local_type", "additive multiplicative"),

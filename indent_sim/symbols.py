@@ -158,7 +158,12 @@ SOLVER = (
 )
 
 OUTPUT = (
-    Symbol("directory", "", "result folder, below the working directory; default: results/ and the name of the config", WORD),
+    Symbol(
+        "directory",
+        "",
+        "result folder, below the working directory; default: results/ and the name of the config",
+        WORD,
+    ),
     Symbol("fields", "", "steps whose fields are written for ParaView", WORD),
     Symbol("surface", "", "state of the contact surface, point by point", WORD),
     Symbol("output.surface", "", "steps whose contact surface is written to surface.csv", WORD),
