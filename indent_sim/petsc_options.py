@@ -3,7 +3,7 @@
 Scenes come from other people, and PETSc can do anything on behalf of an option: pipe a viewer or a monitor through a
 shell, overwrite a file, import Python. So an option is allowed by name, and its value by type; nothing else is passed
 on. Each table holds names without the prefix of an inner solver, as in mg_levels_ksp_type. What ends PETSc 3.18 by a
-signal is left out too: eisenstat, the lengths of fcg, superlu and the orderings wbm and spectral with incomplete factors.
+signal is left out too: eisenstat, the lengths of fcg, superlu, and the orderings wbm and spectral.
 """
 
 from __future__ import annotations
