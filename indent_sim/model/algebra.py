@@ -36,6 +36,17 @@ def log(x: Any) -> Any:
     return np.log(x)
 
 
+def exp(x: Any) -> Any:
+    """e^x."""
+    if is_symbolic(x):
+        import ufl
+
+        return ufl.exp(x)
+    import numpy as np
+
+    return np.exp(x)
+
+
 SERIES = 0.03  # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
 ODD = (1 / 3, 1 / 5, 1 / 7, 1 / 9)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
 
@@ -50,6 +61,17 @@ def log1p_remainder(x: Any) -> Any:
     """x - ln(1 + x), which is x^2/2 for small x."""
     z = x / (2 + x)
     return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
+
+
+TAYLOR = 10  # e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
+
+
+def expm1_remainder(x: Any) -> Any:
+    """e^x - 1 - x, which is x^2/2 for small x."""
+    small: Any = 0.0
+    for n in range(TAYLOR, 2, -1):
+        small = (1 + small) * x / n
+    return _where_small(x, x * x / 2 * (1 + small), exp(x) - 1 - x)
 
 
 def _odd(z: Any) -> Any:
