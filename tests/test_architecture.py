@@ -52,6 +52,7 @@ ROOMS: dict[str, set[str]] = {
         *("premises", "reduction", "sizing", "state"),
     },
     "resolved": {"config", "scene", "sizing"},
+    "plausibility": {"expectation", "model", "scene", "state", "theory"},
     "error_bars": {"accuracy", "model", "scene", "state"},
     "refinement": {"accuracy", "config", "error_bars", "scene", "state"},
     "geometry": {"model", "scene", "sizing"},
@@ -66,8 +67,8 @@ ROOMS: dict[str, set[str]] = {
     "record": {"earlier", "parallel", "results"},
     "plots": {"results"},
     "simulation": {
-        *("checkpoint", "comparison", "config", "error_bars", "fe", "folder", "geometry", "parallel", "record"),
-        *("scene", "state"),
+        *("checkpoint", "comparison", "config", "error_bars", "fe", "folder", "geometry", "parallel", "plausibility"),
+        *("record", "scene", "state"),
     },
     "run": {
         *("comparison", "config", "earlier", "error_bars", "folder", "geometry", "model", "simulation"),
