@@ -20,6 +20,7 @@ import click
 
 from indent_sim import __version__
 from indent_sim.errors import BackendError, ConfigError, IndentSimError, NotConverged, UsageError, VerificationError
+from indent_sim.limits import require_room, spent
 from indent_sim.stopping import check, stoppable
 
 if TYPE_CHECKING:
@@ -48,7 +49,8 @@ class Program(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; expected failures speak for themselves, others leave a traceback."""
         try:
-            return super().invoke(ctx)
+            with spent():
+                return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except (Exception, KeyboardInterrupt) as error:
@@ -133,7 +135,8 @@ def program() -> None:
 @json_option
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
-    comm = _world()
+    with stoppable():
+        comm = _world()
     with together(comm), stoppable(comm.rank):
         from indent_sim.config import load
         from indent_sim.parallel import on_root
@@ -154,6 +157,7 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: 
 def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path | None, as_json: bool) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
     _refuse_ranks()
+    require_room()
     from indent_sim import study as studies
     from indent_sim.results import to_json
 
@@ -258,6 +262,7 @@ def main() -> None:
 
 
 def _world() -> Any:
+    require_room()
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:

@@ -99,7 +99,7 @@ def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | Non
         allowed += PENETRATIONS * state.penetration
     if state.overlap <= allowed:
         return None
-    return f"the surface is {state.overlap:.3g} inside the tip: it went through"
+    return f"the surface reaches {state.overlap:.3g} into the tip, which went through it"
 
 
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
@@ -143,7 +143,7 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str
 
 
 RULES: tuple[Rule, ...] = (
-    _is_not_a_number, _pulls, _pushes_from_afar, _overlaps, _touches_nothing, _is_wider_than_its_tip, _stands_still,
+    _is_not_a_number, _overlaps, _pulls, _pushes_from_afar, _touches_nothing, _is_wider_than_its_tip, _stands_still,
     _energy_is_not_its_work, _falls, _is_not_theorys,
 )  # fmt: skip
 

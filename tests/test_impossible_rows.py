@@ -50,7 +50,7 @@ def test_a_ball_that_comes_out_behind(scene, tmp_path, monkeypatch, delta):
         return difference / (sqrt(difference + ball.R * ball.R) + ball.R)
 
     monkeypatch.setattr(Sphere, "gap_current", folded)
-    with pytest.raises(VerificationError, match="inside the tip: it went through"):
+    with pytest.raises(VerificationError, match="into the tip, which went through it"):
         run(load(scene, (f"loading={{delta: {delta}, steps: 1}}",)), directory=tmp_path / "out")
     assert len(read(tmp_path / "out")) == 0
 
