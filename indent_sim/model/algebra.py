@@ -137,10 +137,29 @@ def _of_angle(name: str, degrees: Any) -> Any:
 
 
 # A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots
-# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses.
+# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses
+# and, where all three meet, by more: there a function has to be written in another way (`power_sum`).
 SPLIT = 1e-6  # where all three meet
 PAIR = 3e-6  # where two meet, of their distance to the third
 NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
+
+
+CLOSE = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
+POWERS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
+
+
+def power_sum(exponent: Any, square: Any, cube: Any) -> Any:
+    """sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series; square = sum t_i^2/6, cube =
+    their product.
+
+    The sums of the k-th powers are p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
+    """
+    sums, binomial, total = [3.0, 0.0, 6 * square], exponent, 0.0 * square
+    for k in range(2, POWERS + 1):
+        binomial = binomial * (exponent - (k - 1)) / k
+        total = total + binomial * sums[-1]
+        sums.append(3 * square * sums[-2] + cube * sums[-3])
+    return total
 
 
 def unimodular_stretches(mean: Any, square: Any, cube: Any) -> list[Any]:

@@ -14,7 +14,16 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt, Len
 
-from indent_sim.model.algebra import exp, expm1_remainder, log1p, log1p_remainder, unimodular_stretches
+from indent_sim.model.algebra import (
+    CLOSE,
+    exp,
+    expm1_remainder,
+    log1p,
+    log1p_remainder,
+    power_sum,
+    unimodular_stretches,
+    where_less,
+)
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
@@ -284,8 +293,18 @@ class Ogden(_Isochoric):
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
 
     def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
-        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3)."""
-        return self.energy_of_stretches(*unimodular_stretches(1 + excess, square, cube))
+        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
+        far = self.energy_of_stretches(*unimodular_stretches(1 + excess, square, cube))
+        return where_less(square, CLOSE**2 / 6, self._near_rest(excess, square, cube), far)
+
+    def _near_rest(self, excess: Any, square: Any, cube: Any) -> Any:
+        """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a traceless tensor."""
+        mean, total = 1 + excess, 0.0 * excess
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            growth = alpha / 2 * log1p(excess)
+            growth += expm1_remainder(growth)  # mean^(alpha/2) - 1
+            total += mu / alpha * (3 * growth + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3))
+        return total
 
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
         """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
