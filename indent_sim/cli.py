@@ -29,6 +29,7 @@ from indent_sim.errors import (
     VerificationError,
     printable,
 )
+from indent_sim.limits import require_room, spent
 from indent_sim.stopping import check, stoppable
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ class Program(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; expected failures speak for themselves, others leave a traceback."""
         try:
-            return super().invoke(ctx)
+            with spent():
+                return super().invoke(ctx)
         except click.ClickException as error:
             refuse(error, ctx.meta[AS_JSON])
         except (click.exceptions.Exit, click.Abort):
@@ -193,7 +195,8 @@ def program() -> None:
 @json_option
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
-    comm = _world()
+    with stoppable():
+        comm = _world()
     with together(comm), stoppable(comm.rank):
         from indent_sim.config import load
         from indent_sim.parallel import on_root
@@ -214,6 +217,7 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: 
 def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path | None, as_json: bool) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
     _refuse_ranks()
+    require_room()
     from indent_sim import study as studies
     from indent_sim.results import to_json
 
@@ -325,6 +329,7 @@ def main() -> None:
 
 
 def _world() -> Any:
+    require_room()
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:

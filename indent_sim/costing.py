@@ -8,6 +8,7 @@ compiled before.
 from __future__ import annotations
 
 import os
+import resource
 from dataclasses import dataclass, replace
 from math import pi
 
@@ -75,8 +76,10 @@ def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[fl
 
 
 def machine_memory() -> float:
-    """Physical memory of this machine [bytes]."""
-    return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    """Physical memory of this machine, or what this process may have of it [bytes]."""
+    physical = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return physical if allowed == resource.RLIM_INFINITY else min(physical, float(allowed))
 
 
 def _cells(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], is_round: bool) -> float:

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim.errors import UsageError
+from indent_sim.stopping import SIGNALS
 
 PROGRAM = "indent-sim"
 LOCK = ".lock"
@@ -37,12 +38,12 @@ BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Hold back SIGINT and SIGTERM until the block is done, so that no file is left half written."""
+    """Hold back the signals that stop a run until the block is done, so that no file is left half written."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     arrived: list[int] = []
-    signals = [s for s in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(s) is not None]
+    signals = [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
     before = {number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals}
     try:
         yield

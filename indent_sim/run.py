@@ -12,6 +12,7 @@ from indent_sim.comparison import memory
 from indent_sim.earlier import earlier_run
 from indent_sim.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.errors import BackendError, ConfigError
+from indent_sim.limits import spent
 from indent_sim.model.contact import Penalty
 from indent_sim.model.indenters import Indenter
 from indent_sim.model.quantities import scaled
@@ -96,7 +97,7 @@ class Attempt:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    force_error=self._with_bars) as record, unmasked():  # fmt: skip
+                    force_error=self._with_bars) as record, unmasked(), spent():  # fmt: skip
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],

@@ -60,7 +60,8 @@ class State:
 
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure], penetration [length] the largest <-g> over the contact quadrature points, energy
-    [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs.
+    [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap [length]
+    how far the deformed surface reaches into the tip's own shape (current gap only).
     """
 
     step: int
@@ -74,6 +75,7 @@ class State:
     wall_s: float
     reaction: float = float("nan")
     stray_reaction: float = 0.0
+    overlap: float = 0.0
     substeps: int = 1
     converged: bool = True
     reason: str = ""
@@ -90,6 +92,7 @@ class State:
             a=self.a * L,
             p_max=self.p_max * P,
             penetration=self.penetration * L,
+            overlap=self.overlap * L,
             energy=self.energy * scales.energy,
             reaction=self.reaction * F,
             stray_reaction=self.stray_reaction * F,

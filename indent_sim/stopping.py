@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as an exception, so that a run keeps what it has and says how it ended."""
+"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps what it has and says how it ended."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ if TYPE_CHECKING:
     from types import FrameType
 
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
 class Stopped(KeyboardInterrupt):
-    """SIGINT or SIGTERM arrived; exit code 128 + signal."""
+    """SIGINT, SIGTERM or SIGHUP arrived; exit code 128 + signal."""
 
     def __init__(self, number: int):
         super().__init__(f"stopped by {signal.Signals(number).name}")
@@ -43,17 +46,22 @@ def unmasked() -> Iterator[None]:
 
 @contextmanager
 def stoppable(rank: int = 0) -> Iterator[None]:
-    """SIGINT and SIGTERM raise Stopped on rank 0, which keeps what there is and takes the others along."""
+    """SIGNALS raise Stopped on rank 0, which keeps what there is and takes the others along.
+
+    A SIGHUP that is ignored stays so: that is what `nohup` asks for.
+    """
 
     def stop(number: int, frame: FrameType | None) -> None:
         _arrived.append(number)
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
         raise Stopped(number)
 
     _arrived.clear()
     handler: Any = stop if rank == 0 else signal.SIG_IGN
-    before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    wanted = [number for number in SIGNALS if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in wanted}
     try:
         with unmasked():
             yield

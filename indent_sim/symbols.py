@@ -152,7 +152,7 @@ MESH = (
 
 SOLVER = (
     Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
-    Symbol("rtol", "", "relative residual at which a step counts as converged", "1"),
+    Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
     Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
 )
@@ -181,6 +181,7 @@ RESULTS = (
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
     Symbol("force_error", "", "half-width of the error bar on the force", "force"),
     Symbol("reaction", "", "z-reaction of all constrained degrees of freedom; equals the force", "force"),
+    Symbol("overlap", "", "how far the deformed surface reaches above the tip's own shape; current gap", "length"),
     Symbol("stray_reaction", "", "reaction of the constraints that only remove rigid modes; zero", "force"),
     Symbol("substeps", "", "how many solves the step was cut into", "1"),
     Symbol("converged", "", "whether the step has a solution", WORD),

@@ -8,6 +8,7 @@ from typing import Any
 from indent_sim import run
 from indent_sim.config import from_mapping
 from indent_sim.model.contact import Penalty
+from indent_sim.plausibility import contradiction
 from indent_sim.scene import Scene, resolve
 from indent_sim.state import State
 
@@ -35,13 +36,14 @@ def with_penalty(base: Scene, epsilon_n: float) -> Scene:
 
 
 def solve(base: Scene) -> list[State]:
-    """All states of a scene, every one converged and audited, in the user's units."""
+    """All states of a scene, every one converged, audited and possible, in the user's units."""
     states = list(run.states(base))
     assert len(states) == len(base.deltas)
     largest = max(abs(state.force) for state in states)
-    for state in states:
+    for k, state in enumerate(states):
         assert state.converged, state.reason
         assert_audited(state, largest)
+        assert contradiction(base, state, states[:k]) is None
     return states
 
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from indent_sim.fe import kernels
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = """\
@@ -53,18 +59,17 @@ def test_cold_warm_and_half_written(indent_sim):
     warm = start()
     assert warm.returncode == 0 and LINE not in warm.stderr
 
-    # what a kill leaves: a claim, and nobody who will make it good
+    # what a kill leaves: a claim, its lock open again, and nobody who will make it good
     victim = entries(cache, ".c.cached")[0]
     name = victim.name.removesuffix(".c.cached")
     for path in cache.glob(f"{name}*"):
-        if path.name != f"{name}.c":
+        if path.name not in (f"{name}.c", f"{name}.lock"):
             path.unlink()
-    os.utime(cache / f"{name}.c", (time.time() - 3600,) * 2)
     begin = time.monotonic()
     mended = start()
     assert mended.returncode == 0, mended.stderr
     assert LINE in mended.stderr and victim.exists()
-    assert time.monotonic() - begin < 60
+    assert time.monotonic() - begin < kernels.STALE
 
     # what a full disk or a power failure leaves: finished, and cut off
     for library, length in zip(entries(cache, ".so"), (0, 5000), strict=False):
@@ -74,31 +79,109 @@ def test_cold_warm_and_half_written(indent_sim):
     assert LINE not in start().stderr
 
 
-def test_an_entry_that_somebody_works_on_is_waited_for(tmp_path, monkeypatch):
-    from indent_sim.fe import kernels
-
-    calls = []
-
-    def wait(name, objects, cache, timeout):
-        calls.append(name)
-        if len(calls) < 3:
-            raise TimeoutError
-        return ["kernel"], "module"
-
-    monkeypatch.setattr(kernels, "_found", wait)
-    (tmp_path / "one.c").touch()
-    assert kernels.lookup("one", [], tmp_path, 10) == (["kernel"], "module")
-    assert len(calls) == 3 and (tmp_path / "one.c").exists()
+# ---- several processes and one cache ------------------------------------------------------------------------------
 
 
-def test_a_stale_entry_is_removed_and_a_finished_one_is_not(tmp_path, monkeypatch):
-    from indent_sim.fe import kernels
+def cheap(folder: Path, seconds: float) -> None:
+    """FFCx's look-up and compilation without FFCx: the same files, no compiler; each start is a line in `compiled`."""
 
-    monkeypatch.setattr(kernels, "_found", lambda *arguments: (["kernel"], "module"))
-    for name in ("stale", "done"):
-        (tmp_path / f"{name}.c").touch()
-        os.utime(tmp_path / f"{name}.c", (0, 0))
-    (tmp_path / "done.c.cached").touch()
-    for name in ("stale", "done", "absent"):
-        kernels.lookup(name, [], tmp_path, 10)
-    assert [path.name for path in entries(tmp_path, ".c")] == ["done.c"]
+    def found(name: str, objects: list[str], cache: Path, timeout: int) -> tuple[Any, Any]:
+        if (folder / f"{name}.c.cached").exists():
+            return ["kernel"], "module"
+        try:
+            (folder / f"{name}.c").touch(exist_ok=False)
+        except FileExistsError:
+            raise TimeoutError("nobody should have to wait here") from None
+        return None, None
+
+    def compiled(declaration: str, objects: Any, names: Any, module: str, options: Any, cache: Path) -> None:
+        with (folder / "compiled").open("a") as log:
+            log.write(f"{os.getpid()}\n")
+        time.sleep(seconds)
+        (folder / f"{module}.c.cached").touch()
+
+    kernels._found, kernels._compiled = found, compiled  # in a process of its own
+
+
+def race(folder: Path, runs: int, seconds: float) -> list[Any]:
+    """Processes that all need the same kernel at the same time."""
+
+    def run() -> None:
+        cheap(folder, seconds)
+        if kernels.lookup("one", [], folder, 10)[0] is None:
+            kernels.compile_kernels("", [], [], "one", {}, folder)
+        assert kernels.lookup("one", [], folder, 10) == (["kernel"], "module")
+
+    context = multiprocessing.get_context("fork")
+    processes = [context.Process(target=run) for _ in range(runs)]
+    for process in processes:
+        process.start()
+    return processes
+
+
+def compilations(folder: Path) -> list[int]:
+    """Who compiled, in turn."""
+    log = folder / "compiled"
+    return [int(line) for line in log.read_text().split()] if log.exists() else []
+
+
+def ends(processes: list[Any]) -> list[int]:
+    for process in processes:
+        process.join(20)  # s: far beyond what these compilations take
+    return [process.exitcode for process in processes]
+
+
+def test_one_process_compiles_and_the_others_wait(tmp_path):
+    assert ends(race(tmp_path, 12, seconds=0.3)) == [0] * 12
+    assert len(compilations(tmp_path)) == 1
+
+
+def test_another_process_takes_over_from_a_killed_one(tmp_path):
+    """At once: nobody waits for the age of what it left."""
+    processes = race(tmp_path, 6, seconds=0.5)
+    while not compilations(tmp_path):
+        time.sleep(0.01)
+    os.kill(compilations(tmp_path)[0], signal.SIGKILL)
+    assert sorted(ends(processes)) == [-signal.SIGKILL] + [0] * 5
+    assert len(compilations(tmp_path)) == 2
+
+
+class TestAnotherProgramsEntry:
+    """One without a lock: it is waited for as long as it changes, by the clock of who waits."""
+
+    @pytest.fixture(autouse=True)
+    def patience(self, tmp_path, monkeypatch, caplog):
+        for name in ("_found", "_compiled", "STALE"):
+            monkeypatch.setattr(kernels, name, getattr(kernels, name))  # as before, afterwards
+        monkeypatch.setattr(kernels, "_told", set())
+        cheap(tmp_path, 0.0)
+        kernels.STALE = 0.3
+        caplog.set_level("INFO", "indent_sim")
+
+    @pytest.mark.parametrize("age", [3600.0, 0.0, -3600.0])
+    def test_left_behind(self, tmp_path, caplog, age):
+        (tmp_path / "one.c").touch()
+        os.utime(tmp_path / "one.c", (time.time() - age,) * 2)  # the clock of a file server may be another
+        begin = time.monotonic()
+        assert kernels.lookup("one", [], tmp_path, 10) == (None, None)
+        assert 0.3 <= time.monotonic() - begin < 5
+        assert f"waiting for another program that compiles {tmp_path / 'one.c'}" in caplog.text
+
+    def test_finished_in_the_meantime(self, tmp_path):
+        (tmp_path / "one.c").touch()
+        later = threading.Timer(0.1, (tmp_path / "one.c.cached").touch)
+        later.start()
+        assert kernels.lookup("one", [], tmp_path, 10) == (["kernel"], "module")
+        assert (tmp_path / "one.c").exists()
+
+
+@pytest.mark.stress
+def test_twenty_cold_runs_at_once(tmp_path):
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    words = [sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output"]
+    runs = [subprocess.Popen([*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+            for k in range(20)]  # fmt: skip
+    told = [run.communicate(timeout=900)[1] for run in runs]
+    assert [run.returncode for run in runs] == [0] * 20, told
+    assert not any("Traceback" in text for text in told)

@@ -60,7 +60,7 @@ def resumed(place: Path, *before: str) -> Results:
 class TestSignals:
     @pytest.mark.parametrize(
         ("scene", "number", "code"),
-        [("newton", signal.SIGTERM, 143), ("condensed", signal.SIGINT, 130)],
+        [("newton", signal.SIGTERM, 143), ("condensed", signal.SIGINT, 130), ("condensed", signal.SIGHUP, 129)],
         indirect=["scene"],
     )
     def test_stopped_and_resumed(self, scene, tmp_path, undisturbed, number, code):
@@ -90,7 +90,10 @@ class TestSignals:
         assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 1)
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.stress)])
+    @pytest.mark.parametrize(
+        "number",
+        [signal.SIGTERM, *(pytest.param(other, marks=pytest.mark.stress) for other in (signal.SIGINT, signal.SIGHUP))],
+    )
     def test_on_two_ranks(self, tmp_path, undisturbed, number):
         """mpirun passes the signal on; its own exit code is its own affair, so only not 0 is asked for."""
         long = HYPERELASTIC.replace("steps: 15", "steps: 200")  # mpirun passes it on after a second

@@ -157,6 +157,26 @@ class TestHome:
         same(read(place / "out"), plain)
 
 
+class TestLimits:
+    """Where MPI or gmsh would end without a word, or hang."""
+
+    @pytest.mark.parametrize("limit", ["-n 16", "-v 100000", "-v 300000", "-v 600000"])
+    def test_too_narrow(self, place, limit):
+        done = shell(place, f"ulimit {limit}; $indent_sim run scene.yaml --output out")
+        assert done.returncode == 7 and f"(ulimit {limit[:2]})" in done.stderr and "Traceback" not in done.stderr
+        assert os.listdir(place) == ["scene.yaml"]
+
+    def test_no_room_for_temporary_files(self, place):
+        """A private /tmp of 16 kB, full."""
+        fill = "mount -t tmpfs -o size=16k tmpfs /tmp; head -c 20k /dev/zero > /tmp/full; cd -P /proc/self/fd/9"
+        line = f"exec 9<.; unshare -m bash -c {shlex.quote(fill + ' && $indent_sim run scene.yaml --output out')}"
+        if os.geteuid() != 0 or shell(place, "unshare -m true").returncode != 0:
+            pytest.skip("only root may mount another /tmp")
+        done = shell(place, line)
+        assert done.returncode == 5 and "cannot keep temporary files in /tmp: No space left" in done.stderr, done.stderr
+        assert "Traceback" not in done.stderr
+
+
 def test_two_runs_at_once_into_one_folder(place, plain):
     """One does it, the other is refused; which one is the kernel's choice."""
     words = [sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out"]

@@ -139,7 +139,7 @@ class CondensedWalk:
 
     def _observe(self, step: int, iterations: int, with_surface: bool) -> State:
         contact, copies, delta = self.contact, self.scene.copies, self._depth
-        a, p_max, penetration = observe.contact(self.view)
+        a, p_max, penetration, overlap = observe.contact(self.view)
         compliance = contact.compliance
         return State(
             step=step,
@@ -153,6 +153,7 @@ class CondensedWalk:
             wall_s=time.perf_counter() - self.started,
             reaction=copies * float(compliance.support @ contact.F),
             stray_reaction=copies * float(compliance.stray @ np.abs(contact.F)),
+            overlap=overlap,
             surface=self._surface() if with_surface else None,
         )
 

@@ -1,18 +1,21 @@
-"""The cache of compiled kernels: say when it is filled, and clear what a killed run left half-written in it.
+"""The cache of compiled kernels: say when it is filled, by whom, and clear what a killed run left half-written in it.
 
 FFCx claims an entry by creating its .c file and marks it done by a .c.cached file; who finds the first without the
-second waits for another process to finish. A process that was killed never does: its entry is told by its age.
-One that is interrupted takes its claim back when it ends.
+second waits ten seconds for another process and gives up. Here who looks for an unfinished entry holds a lock on a file
+beside it until it is compiled: the others wait as long as that takes, and the kernel lets go of it when the process
+ends, however it does. An entry of a program that knows no such lock is told by its age, on the clock of who waits.
 """
 
 from __future__ import annotations
 
 import atexit
+import fcntl
 import logging
+import os
 import struct
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
@@ -22,13 +25,14 @@ from ffcx.codegeneration import jit
 
 from indent_sim.errors import BackendError
 
-STALE = 30.0  # s without a change in an unfinished entry; compiling one takes a few
+STALE = 30.0  # s without a change in an unfinished entry that nobody has locked; compiling one takes a few
+PAUSE = 0.1  # s between two looks at an entry that is waited for
 logger = logging.getLogger("indent_sim")
 FAILED = "Failed just-in-time compilation"  # so dolfinx tells the other ranks
 _found: Callable[..., Any] = jit.get_cached_module
 _compiled: Callable[..., Any] = jit._compile_objects
 _told: set[str] = set()
-_claimed: set[Path] = set()
+_claimed: dict[Path, int | None] = {}  # entries this process has begun, and their locks
 
 
 def watch_the_cache() -> None:
@@ -49,40 +53,112 @@ def compiling() -> Iterator[None]:
 
 
 def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
-    """FFCx's own look-up; an unfinished entry that nobody works on is removed, and compiled anew, and so is one whose
-    library a full disk or a power failure has cut off: to load it would end the process."""
+    """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait for any.
+
+    An entry that nobody works on is removed, and compiled anew, and so is one whose library a full disk or a power
+    failure has cut off: to load it would end the process.
+    """
     entry = Path(cache_dir) / f"{module_name}.c"
-    is_finished = entry.with_suffix(".c.cached").exists()  # before that, the linker of another process may be at it
-    if is_finished and not all(_is_whole(entry.with_suffix(ending)) for ending in EXTENSION_SUFFIXES):
-        for suffix in ("*so", ".c.cached", ".c"):
-            for file in entry.parent.glob(f"{module_name}{suffix}"):
-                file.unlink(missing_ok=True)
-    while True:
-        if _age(entry) > STALE:
-            entry.unlink(missing_ok=True)
-        try:
-            found = _found(module_name, object_names, cache_dir, timeout)
-        except TimeoutError:
-            if _age(entry) > 0.0:  # somebody may still be at it; it ends when done or stale
-                continue
-            raise
-        if found[0] is None:
-            _claimed.add(entry)
-        if found[0] is None and not _told:
-            _told.add("compiling")
-            logger.info("compiling kernels (first run only)")
+    if _is_good(entry):
+        return _found(module_name, object_names, cache_dir, timeout)
+    _give_claims_back()
+    with _refused_folder(entry):
+        was_locked, lock = entry.with_suffix(".lock").exists(), _locked(entry)
+        if lock is None or not was_locked:
+            _await_others(entry)
+        if not _is_good(entry):
+            _clear(entry)
+    found = _found(module_name, object_names, cache_dir, timeout)
+    if found[0] is not None:
+        _let_go(lock)
         return found
+    _claimed[entry] = lock
+    _tell("compiling kernels (first run only)")
+    return found
+
+
+@contextmanager
+def _refused_folder(entry: Path) -> Iterator[None]:
+    """A folder of kernels that cannot be written, as BackendError."""
+    try:
+        yield
+    except OSError as error:
+        raise BackendError(f"cannot keep kernels in {entry.parent}: {error.strerror or error}") from error
+
+
+def _locked(entry: Path) -> int | None:
+    """The lock of an entry, waited for; None where the file system has no locks."""
+    entry.parent.mkdir(parents=True, exist_ok=True)
+    lock = os.open(entry.with_suffix(".lock"), os.O_RDWR | os.O_CREAT, 0o666)
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return lock
+        except BlockingIOError:
+            _tell(f"waiting for another process that compiles the same kernels in {entry.parent}")
+            time.sleep(PAUSE)
+        except OSError:
+            os.close(lock)
+            return None
+
+
+def _let_go(lock: int | None) -> None:
+    if lock is not None:
+        os.close(lock)
+
+
+def _await_others(entry: Path) -> None:
+    """Wait until an entry without a lock is finished, gone, or has not changed for STALE seconds."""
+    before, since = _traces(entry), time.monotonic()
+    while _is_begun(entry) and time.monotonic() < since + STALE:
+        _tell(f"waiting for another program that compiles {entry}, or left it; for {STALE:g} s after its last change")
+        time.sleep(PAUSE)
+        if (now := _traces(entry)) != before:
+            before, since = now, time.monotonic()
+
+
+def _traces(entry: Path) -> dict[str, tuple[int, int]]:
+    """Size and date of every file of an entry; only whether they change is of interest."""
+    with suppress(FileNotFoundError):
+        files = {file.name: file.stat() for file in entry.parent.glob(f"{entry.stem}*")}
+        return {name: (found.st_size, found.st_mtime_ns) for name, found in files.items()}
+    return {}
+
+
+def _clear(entry: Path) -> None:
+    for suffix in ("*so", ".c.cached", ".c"):
+        for file in entry.parent.glob(f"{entry.stem}{suffix}"):
+            file.unlink(missing_ok=True)
+
+
+def _tell(what: str) -> None:
+    """Say something once in the life of the process."""
+    if what not in _told:
+        _told.add(what)
+        logger.info(what)
 
 
 def compile_kernels(
     declaration: Any, objects: Any, names: Any, module: str, options: Any, cache: Any, *more: Any, **named: Any
 ) -> Any:
-    """FFCx's own compilation; BackendError when the compiler fails."""
+    """FFCx's own compilation, after which others may have the entry; BackendError when the compiler fails."""
     try:
-        return _compiled(declaration, objects, names, module, options, cache, *more, **named)
+        done = _compiled(declaration, objects, names, module, options, cache, *more, **named)
     except (VerificationError, OSError) as error:
         reason = " ".join(str(error).split())
         raise BackendError(f"kernels cannot be compiled: {reason}; `indent-sim doctor` says what is missing") from error
+    _let_go(_claimed.pop(Path(cache) / f"{module}.c", None))
+    return done
+
+
+def _is_good(entry: Path) -> bool:
+    """Whether an entry is finished, and its library not cut off; before that its linker may be at it."""
+    is_finished = entry.with_suffix(".c.cached").exists()
+    return is_finished and all(_is_whole(entry.with_suffix(ending)) for ending in EXTENSION_SUFFIXES)
+
+
+def _is_begun(entry: Path) -> bool:
+    return entry.exists() and not entry.with_suffix(".c.cached").exists()
 
 
 def _is_whole(library: Path) -> bool:
@@ -100,14 +176,9 @@ def _is_whole(library: Path) -> bool:
 
 @atexit.register
 def _give_claims_back() -> None:
-    for entry in _claimed:
-        if _age(entry) > 0.0:
+    """Let others have the entries whose compilation failed or was interrupted."""
+    while _claimed:
+        entry, lock = _claimed.popitem()
+        if _is_begun(entry):
             entry.unlink(missing_ok=True)
-
-
-def _age(entry: Path) -> float:
-    """Seconds since anything of an unfinished entry changed; 0 for one that is finished or not there."""
-    if entry.with_suffix(".c.cached").exists() or not entry.exists():
-        return 0.0
-    times = [file.stat().st_mtime for file in entry.parent.glob(f"{entry.stem}*")]
-    return max(time.time() - max(times), 1e-3)
+        _let_go(lock)

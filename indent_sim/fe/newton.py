@@ -71,8 +71,7 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite(residual):
             return reasons.DIVERGED_FNORM_NAN
-        noise = ROUNDOFF * self._largest_reaction + self.problem.noise
-        if residual <= self._tolerance * self._reaction + noise:
+        if residual <= self._tolerance * self._reaction + ROUNDOFF * self._largest_reaction:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.ITERATING
 

@@ -42,6 +42,7 @@ class Observed(Protocol):
 
 SAME_PLACE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 ROUNDOFF = 1e-12  # of the body's height: a coordinate below it is zero
+UNDER = 0.7  # of the radius at which a tip ends: inside it no tip is steep, and no body has closed over a ball
 EDGE_MULTIPLE = 4.0  # of E*/h_contact: a within 0.5 % on HERTZ and on finite-strain spheres; 2 is high, 8 low
 
 
@@ -117,13 +118,14 @@ def _measure(tangents: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
 
 
-def contact(body: Observed) -> tuple[float, float, float]:
-    """Contact radius [length], peak pressure [pressure] and penetration [length] of the present state.
+def contact(body: Observed) -> tuple[float, float, float, float]:
+    """Contact radius [length], peak pressure [pressure], penetration and overlap [length] of the present state.
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
     projected on the horizontal plane; 0 for delta <= 0. The peak is over the contact quadrature points and the
-    nodes, the penetration the largest <-g> over the contact quadrature points.
+    nodes, the penetration the largest <-g> over the contact quadrature points. The overlap is how far the deformed
+    surface reaches above the tip's own shape, of which the gap function may know nothing; 0 with a reference gap.
     """
     dim = body.trace.dim
     grid, simplices = lattice(dim)
@@ -137,7 +139,19 @@ def contact(body: Observed) -> tuple[float, float, float]:
     a = size / 2 if body.scene.kinematics.name == "plane_strain" else float(np.sqrt(size / pi))
     peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
-    return a, peak, depth
+    return a, peak, depth, body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
+
+
+def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
+    """The largest depth - f at deformed points under the tip [length], or -g where that is less: f may be steep."""
+    if body.scene.gap == "reference":
+        return 0.0
+    tip = body.scene.indenter
+    horizontal = body.scene.kinematics.horizontal(np.moveaxis(x, -1, 0), body.scene.center)
+    inside = x[..., -1] + body.depth - tip.height(*horizontal)
+    inside = np.where(gap < 0, np.minimum(inside, -gap), inside)
+    is_under = np.hypot(*horizontal) < UNDER * tip.radius_at(body.scene.body.height)
+    return float(inside[is_under].max(initial=0.0))
 
 
 def _region(body: Observed, x: np.ndarray, p_hat: np.ndarray, simplices: np.ndarray) -> float:

@@ -188,7 +188,7 @@ class Walk:
     def _observe(self, step: int, iterations: int, substeps: int, with_surface: bool) -> State:
         problem = self.problem
         reaction, stray = problem.reactions()
-        a, p_max, penetration = observe.contact(problem)
+        a, p_max, penetration, overlap = observe.contact(problem)
         return State(
             step=step,
             delta=self._last.delta,
@@ -201,6 +201,7 @@ class Walk:
             wall_s=time.perf_counter() - self.started,
             reaction=reaction,
             stray_reaction=stray,
+            overlap=overlap,
             substeps=substeps,
             surface=observe.surface(problem) if with_surface else None,
         )

@@ -73,19 +73,6 @@ class Problem(Body):
         return float(getattr(self.law, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
 
     @cached_property
-    def noise(self) -> float:
-        """Residual [force] that round-off leaves of a finite strain, whose 1 + H knows H to eps only.
-
-        A node's share is eps E h^(dim - 1), in all twice eps E sqrt(int h^(dim - 2) weight^2 dOmega); 1.2 times
-        that root was measured. A law that keeps the digits of H has none.
-        """
-        if self.scene.material.keeps_digits:
-            return 0.0
-        size = ufl.CellDiameter(self.mesh) ** (self.body_mesh.dim - 2)
-        total = self._sum(fem.form(size * ufl.as_ufl(self.weight) ** 2 * ufl.dx(self.mesh, degree=2)))
-        return float(2 * np.finfo(float).eps * self.scene.material.constants[0] * np.sqrt(total))
-
-    @cached_property
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)

@@ -36,6 +36,17 @@ def log(x: Any) -> Any:
     return np.log(x)
 
 
+def exp(x: Any) -> Any:
+    """e^x."""
+    if is_symbolic(x):
+        import ufl
+
+        return ufl.exp(x)
+    import numpy as np
+
+    return np.exp(x)
+
+
 SERIES = 0.03  # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
 ODD = (1 / 3, 1 / 5, 1 / 7, 1 / 9)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
 
@@ -50,6 +61,17 @@ def log1p_remainder(x: Any) -> Any:
     """x - ln(1 + x), which is x^2/2 for small x."""
     z = x / (2 + x)
     return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
+
+
+TAYLOR = 10  # e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
+
+
+def expm1_remainder(x: Any) -> Any:
+    """e^x - 1 - x, which is x^2/2 for small x."""
+    small: Any = 0.0
+    for n in range(TAYLOR, 2, -1):
+        small = (1 + small) * x / n
+    return _where_small(x, x * x / 2 * (1 + small), exp(x) - 1 - x)
 
 
 def _odd(z: Any) -> Any:
@@ -115,10 +137,29 @@ def _of_angle(name: str, degrees: Any) -> Any:
 
 
 # A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots
-# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses.
+# stay away from zero by these; energies change by their squares, round-off in stresses is magnified by their inverses
+# and, where all three meet, by more: there a function has to be written in another way (`power_sum`).
 SPLIT = 1e-6  # where all three meet
 PAIR = 3e-6  # where two meet, of their distance to the third
 NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
+
+
+CLOSE = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
+POWERS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
+
+
+def power_sum(exponent: Any, square: Any, cube: Any) -> Any:
+    """sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series; square = sum t_i^2/6, cube =
+    their product.
+
+    The sums of the k-th powers are p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
+    """
+    sums, binomial, total = [3.0, 0.0, 6 * square], exponent, 0.0 * square
+    for k in range(2, POWERS + 1):
+        binomial = binomial * (exponent - (k - 1)) / k
+        total = total + binomial * sums[-1]
+        sums.append(3 * square * sums[-2] + cube * sums[-3])
+    return total
 
 
 def unimodular_stretches(mean: Any, square: Any, cube: Any) -> list[Any]:

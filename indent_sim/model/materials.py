@@ -14,7 +14,16 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt, Len
 
-from indent_sim.model.algebra import log, log1p, log1p_remainder, unimodular_stretches
+from indent_sim.model.algebra import (
+    CLOSE,
+    exp,
+    expm1_remainder,
+    log1p,
+    log1p_remainder,
+    power_sum,
+    unimodular_stretches,
+    where_less,
+)
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
@@ -26,7 +35,6 @@ class _Law(ABC):
     """What follows from the small-strain constants E and nu of any law."""
 
     small_strain: ClassVar[bool] = False
-    keeps_digits: ClassVar[bool] = False  # of a small strain: written in H, where others need 1 + H
 
     @property
     @abstractmethod
@@ -84,7 +92,6 @@ class LinearElastic(_TwoConstants):
     model: Literal["linear_elastic"] = "linear_elastic"
 
     small_strain: ClassVar[bool] = True
-    keeps_digits: ClassVar[bool] = True
 
     def energy(self, H: Any) -> Any:
         """psi [pressure]."""
@@ -110,28 +117,27 @@ class NeoHookean(_TwoConstants):
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
-    keeps_digits: ClassVar[bool] = True
-
     def energy(self, H: Any) -> Any:
         """psi [pressure]."""
-        shear, log_J = self._shear(H)
-        return shear + log_J**2 / (2 * self.inverse_lambda)
+        excess, log_J = _excess_and_log_J(H)
+        return self.shear_modulus * excess + log_J**2 / (2 * self.inverse_lambda)
 
     def mixed_energy(self, H: Any, q: Any) -> Any:
         """mu/2 (I1 - 3) - mu ln J + q ln J - q^2/(2 lame_lambda) [pressure]."""
-        shear, log_J = self._shear(H)
-        return shear + q * log_J - q * q * self.inverse_lambda / 2
+        excess, log_J = _excess_and_log_J(H)
+        return self.shear_modulus * excess + q * log_J - q * q * self.inverse_lambda / 2
 
-    def _shear(self, H: Any) -> tuple[Any, Any]:
-        """Shear energy and ln J in terms of H, with all digits of them and of their derivatives where H is small.
 
-        J - 1 = tr H + (tr^2 H - tr H^2)/2 + det H, and (I1 - 3)/2 = tr H + H:H/2, whose first parts cancel.
-        """
-        from ufl import det, inner, tr
+def _excess_and_log_J(H: Any) -> tuple[Any, Any]:
+    """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives where H is small.
 
-        curved = (tr(H) ** 2 - tr(H * H)) / 2 + det(H)
-        growth = tr(H) + curved
-        return self.shear_modulus * (inner(H, H) / 2 - curved + log1p_remainder(growth)), log1p(growth)
+    J - 1 = tr H + (tr^2 H - tr H^2)/2 + det H, and (I1 - 3)/2 = tr H + H:H/2, whose first parts cancel.
+    """
+    from ufl import det, inner, tr
+
+    curved = (tr(H) ** 2 - tr(H * H)) / 2 + det(H)
+    growth = tr(H) + curved
+    return inner(H, H) / 2 - curved + log1p_remainder(growth), log1p(growth)
 
 
 @dataclass(frozen=True)
@@ -148,8 +154,11 @@ class _Isochoric(_Law):
         """Shear modulus at small strain [pressure]."""
 
     @abstractmethod
-    def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
-        """Isochoric energy [pressure] of mean = tr C/3, square = dev C : dev C/6 and cube = det dev C, det C = 1."""
+    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det dev C; det C = 1.
+
+        All three are of second order or more in the strain, so that their derivatives and the stress vanish at rest.
+        """
 
     @abstractmethod
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
@@ -191,16 +200,20 @@ class _Isochoric(_Law):
         return shear + q * log_J - q * q * self.inverse_kappa / 2
 
     def _parts(self, H: Any) -> tuple[Any, Any]:
-        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass."""
-        from ufl import Identity, det, inner, ln, tr, variable
+        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass.
 
-        F = Identity(3) + H
-        J, C = variable(det(F)), F.T * F
-        mean = tr(C) / 3
-        deviator = C - mean * Identity(3)
-        mean, square, cube = variable(mean), variable(inner(deviator, deviator) / 6), variable(det(deviator))
-        scale = J ** (-2 / 3)
-        return self.isochoric(scale * mean, scale**2 * square, cube / J**2), ln(J)
+        With w = (I1 - 3)/2 - ln J and s = 2/3 ln J, tr C/3 = 1 + s + 2/3 w, of which J^(2/3) = e^s is taken: what is
+        left is of second order, and so are the parts of it that are written here. dev C is that of C - 1.
+        """
+        from ufl import Identity, det, inner, tr, variable
+
+        w, log_J = map(variable, _excess_and_log_J(H))
+        strain = H + H.T + H.T * H
+        deviator = strain - tr(strain) / 3 * Identity(3)
+        square, cube = variable(inner(deviator, deviator) / 6), variable(det(deviator))
+        shrink = exp(-2 * log_J / 3)
+        excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
+        return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
 
 
 @dataclass(frozen=True)
@@ -208,17 +221,17 @@ class _OfInvariants(_Isochoric):
     """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
 
     @abstractmethod
-    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
-        """Isochoric energy [pressure] of the modified invariants."""
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """Isochoric energy [pressure] of i1 = J^-2/3 I1 - 3 and i2 = J^-4/3 I2 - 3."""
 
-    def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
-        """As `_Isochoric`: I1 = 3 mean, I2 = 3 (mean^2 - square)."""
-        return self.energy_of_invariants(3 * mean, 3 * (mean * mean - square))
+    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+        """As `_Isochoric`: i1 = 3 excess, i2 = 3 (2 excess + excess^2 - square)."""
+        return self.energy_of_invariants(3 * excess, 3 * (excess * (2 + excess) - square))
 
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
         """As `_Isochoric`: I1 and I2 are sums of the squares and of their products."""
         a, b, c = l1 * l1, l2 * l2, l3 * l3
-        return self.energy_of_invariants(a + b + c, a * b + b * c + c * a)
+        return self.energy_of_invariants(a + b + c - 3, a * b + b * c + c * a - 3)
 
 
 @dataclass(frozen=True)
@@ -234,9 +247,9 @@ class MooneyRivlin(_OfInvariants):
         """2 (C10 + C01)."""
         return 2 * (self.C10 + self.C01)
 
-    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
-        """C10 (I1 - 3) + C01 (I2 - 3)."""
-        return self.C10 * (I1 - 3) + self.C01 * (I2 - 3)
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """C10 i1 + C01 i2."""
+        return self.C10 * i1 + self.C01 * i2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,10 +266,9 @@ class Yeoh(_OfInvariants):
         """2 C10."""
         return 2 * self.C10
 
-    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
-        """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
-        x = I1 - 3
-        return x * (self.C10 + x * (self.C20 + x * self.C30))
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """C10 i1 + C20 i1^2 + C30 i1^3."""
+        return i1 * (self.C10 + i1 * (self.C20 + i1 * self.C30))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,9 +292,19 @@ class Ogden(_Isochoric):
         """sum mu_i alpha_i / 2."""
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
 
-    def isochoric(self, mean: Any, square: Any, cube: Any) -> Any:
-        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3)."""
-        return self.energy_of_stretches(*unimodular_stretches(mean, square, cube))
+    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
+        far = self.energy_of_stretches(*unimodular_stretches(1 + excess, square, cube))
+        return where_less(square, CLOSE**2 / 6, self._near_rest(excess, square, cube), far)
+
+    def _near_rest(self, excess: Any, square: Any, cube: Any) -> Any:
+        """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a traceless tensor."""
+        mean, total = 1 + excess, 0.0 * excess
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            growth = alpha / 2 * log1p(excess)
+            growth += expm1_remainder(growth)  # mean^(alpha/2) - 1
+            total += mu / alpha * (3 * growth + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3))
+        return total
 
     def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
         """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
@@ -304,9 +326,9 @@ class Gent(_OfInvariants):
         """mu."""
         return self.mu
 
-    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
-        """-mu Jm/2 ln(1 - (I1 - 3)/Jm); not a number beyond the limit, which ends a Newton step."""
-        return -self.mu * self.Jm / 2 * log(1 - (I1 - 3) / self.Jm)
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """-mu Jm/2 ln(1 - i1/Jm); not a number beyond the limit, which ends a Newton step."""
+        return -self.mu * self.Jm / 2 * log1p(-i1 / self.Jm)
 
 
 # Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)
@@ -327,11 +349,12 @@ class ArrudaBoyce(_OfInvariants):
         terms = (i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i) for i, c in enumerate(ARRUDA_BOYCE, start=1))
         return 2 * self.mu * sum(terms)
 
-    def energy_of_invariants(self, I1: Any, I2: Any) -> Any:
-        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i)."""
-        return self.mu * sum(
-            c * self.lambda_m ** (2 - 2 * i) * (I1**i - 3**i) for i, c in enumerate(ARRUDA_BOYCE, start=1)
-        )
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), I1^i - 3^i = i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1))."""
+        I1, slope, power = 3 + i1, 0.0, 1.0
+        for i, c in enumerate(ARRUDA_BOYCE, start=1):
+            slope, power = slope + c * self.lambda_m ** (2 - 2 * i) * power, I1 * power + 3.0**i
+        return self.mu * i1 * slope
 
 
 Material = LinearElastic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce

@@ -19,6 +19,7 @@ from typing import Any
 from indent_sim import run as chain
 from indent_sim.config import Config
 from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.stopping import SIGNALS
 
 LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
 PR_SET_PDEATHSIG = 1
@@ -96,7 +97,7 @@ class Worker:
 def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     """Do the runs that arrive until the parent is gone."""
     parents.close()
-    for number in (signal.SIGINT, signal.SIGTERM):  # batch systems send them to all processes of a job
+    for number in SIGNALS:  # batch systems and terminals send them to all processes of a job
         signal.signal(number, signal.SIG_IGN)  # the parent decides
     _die_with(parent)
     for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:

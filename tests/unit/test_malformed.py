@@ -149,7 +149,7 @@ MALFORMED = [
     (edited("nu: 0.3", "nu: 0.7"), 11, "material.nu", "must be > -1 and <= 0.5, got 0.7"),
     (edited("steps: 10", "steps: 0"), 21, "loading.steps", "must be > 0"),
     (edited("order: 2", "order: 3"), 24, "mesh.order", "must be >= 1 and <= 2, got 3"),
-    (edited("rtol: 1e-10", "rtol: 0.1"), 26, "solver.rtol", "must be > 0 and <= 0.001, got 0.1"),
+    (edited("rtol: 1e-10", "rtol: 1e-6"), 26, "solver.rtol", "must be > 0 and <= 1e-09, got 1e-06"),
     (edited("size: [1.0, 1.0, 1.0]", "size: [1, 1,\n    -1]"), 6, "body.size[2]", "must be > 0, got -1"),
     # contradictions
     (edited("nu: 0.3", "nu: 0.3\n  mu: 1"), 8, "material", "needs exactly two of E, nu, mu"),

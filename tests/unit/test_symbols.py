@@ -87,7 +87,7 @@ def test_the_json_schema_knows_walls_tags_and_defaults():
     assert kinds["Box"]["required"] == ["shape", "size"]
     assert kinds["Penalty"]["required"] == ["method"]
     assert "required" not in kinds["AutoContact"]
-    assert kinds["SolverSettings"]["properties"]["rtol"]["maximum"] == 1e-3
+    assert kinds["SolverSettings"]["properties"]["rtol"]["maximum"] == 1e-9
 
 
 def test_the_page_of_the_scene_file_has_every_key():

@@ -1,0 +1,62 @@
+"""A row that cannot be true is not written: exit code 6, and the rows before it stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from indent_sim import simulation
+from indent_sim.config import load
+from indent_sim.errors import VerificationError
+from indent_sim.model.indenters import Sphere
+from indent_sim.results import read
+from indent_sim.run import run
+
+SCENE = """\
+body: {shape: cylinder, radius: 2.0, height: 3.0}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: sphere, R: 1.0}
+contact: {gap: current}
+loading: {deltas: [0.1, 0.2]}
+mesh: {h_contact: 0.2, h_far: 1.0}
+output: {plot: false, fields: none}
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    return tmp_path / "scene.yaml"
+
+
+def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(simulation, "contradiction", lambda scene, state, earlier: "so to say" if earlier else None)
+    with pytest.raises(VerificationError, match=r"step 2, at delta = 0.2, is a row that cannot be true: so to say"):
+        run(load(scene), directory=tmp_path / "out")
+    found = read(tmp_path / "out")
+    assert list(found["step"]) == [1] and (found.report["status"], found.report["exit_code"]) == ("failed", 6)
+
+
+@pytest.mark.parametrize("delta", [1.85, 2.3])
+def test_a_ball_that_comes_out_behind(scene, tmp_path, monkeypatch, delta):
+    """A gap function that is positive above a ball too lets it through in one step; the tip's shape shows it."""
+
+    def folded(ball: Sphere, x: Any, y: Any, depth: Any) -> Any:
+        from indent_sim.model.algebra import sqrt
+
+        difference = x * x + y * y + depth * (depth - 2 * ball.R)
+        return difference / (sqrt(difference + ball.R * ball.R) + ball.R)
+
+    monkeypatch.setattr(Sphere, "gap_current", folded)
+    with pytest.raises(VerificationError, match="into the tip, which went through it"):
+        run(load(scene, (f"loading={{delta: {delta}, steps: 1}}",)), directory=tmp_path / "out")
+    assert len(read(tmp_path / "out")) == 0
+
+
+@pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "nitsche", "active_set"])
+def test_a_contact_between_two_points_of_the_mesh(scene, tmp_path, method):
+    with pytest.raises(VerificationError, match="finds no force"):
+        overrides = ("loading={delta: 1.0e-6, steps: 1}", f"contact={{method: {method}, gap: reference}}")
+        run(load(scene, overrides), directory=tmp_path / "out")

@@ -1,0 +1,61 @@
+"""What the system does not let a process have is an expected failure with its exit code."""
+
+from __future__ import annotations
+
+import errno
+import os
+import resource
+import signal
+
+import pytest
+
+from indent_sim import limits
+from indent_sim.errors import BackendError, IndentSimError, NotConverged
+from indent_sim.stopping import Stopped, stoppable
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "said"),
+    [
+        (MemoryError("std::bad_alloc"), NotConverged, "memory"),
+        (OSError(errno.ENOMEM, os.strerror(errno.ENOMEM)), NotConverged, "memory"),
+        (RuntimeError("error code 76\n[0] Error reported by MUMPS: INFOG(1)=-13"), NotConverged, "memory"),
+        (RuntimeError("error code 55\n[0] Out of memory"), NotConverged, "memory"),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "a.csv"), NotConverged, "cannot write a.csv: No space left"),
+        (OSError(errno.EMFILE, os.strerror(errno.EMFILE), "a.csv"), BackendError, "too many open files a.csv"),
+    ],
+)
+def test_what_runs_out(error: Exception, kind: type[IndentSimError], said: str) -> None:
+    with pytest.raises(kind, match=said), limits.spent():
+        raise error
+
+
+@pytest.mark.parametrize("error", [RuntimeError("error code 62"), FileNotFoundError(errno.ENOENT, "no such file", "x")])
+def test_other_failures_pass(error: Exception) -> None:
+    with pytest.raises(type(error)) as found, limits.spent():
+        raise error
+    assert found.value is error
+
+
+@pytest.mark.parametrize(("number", "said"), [(resource.RLIMIT_NOFILE, "16 open files"), (resource.RLIMIT_AS, "MB")])
+def test_too_little_to_begin(number: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    unlimited = (resource.RLIM_INFINITY,) * 2
+    monkeypatch.setattr(resource, "getrlimit", lambda asked: (16, 16) if asked == number else unlimited)
+    with pytest.raises(BackendError, match=said):
+        limits.require_room()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_stop(number: signal.Signals) -> None:
+    with pytest.raises(Stopped) as stopped, stoppable():
+        signal.raise_signal(number)
+    assert stopped.value.exit_code == 128 + number
+
+
+def test_nohup_is_honoured() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stoppable():
+            signal.raise_signal(signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -1,0 +1,143 @@
+"""Rows that cannot be true: theory's own states pass every rule, and each kind of wrong state is told by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from indent_sim.config import from_mapping
+from indent_sim.plausibility import RULES, contradiction
+from indent_sim.scene import Scene, resolve
+from indent_sim.state import State
+
+BODIES: dict[str, Any] = {
+    "layer": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
+    "half_space": {"shape": "half_space"},
+    "strip": {"shape": "strip", "width": 4.0, "height": 1.0, "sides": "roller"},
+}
+TIPS: dict[str, Any] = {
+    "paraboloid": {"shape": "paraboloid", "R": 1.0},
+    "sphere": {"shape": "sphere", "R": 0.5},
+    "cone": {"shape": "cone", "half_angle": 70.0},
+    "flat_punch": {"shape": "flat_punch", "radius": 0.3},
+}
+ELASTIC = {"model": "linear_elastic", "E": 2.0, "nu": 0.3}
+RUBBER = {"model": "neo_hookean", "E": 3.0, "nu": 0.4}
+
+
+def scene(body: Any = "layer", tip: str = "sphere", **sections: Any) -> Scene:
+    given = {"body": BODIES[body] if isinstance(body, str) else body, "indenter": TIPS[tip], "material": ELASTIC,
+             "loading": {"delta": 0.1, "steps": 2}} | sections  # fmt: skip
+    return resolve(from_mapping(given))
+
+
+def theorys(base: Scene, delta: float, step: int = 1) -> State:
+    """The state that theory sees at a depth in the user's units."""
+    found = base.oracle.at(delta / base.scales.length) if base.oracle else None
+    assert found is not None
+    p_max = float(found.pressure(0.0))
+    state = State(step, found.delta, found.force, found.a, p_max, 0.0, found.energy, 5, 0.1, reaction=found.force)
+    return state.in_units(base.scales)
+
+
+# ---- nothing is said against what is true -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tip", TIPS)
+@pytest.mark.parametrize("body", BODIES)
+def test_theory_itself(body: str, tip: str) -> None:
+    """Pressed in from 1e-8 and let go of again."""
+    path = [-0.01, 1e-8, 1e-4, 0.05, 0.1, 0.02, 0.0, -0.01]
+    base, earlier = scene(body, tip, loading={"deltas": path}), list[State]()
+    for step, delta in enumerate(path, start=1):
+        state = theorys(base, delta, step)
+        assert contradiction(base, state, earlier) is None
+        earlier.append(state)
+
+
+@pytest.mark.parametrize(
+    ("sections", "change"),
+    [
+        ({"contact": {"method": "penalty", "epsilon_n": 10.0}}, {"force": 0.6, "energy": 0.7}),  # a soft penalty
+        ({"mesh": {"h_contact": 0.5}}, {"force": 1.5, "a": 1.4}),  # half an element in contact
+        ({"material": RUBBER}, {"force": 3.0, "energy": 3.0}),  # which stiffens
+        ({}, {"newton_iterations": 0}),  # foretold to the last digit, as of a flat punch
+    ],
+)
+def test_what_coarse_or_soft_models_do(sections: dict[str, Any], change: dict[str, float]) -> None:
+    base = scene(**sections)
+    before, state = theorys(base, 0.05), theorys(base, 0.1, step=2)
+    changed = replace(state, **{name: factor * getattr(state, name) for name, factor in change.items()})
+    assert contradiction(base, changed, [before]) is None
+
+
+# ---- each kind of wrong state --------------------------------------------------------------------------------------
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "nan": ({"a": float("nan")}, "a is not a number"),
+    "pulls": ({"force": -0.6}, "the force is -0.6, and nothing holds on to the tip"),
+    "from afar": ({"delta": -0.02}, "the tip is above the body"),
+    "no force": ({"force": 0.0}, "finds no force"),
+    "no contact": ({"a": 0.0}, "finds no contact radius"),
+    "a plate": ({"a": 1.9}, "beyond the tip, which ends at 0.5"),
+    "went through": ({"overlap": 0.09}, "the surface reaches 0.09 into the tip"),
+    "energy": ({"energy": 0.02}, "and a force that grew to"),
+    "no energy": ({"energy": -0.001}, "the energy is -0.001"),
+    "half of theory's": ({"force": 0.03, "energy": 0.001}, "layer theory expects"),
+    "twice theory's": ({"force": 0.2}, "layer theory expects"),
+    "too narrow a bar": ({"force": 0.07, "force_error": 1e-5}, "the error bar 1e-05 does not hold it"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_state(name: str) -> None:
+    change, said = WRONG[name]
+    base = scene()
+    assert said in (contradiction(base, replace(theorys(base, 0.1), **change), []) or "")
+
+
+def test_every_rule_is_tried() -> None:
+    """Those of a single state above, those of a path below."""
+    base = scene()
+    states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
+    tried = {rule for rule in RULES if any(rule(base, state, []) for state in states)}
+    assert {rule.__name__ for rule in set(RULES) - tried} == {"_stands_still", "_falls"}
+
+
+def test_nothing_solved() -> None:
+    base = scene()
+    first, second = theorys(base, 0.05), theorys(base, 0.1, step=2)
+    still = replace(second, newton_iterations=0, force=first.force, energy=first.energy)
+    assert "nothing was solved" in (contradiction(base, still, [first]) or "")
+    assert "nothing was solved" in (contradiction(base, replace(first, newton_iterations=0), []) or "")
+
+
+@pytest.mark.parametrize("material", [None, RUBBER])
+@pytest.mark.parametrize("depths", [(0.09, 0.1), (0.1, 0.09)], ids=["pressed", "let go of"])
+def test_a_force_that_falls_with_depth(material: dict[str, Any] | None, depths: tuple[float, float]) -> None:
+    """By 10 %, of which theory's factors know nothing; error bars as wide excuse it."""
+    base = scene(**({"material": material} if material else {}))
+    force = theorys(base, 0.1).force
+    forces = {0.09: force, 0.1: 0.9 * force}
+    states = [replace(theorys(base, delta, step=k), force=forces[delta]) for k, delta in enumerate(depths, start=1)]
+    assert "where it must be larger" in (contradiction(base, states[1], states[:1]) or "")
+    excused = [replace(state, force_error=0.3 * force) for state in states]
+    assert contradiction(base, excused[1], excused[:1]) is None
+
+
+def test_a_law_that_softens_may_give_way() -> None:
+    """Outside of Drucker's stability, of which the plan warns, a force may fall."""
+    soft = {"model": "yeoh", "C10": 1.0, "C20": -1.0, "nu": 0.3}
+    base = scene(material=soft, loading={"delta": 0.4, "steps": 2})
+    assert any("loses its stability" in warning for warning in base.warnings)
+    first, second = (theorys(base, delta) for delta in (0.3, 0.4))
+    assert contradiction(base, replace(second, force=0.8 * first.force), [first]) is None
+
+
+def test_theory_says_little_where_the_body_is_another() -> None:
+    """A pillar under a punch nearly as wide: the infinite layer of theory would bear many times its force."""
+    base = scene(tip="flat_punch", body={"shape": "cylinder", "radius": 0.35, "height": 4.0})
+    state = theorys(base, 0.1)
+    assert contradiction(base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), []) is None
