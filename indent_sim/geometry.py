@@ -4,30 +4,35 @@ from __future__ import annotations
 
 import hashlib
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from indent_sim.errors import BackendError, MeshError
+from indent_sim.forked import Crash, Forked
 from indent_sim.model.body import Cylinder
+from indent_sim.parallel import is_one_of_several
 from indent_sim.scene import Scene
 from indent_sim.sizing import Sizes
 
 SHAKE = 1e-9  # of the body, what gmsh shifts points by so that no four of them lie on a circle
 SHAKE_OF_ELEMENT = 1e-4
+SHAKES = 10.0  # points nearer to one another may change places by the shift, and then gmsh aborts: seen up to 4
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1)."""
+    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which gmsh."""
 
     points: np.ndarray
     cells: np.ndarray
+    gmsh: str = ""
 
     @property
     def hash(self) -> str:
@@ -39,9 +44,41 @@ class Grid:
 def build(scene: Scene) -> Grid:
     """Mesh the modelled part of the body, graded from h_contact to h_far.
 
-    Raises MeshError when gmsh fails, BackendError when it is missing.
+    Raises MeshError when gmsh fails or crashes, BackendError when it is missing.
     """
+    return begin(scene)()
+
+
+def begin(scene: Scene) -> Callable[[], Grid]:
+    """Begin to mesh a scene in the forked process; what is returned waits for the grid that `build` returns.
+
+    On several ranks a process is not forked once MPI may be up, and without room for one this process meshes itself.
+    """
+    scene = replace(scene, oracle=None, choices=(), warnings=(), prediction={})  # what the other process need not know
+    if not _mesher.is_up and is_one_of_several():
+        return partial(_meshed, scene)
+    try:
+        return partial(_answered, _mesher.ask(scene))
+    except OSError:
+        return partial(_meshed, scene)
+
+
+def start() -> None:
+    """Fork the process that meshes, best before MPI is up; it loads gmsh, which the first mesh would wait for."""
+    with suppress(OSError):
+        _mesher.start()
+
+
+def _answered(answer: Callable[[], Grid]) -> Grid:
+    try:
+        return answer()
+    except Crash as crash:
+        raise MeshError(f"gmsh could not mesh the body: its process {crash}") from None
+
+
+def _meshed(scene: Scene, aloud: bool = False) -> Grid:
     with _gmsh_session() as gmsh:
+        gmsh.option.setNumber("General.Terminal", int(aloud))
         try:
             _draw(gmsh, scene)
             _prescribe_sizes(gmsh, scene)
@@ -52,10 +89,14 @@ def build(scene: Scene) -> Grid:
         return _grid(gmsh, scene.kinematics.dim)
 
 
-def load() -> None:
-    """Import gmsh and start it once, which the first mesh of a process waits for."""
+def _load() -> None:
+    """Import gmsh and start it once."""
     with _gmsh_session():
         pass
+
+
+# One for this process, as gmsh is; what gmsh prints there is kept for the message of a crash
+_mesher = Forked(partial(_meshed, aloud=True), _load)
 
 
 @contextmanager
@@ -70,6 +111,7 @@ def _gmsh_session() -> Iterator[Any]:
         signal.signal(signal.SIGINT, handler)
         for option, value in (
             ("General.Terminal", 0),
+            ("General.Verbosity", 1),  # errors alone
             ("General.NumThreads", 1),
             ("Mesh.MeshSizeExtendFromBoundary", 0),
             ("Mesh.MeshSizeFromPoints", 0),
@@ -98,15 +140,28 @@ def _rounded(extent: tuple[tuple[float, float], ...]) -> list[tuple[float, float
 def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
     """A rectangle whose top edge is split under the tip's axis and at a punch's edge: contact may end there."""
     (x0, x1), (z0, z1) = _rounded(scene.extent)
-    offsets = [0.0] if scene.sizes.edge is None else [-scene.sizes.edge, 0.0, scene.sizes.edge]
-    splits = sorted({round(scene.center[0] + offset, DIGITS) for offset in offsets}, reverse=True)
-    top = [(x, z1) for x in splits if x0 < x < x1]
+    top = [(x, z1) for x in reversed(_splits(scene, x0, x1))]
     corners = [(x0, z0), (x1, z0), (x1, z1), *top, (x0, z1)]
     geo = gmsh.model.geo
     points = [geo.addPoint(x, z, 0.0) for x, z in corners]
     lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
     geo.addPlaneSurface([geo.addCurveLoop(lines)])
     geo.synchronize()
+
+
+def _splits(scene: Scene, x0: float, x1: float) -> list[float]:
+    """Where the top edge from x0 to x1 is split, from left to right.
+
+    What is nearer to a corner or to the axis than gmsh can tell apart is left to that point: at most 1e-8 of the body,
+    which changes the force by as little.
+    """
+    apart = SHAKES * _shake(scene) * _longest(scene)
+    kept = [x0, x1]
+    for offset in (0.0,) if scene.sizes.edge is None else (0.0, -scene.sizes.edge, scene.sizes.edge):
+        x = round(scene.center[0] + offset, DIGITS)
+        if x0 < x < x1 and all(abs(x - other) > apart for other in kept):
+            kept.append(x)
+    return sorted(kept[2:])
 
 
 def _draw_box(gmsh: Any, scene: Scene) -> None:
@@ -172,8 +227,12 @@ def _shake(scene: Scene) -> float:
     Its own 1e-9, but little beside the smallest element: more turns cells inside out, and then the force is wrong or
     gmsh aborts.
     """
-    longest = max(high - low for low, high in scene.extent)
-    return min(SHAKE, SHAKE_OF_ELEMENT * scene.sizes.finest / longest)
+    return min(SHAKE, SHAKE_OF_ELEMENT * scene.sizes.finest / _longest(scene))
+
+
+def _longest(scene: Scene) -> float:
+    """The longest side of the body [length]."""
+    return max(high - low for low, high in scene.extent)
 
 
 def _positive(a: str) -> str:
@@ -197,4 +256,5 @@ def _grid(gmsh: Any, dim: int) -> Grid:
     order = np.argsort(tags)
     rows = order[np.searchsorted(np.asarray(tags)[order], used)]
     points = np.asarray(coordinates).reshape(-1, 3)[rows, :dim]
-    return Grid(np.ascontiguousarray(points), np.ascontiguousarray(cells.reshape(-1, dim + 1)))
+    version = gmsh.option.getString("General.Version")
+    return Grid(np.ascontiguousarray(points), np.ascontiguousarray(cells.reshape(-1, dim + 1)), version)

@@ -44,16 +44,19 @@ class Simulation:
 
     def _assemble(self) -> None:
         record, scene, clock = self.record, self.scene, self.clock
+        answer: Any = on_root(record.comm, geometry.begin, scene)  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
-            grid = on_root(record.comm, geometry.build, scene)
+            grid = on_root(record.comm, answer)
             self._mesh = mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
-        size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
-        record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
+        size, version = {}, {}
+        if grid is not None:
+            size, version = {"cells": len(grid.cells), "points": len(grid.points)}, {"gmsh": grid.gmsh}
+        record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
         self._identity = {"mesh": mesh.hash, "dofs": self._walk.dofs, "dolfinx": fe.versions()["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):

@@ -221,7 +221,7 @@ STUDY_TABLE = (
     Symbol("warnings", "", "what the run warns of", WORD),
     Symbol("verdict", "", "right, flagged, refused, wrong or reference; only with a tolerance", WORD),
     Symbol("memory_MB", "", "memory the run needed beyond what its process held before", "MB"),
-    Symbol("peak_memory_MB", "", "largest memory of the process during the run", "MB"),
+    Symbol("peak_memory_MB", "", "largest memory of the process during the run, and of the one that meshes", "MB"),
 )
 
 SURFACE = (
