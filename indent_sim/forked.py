@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import resource
 import signal
@@ -91,6 +92,7 @@ class Forked:
 
     def _serve(self, pipe: Connection, printed: int, parent: int) -> None:
         """The life of the forked process: calls until the pipe ends. It never returns into what was forked."""
+        gc.freeze()  # the owner's garbage is not ours: to destroy its meshes and matrices would be a call of its MPI
         try:
             shared = usage.memory()
             _detach(pipe, printed, parent)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import os
 import random
 import signal
@@ -160,6 +161,26 @@ class TestForked:
             halving.stop()
             os._exit(0 if right else 1)
         assert os.waitpid(pid, 0)[1] == 0 and halving.is_up and halving.ask(2.0)() == 1.0
+
+    def test_it_leaves_the_garbage_of_its_owner_alone(self, tmp_path):
+        """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it crashed."""
+
+        class Garbage:
+            def __init__(self):
+                self.itself = self
+
+            def __del__(self):
+                (tmp_path / f"{os.getpid()}").touch()
+
+        gc.collect()
+        gc.disable()
+        Garbage()
+        forked = Forked(lambda _: gc.collect(), lambda: None)
+        forked.ask(None)()
+        forked.stop()
+        gc.enable()
+        gc.collect()
+        assert [entry.name for entry in tmp_path.iterdir()] == [str(os.getpid())]
 
     def test_it_ends_when_its_owner_is_killed(self):
         script = """

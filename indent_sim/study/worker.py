@@ -6,6 +6,7 @@ pipe and starts another worker when one died.
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -95,6 +96,7 @@ class Worker:
 
 def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     """Do the runs that arrive until the parent is gone."""
+    gc.freeze()  # meshes and matrices that the parent has let go of are its own to destroy
     parents.close()
     for number in (signal.SIGINT, signal.SIGTERM):  # batch systems send them to all processes of a job
         signal.signal(number, signal.SIG_IGN)  # the parent decides
