@@ -200,7 +200,7 @@ def _section_of(document: dict[str, Any], source: Source, path: Path, place: Pla
 
 
 def _validated(document: dict[str, Any], source: Source) -> Config:
-    if OF_A_STUDY <= document.keys():
+    if document.keys() >= OF_A_STUDY:
         problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
         raise ConfigError("", problem, remedy, *source.place(("vary",)))
     try:

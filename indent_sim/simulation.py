@@ -38,6 +38,7 @@ class Simulation:
         self.clock = clock
         earlier = record.earlier
         self.states: list[State] = [self._judged(state) for state in earlier.states] if earlier else []
+        self._kept_steps = scene.path.kept
         self._worst_audit = earlier.worst_audit if earlier else 0.0
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._assemble()
@@ -127,7 +128,7 @@ class Simulation:
     def _wants_surface(self, step: int) -> bool:
         total = len(self.scene.deltas)
         return self.output.surface == "all" or (
-            self.output.surface == "last" and (total <= MANY_STEPS or step == total)
+            self.output.surface == "last" and (total <= MANY_STEPS or step in self._kept_steps)
         )
 
     def _timed(self, states: Iterator[State]) -> Iterator[State]:
@@ -148,7 +149,7 @@ class Simulation:
         if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
             self._walk.refuse_unused_options()
         with self.clock.stage("write"):
-            if self.output.fields == "all" or last:
+            if self.output.fields == "all" or state.step in self._kept_steps:
                 self._write_fields(state)
             self.record("append", state)
             self.states.append(state)

@@ -159,9 +159,14 @@ SOLVER = (
 
 OUTPUT = (
     Symbol("directory", "", "result folder; default: results/ and the name of the config", WORD),
-    Symbol("fields", "", "steps whose fields are written for ParaView", WORD),
+    Symbol("fields", "", "steps whose fields are written for ParaView; last: the deepest and the last", WORD),
     Symbol("surface", "", "state of the contact surface, point by point", WORD),
-    Symbol("output.surface", "", "steps whose contact surface is written to surface.csv", WORD),
+    Symbol(
+        "output.surface",
+        "",
+        "steps whose contact surface is written to surface.csv; last: the deepest and the last",
+        WORD,
+    ),
     Symbol("plot", "", "whether force_indentation.png is drawn", WORD),
 )
 
