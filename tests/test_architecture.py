@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -66,7 +67,7 @@ ROOMS: dict[str, set[str]] = {
     "earlier": {"folder", "state", "tables"},
     "results": {"", "checkpoint", "earlier", "folder", "state", "tables", "xdmf"},
     "record": {"earlier", "parallel", "results", "usage"},
-    "plots": {"results"},
+    "plots": {"folder", "results", "yaml_strict"},
     "simulation": {
         *("checkpoint", "comparison", "config", "error_bars", "fe", "folder", "geometry", "parallel", "record"),
         *("scene", "state"),
@@ -195,6 +196,13 @@ def test_public_things_have_docstrings(path: Path) -> None:
     tree = tree_of(path)
     assert ast.get_docstring(tree) or not tree.body
     assert not [name for name, node in _public(tree) if not ast.get_docstring(node)]
+
+
+def test_type_checkers_see_the_types() -> None:
+    """PEP 561: the marker is a file of the package, and goes where the package goes."""
+    assert (PACKAGE / "py.typed").is_file()
+    declared = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    assert "py.typed" in declared["*"]
 
 
 def _public(
