@@ -49,7 +49,11 @@ class Forked:
         self.stop()
         here, there = Pipe()
         parent, printed = os.getpid(), os.memfd_create("printed")
-        pid = os.fork()
+        try:
+            pid = os.fork()
+        except OSError:
+            os.close(printed)
+            raise
         if pid == 0:
             self._serve(there, printed, parent)
         there.close()
