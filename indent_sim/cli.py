@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from indent_sim.state import State
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
-RANKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")  # how many, as mpirun tells them
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
@@ -196,6 +195,7 @@ def program() -> None:
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
+        _start_mesher()
         comm = _world()
     with together(comm), stoppable(comm.rank):
         from indent_sim.config import load
@@ -328,6 +328,16 @@ def main() -> None:
 # ---- one run, on all ranks ---------------------------------------------------------------------------------
 
 
+def _start_mesher() -> None:
+    """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do."""
+    from indent_sim.parallel import is_first
+
+    if is_first():
+        from indent_sim import geometry
+
+        geometry.start()
+
+
 def _world() -> Any:
     require_room()
     try:
@@ -339,7 +349,9 @@ def _world() -> Any:
 
 def _refuse_ranks() -> None:
     """A study forks its runs off, which a process that takes part in MPI must not do; so only mpirun is asked."""
-    if any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANKS):
+    from indent_sim.parallel import is_one_of_several
+
+    if is_one_of_several():
         with together(_world()):
             raise UsageError("a study runs on one rank; start it without mpirun, and split it with --shard")
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import resource
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +10,7 @@ from indent_sim.oracle import half_space_depth, half_space_force
 from indent_sim.scene import Scene
 from indent_sim.state import State
 from indent_sim.theory.solution import Solution
+from indent_sim.usage import peak_memory
 
 POINTS = 50  # of the theory curve that is kept for the plot
 
@@ -33,24 +31,6 @@ def summary(
         "cpu_timings": {name: round(seconds, 4) for name, seconds in cpu.items()},
         "peak_memory_MB": round(peak_memory(), 1),
     }
-
-
-def peak_memory() -> float:
-    """Largest memory of this process so far [MB]; the kernel's ru_maxrss would include that of whoever started it."""
-    return _memory("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
-def memory() -> float:
-    """The memory of this process now [MB]; its peak where the system does not say."""
-    return _memory("VmRSS:") or peak_memory()
-
-
-def _memory(name: str) -> float | None:
-    with contextlib.suppress(OSError, ValueError):
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith(name):
-                return int(line.split()[1]) / 1024
-    return None
 
 
 def energy_balance(states: list[State]) -> float | None:

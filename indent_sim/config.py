@@ -37,6 +37,7 @@ __all__ = [
     "varied",
 ]
 
+OF_A_STUDY = {"base", "vary"}  # sections that no scene has
 LISTS = {"deltas", "forces"}  # ways to say the load path that have no steps
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
@@ -199,6 +200,9 @@ def _section_of(document: dict[str, Any], source: Source, path: Path, place: Pla
 
 
 def _validated(document: dict[str, Any], source: Source) -> Config:
+    if document.keys() >= OF_A_STUDY:
+        problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
+        raise ConfigError("", problem, remedy, *source.place(("vary",)))
     try:
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))

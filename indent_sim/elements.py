@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
 from indent_sim.errors import ConfigError
+from indent_sim.model.body import Box
 from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.premises import Premises
 from indent_sim.sizing import Given, Sizes, rounded
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
 # r = 0 and coordinates have all their digits, gmsh aborts or never ends
+LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 the edge is lost in the tolerance of
+# gmsh's CAD kernel, 1e-7, and it fails or aborts
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
@@ -59,6 +62,8 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
     settled = wanted.sizes(height, width, edge, bend) if wanted else _settled(mesh, given.scales, height, edge)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
     found = sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend)
+    if edge is not None and isinstance(given.body, Box):
+        _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
     return found
@@ -69,6 +74,13 @@ def _refuse_lost(smallest: float, least: float) -> None:
     if smallest < least * (1 - 1e-9):
         problem = f"elements of {smallest:.3g} are too small for a body of this size, at least {least:.3g}"
         raise ConfigError("mesh", problem, "make the body smaller: one of 1e5 contact radii feels like a half-space")
+
+
+def _refuse_lost_edge(radius: float, least: float) -> None:
+    """ConfigError for a punch whose edge cannot be drawn on the top of a box."""
+    if radius < least:
+        problem = f"a punch of radius {radius:g} is too small for a box of this size, at least {least:.3g}"
+        raise ConfigError("indenter.radius", problem, "make the box smaller, or the body a half_space")
 
 
 def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:

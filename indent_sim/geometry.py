@@ -4,30 +4,36 @@ from __future__ import annotations
 
 import hashlib
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from indent_sim.errors import BackendError, MeshError
-from indent_sim.model.body import Cylinder
+from indent_sim.forked import Crash, Forked
+from indent_sim.model.body import Body, Cylinder
+from indent_sim.model.kinematics import Kinematics
+from indent_sim.parallel import is_one_of_several
 from indent_sim.scene import Scene
 from indent_sim.sizing import Sizes
 
 SHAKE = 1e-9  # of the body, what gmsh shifts points by so that no four of them lie on a circle
 SHAKE_OF_ELEMENT = 1e-4
+SHAKES = 10.0  # points nearer to one another may change places by the shift, and then gmsh aborts: seen up to 4
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1)."""
+    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which gmsh."""
 
     points: np.ndarray
     cells: np.ndarray
+    gmsh: str = ""
 
     @property
     def hash(self) -> str:
@@ -36,26 +42,73 @@ class Grid:
         return digest.hexdigest()[:16]
 
 
+@dataclass(frozen=True)
+class Part:
+    """What the process that meshes has to know of a scene."""
+
+    kinematics: Kinematics
+    body: Body
+    extent: tuple[tuple[float, float], ...]
+    center: tuple[float, ...]
+    sizes: Sizes
+
+
 def build(scene: Scene) -> Grid:
     """Mesh the modelled part of the body, graded from h_contact to h_far.
 
-    Raises MeshError when gmsh fails, BackendError when it is missing.
+    Raises MeshError when gmsh fails or crashes, BackendError when it is missing.
     """
+    return begin(scene)()
+
+
+def begin(scene: Scene) -> Callable[[], Grid]:
+    """Begin to mesh a scene in the forked process; what is returned waits for the grid that `build` returns.
+
+    On several ranks a process is not forked once MPI may be up, and without room for one this process meshes itself.
+    """
+    part = Part(scene.kinematics, scene.body, scene.extent, scene.center, scene.sizes)
+    if not _mesher.is_up and is_one_of_several():
+        return partial(_meshed, part)
+    try:
+        return partial(_answered, _mesher.ask(part))
+    except OSError:
+        return partial(_meshed, part)
+
+
+def start() -> None:
+    """Fork the process that meshes, best before MPI is up; it loads gmsh, which the first mesh would wait for."""
+    with suppress(OSError):
+        _mesher.start()
+
+
+def _answered(answer: Callable[[], Grid]) -> Grid:
+    try:
+        return answer()
+    except Crash as crash:
+        raise MeshError(f"gmsh could not mesh the body: its process {crash}") from None
+
+
+def _meshed(part: Part, aloud: bool = False) -> Grid:
     with _gmsh_session() as gmsh:
+        gmsh.option.setNumber("General.Terminal", int(aloud))
         try:
-            _draw(gmsh, scene)
-            _prescribe_sizes(gmsh, scene)
-            gmsh.option.setNumber("Mesh.RandomFactor", _shake(scene))
-            gmsh.model.mesh.generate(scene.kinematics.dim)
+            _draw(gmsh, part)
+            _prescribe_sizes(gmsh, part)
+            gmsh.option.setNumber("Mesh.RandomFactor", _shake(part))
+            gmsh.model.mesh.generate(part.kinematics.dim)
         except Exception as failure:  # gmsh raises bare Exceptions
             raise MeshError(f"gmsh could not mesh the body: {failure}") from failure
-        return _grid(gmsh, scene.kinematics.dim)
+        return _grid(gmsh, part.kinematics.dim)
 
 
-def load() -> None:
-    """Import gmsh and start it once, which the first mesh of a process waits for."""
+def _load() -> None:
+    """Import gmsh and start it once."""
     with _gmsh_session():
         pass
+
+
+# One for this process, as gmsh is; what gmsh prints there is kept for the message of a crash
+_mesher = Forked(partial(_meshed, aloud=True), _load)
 
 
 @contextmanager
@@ -70,6 +123,7 @@ def _gmsh_session() -> Iterator[Any]:
         signal.signal(signal.SIGINT, handler)
         for option, value in (
             ("General.Terminal", 0),
+            ("General.Verbosity", 1),  # errors alone
             ("General.NumThreads", 1),
             ("Mesh.MeshSizeExtendFromBoundary", 0),
             ("Mesh.MeshSizeFromPoints", 0),
@@ -82,25 +136,23 @@ def _gmsh_session() -> Iterator[Any]:
         signal.signal(signal.SIGINT, handler)
 
 
-def _draw(gmsh: Any, scene: Scene) -> None:
-    if scene.kinematics.dim == 2:
-        _draw_rectangle(gmsh, scene)
-    elif isinstance(scene.body, Cylinder):
-        _draw_cylinder(gmsh, scene, round(scene.body.radius, DIGITS))
+def _draw(gmsh: Any, part: Part) -> None:
+    if part.kinematics.dim == 2:
+        _draw_rectangle(gmsh, part)
+    elif isinstance(part.body, Cylinder):
+        _draw_cylinder(gmsh, part, round(part.body.radius, DIGITS))
     else:
-        _draw_box(gmsh, scene)
+        _draw_box(gmsh, part)
 
 
 def _rounded(extent: tuple[tuple[float, float], ...]) -> list[tuple[float, float]]:
     return [(round(low, DIGITS), round(high, DIGITS)) for low, high in extent]
 
 
-def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
+def _draw_rectangle(gmsh: Any, part: Part) -> None:
     """A rectangle whose top edge is split under the tip's axis and at a punch's edge: contact may end there."""
-    (x0, x1), (z0, z1) = _rounded(scene.extent)
-    offsets = [0.0] if scene.sizes.edge is None else [-scene.sizes.edge, 0.0, scene.sizes.edge]
-    splits = sorted({round(scene.center[0] + offset, DIGITS) for offset in offsets}, reverse=True)
-    top = [(x, z1) for x in splits if x0 < x < x1]
+    (x0, x1), (z0, z1) = _rounded(part.extent)
+    top = [(x, z1) for x in reversed(_splits(part, x0, x1))]
     corners = [(x0, z0), (x1, z0), (x1, z1), *top, (x0, z1)]
     geo = gmsh.model.geo
     points = [geo.addPoint(x, z, 0.0) for x, z in corners]
@@ -109,22 +161,37 @@ def _draw_rectangle(gmsh: Any, scene: Scene) -> None:
     geo.synchronize()
 
 
-def _draw_box(gmsh: Any, scene: Scene) -> None:
+def _splits(part: Part, x0: float, x1: float) -> list[float]:
+    """Where the top edge from x0 to x1 is split, from left to right.
+
+    What is nearer to a corner or to the axis than gmsh can tell apart is left to that point: at most 1e-8 of the body,
+    which changes the force by as little.
+    """
+    apart = SHAKES * _shake(part) * _longest(part)
+    kept = [x0, x1]
+    for offset in (0.0,) if part.sizes.edge is None else (0.0, -part.sizes.edge, part.sizes.edge):
+        x = round(part.center[0] + offset, DIGITS)
+        if x0 < x < x1 and all(abs(x - other) > apart for other in kept):
+            kept.append(x)
+    return sorted(kept[2:])
+
+
+def _draw_box(gmsh: Any, part: Part) -> None:
     """A box whose top is split along a punch's edge: elements it crosses would feel a smaller punch, each another."""
-    (x0, x1), (y0, y1), (z0, z1) = _rounded(scene.extent)
+    (x0, x1), (y0, y1), (z0, z1) = _rounded(part.extent)
     occ = gmsh.model.occ
     box = occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
-    if scene.sizes.edge is not None:
-        radius = round(scene.sizes.edge, DIGITS)
-        disk = occ.addDisk(*scene.center, z1, radius, radius)
+    if part.sizes.edge is not None:
+        radius = round(part.sizes.edge, DIGITS)
+        disk = occ.addDisk(*part.center, z1, radius, radius)
         below, _ = occ.intersect([(2, disk)], [(3, box)], removeTool=False)
         occ.fragment([(3, box)], below)
     occ.synchronize()
 
 
-def _draw_cylinder(gmsh: Any, scene: Scene, radius: float) -> None:
+def _draw_cylinder(gmsh: Any, part: Part, radius: float) -> None:
     """The cylinder, or the half or quarter of it on one side of the mirror planes, from arcs of a quarter turn."""
-    (x0, _), (y0, _), (z0, z1) = _rounded(scene.extent)
+    (x0, _), (y0, _), (z0, z1) = _rounded(part.extent)
     first = -1 if x0 == 0 and y0 < 0 else 0
     quarters = (2 if x0 < 0 else 1) * (2 if y0 < 0 else 1)
     geo = gmsh.model.geo
@@ -140,10 +207,10 @@ def _draw_cylinder(gmsh: Any, scene: Scene, radius: float) -> None:
     geo.synchronize()
 
 
-def _prescribe_sizes(gmsh: Any, scene: Scene) -> None:
+def _prescribe_sizes(gmsh: Any, part: Part) -> None:
     field = gmsh.model.mesh.field
     tag = field.add("MathEval")
-    field.setString(tag, "F", size_formula(scene.sizes, scene.center, scene.kinematics.dim))
+    field.setString(tag, "F", size_formula(part.sizes, part.center, part.kinematics.dim))
     field.setAsBackgroundMesh(tag)
 
 
@@ -166,14 +233,18 @@ def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
     return _smaller(size, number(sizes.h_far))
 
 
-def _shake(scene: Scene) -> float:
+def _shake(part: Part) -> float:
     """How far gmsh may shift the points of a mesh at random, as a part of the longest side of the body.
 
     Its own 1e-9, but little beside the smallest element: more turns cells inside out, and then the force is wrong or
     gmsh aborts.
     """
-    longest = max(high - low for low, high in scene.extent)
-    return min(SHAKE, SHAKE_OF_ELEMENT * scene.sizes.finest / longest)
+    return min(SHAKE, SHAKE_OF_ELEMENT * part.sizes.finest / _longest(part))
+
+
+def _longest(part: Part) -> float:
+    """The longest side of the body [length]."""
+    return max(high - low for low, high in part.extent)
 
 
 def _positive(a: str) -> str:
@@ -197,4 +268,5 @@ def _grid(gmsh: Any, dim: int) -> Grid:
     order = np.argsort(tags)
     rows = order[np.searchsorted(np.asarray(tags)[order], used)]
     points = np.asarray(coordinates).reshape(-1, 3)[rows, :dim]
-    return Grid(np.ascontiguousarray(points), np.ascontiguousarray(cells.reshape(-1, dim + 1)))
+    version = gmsh.option.getString("General.Version")
+    return Grid(np.ascontiguousarray(points), np.ascontiguousarray(cells.reshape(-1, dim + 1)), version)

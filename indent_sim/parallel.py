@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+# How many ranks there are and which one this is, as mpirun and srun tell it before MPI is up
+SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
+RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
+
 T = TypeVar("T")
+
+
+def is_one_of_several() -> bool:
+    """Whether this process was started as one of several ranks."""
+    return any(os.environ.get(name, "1") not in ("", "0", "1") for name in SIZES)
+
+
+def is_first() -> bool:
+    """Whether this process was started as rank 0; every process is that no launcher numbered."""
+    return all(os.environ.get(name, "0") in ("", "0") for name in RANKS)
 
 
 def on_root(comm: Any, action: Callable[..., T], *args: Any) -> T | None:

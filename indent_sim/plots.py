@@ -7,6 +7,7 @@ here, drawn off screen, and nothing of matplotlib's global state changes.
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from indent_sim.errors import UsageError, printable
-from indent_sim.folder import content, read_report
+from indent_sim.errors import ConfigError, UsageError, printable
+from indent_sim.folder import CONFIG, content, read_report
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +38,15 @@ PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a s
 LETTERS = 9.0  # of a title to the inch
 SUBTITLE, LABEL = 200, 120  # most letters
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
+PRESSED = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
+MARGIN = 0.1  # contact radii around what is pressed
+MANY_RUNS = 10  # from which their colours are those of a map, in their order
+LEGEND_LINES = 30  # in a column
+ESTIMATED = "estimated error"
+PANELS, LETTER = 9.2, 0.07  # inches: width of all panels, and of a letter in the legend beside them
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+SILENT = ("title", "units", "output")  # sections that say nothing of the physics
+MOST_LETTERS = 48  # of a name
 SI = ("m", "N", "Pa", "N/m")
 THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 STYLE: dict[str, Any] = {
@@ -120,19 +129,54 @@ def force_indentation(results: Results, path: Path | str, theory: Mapping[str, A
 
 
 def overlay(runs: Sequence[Results], path: Path | str) -> None:
-    """Force and contact radius of several runs over one another, each named after its folder or title."""
+    """Force and contact radius of several runs over one another, named after what differs between them.
+
+    UsageError when they have different units, which no axis can show.
+    """
     if len(runs) == 1:
         return force_indentation(runs[0], path)
-    with canvas() as figure:
-        panels: dict[str, Any] = figure.subplot_mosaic([["force", "a"]])
-        _draw_forces(panels["force"], runs, None)
+    _refuse_other_units(runs)
+    named = sorted(zip(map(in_picture, _names(runs)), runs, strict=True), key=lambda pair: in_order(pair[0]))
+    runs, names = [run for _, run in named], [name for name, _ in named]
+    columns = -(-len(runs) // LEGEND_LINES)
+    beside = columns * (0.7 + LETTER * max(map(len, [ESTIMATED, *names])))
+    with canvas((PANELS + beside, max(4.8, 0.19 * len(runs) / columns + 0.6))) as figure:
+        panels: dict[str, Any] = figure.subplot_mosaic(
+            [["force", "a", "names"]], width_ratios=[PANELS / 2, PANELS / 2, beside]
+        )
+        _draw_forces(panels["force"], runs, None, names)
         x, y = _axis("a", runs), _axis("delta", runs)
         for i, run in enumerate(runs):
-            _curve(panels["a"], y(run["delta"]), x(run["a"]), i)
+            _curve(panels["a"], y(run["delta"]), x(run["a"]), _look(i, len(runs)))
         _name_axes(panels["a"], y.label, x.label)
+        panels["a"].locator_params(axis="x", nbins=6)
         _from_zero(panels["a"], *(x(run["a"]) for run in runs))
+        _legend_beside(panels["names"], panels["force"], columns)
         save(figure, path)
     return None
+
+
+def in_order(name: str) -> list[tuple[float, str]]:
+    """Sorts names by the numbers in them, as numbers."""
+    parts = re.split(r"([-+]?\d+\.?\d*(?:e[-+]?\d+)?)", name)
+    return [(float(part), "") if i % 2 else (0.0, part) for i, part in enumerate(parts)]
+
+
+def _look(i: int, of: int) -> dict[str, Any]:
+    """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light, without marks."""
+    if of <= MANY_RUNS:
+        return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
+    from matplotlib import colormaps
+
+    return {"color": colormaps["viridis"](0.95 * i / (of - 1)), "marker": ""}  # its lightest yellow is lost on white
+
+
+def _legend_beside(axes: Axes, named: Axes, columns: int) -> None:
+    """The legend of a panel in one of its own."""
+    named.get_legend().remove()
+    axes.axis("off")
+    handles, labels = named.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="upper left", fontsize=8, ncol=columns, borderaxespad=0)
 
 
 @contextmanager
@@ -146,19 +190,20 @@ def canvas(size: tuple[float, float] = (9.2, 4.8)) -> Iterator[Figure]:
         yield Figure(figsize=size, layout="constrained")
 
 
-def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
+def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None,
+                 names: Sequence[str] = ("this run",)) -> None:  # fmt: skip
     depth, force = _axis("delta", runs), _axis("force", runs)
-    names = [in_picture(name) for name in _names(runs)] if len(runs) > 1 else ["this run"]
+    judged = [run for run in runs if "force_error" in run.table and np.isfinite(run["force_error"]).any()]
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
-        x, y = depth(run["delta"]), force(run["force"])
-        _curve(axes, x, y, i, name)
-        if "force_error" in run.table and np.isfinite(run["force_error"]).any():
+        x, y, look = depth(run["delta"]), force(run["force"]), _look(i, len(runs))
+        _curve(axes, x, y, look, name)
+        if any(run is other for other in judged):
             half = force(np.nan_to_num(run["force_error"]))
-            label = f"estimated error{_of_last(half, y)}" if i == len(runs) - 1 else None
+            label = f"{ESTIMATED}{_of_last(half, y) if len(runs) == 1 else ''}" if run is judged[-1] else None
             if len(x) > 1:
-                axes.fill_between(x, y - half, y + half, color=COLOURS[i % 7], alpha=0.2, lw=0, label=label)
+                axes.fill_between(x, y - half, y + half, color=look["color"], alpha=0.2, lw=0, label=label)
             else:  # a band needs two
-                axes.errorbar(x, y, half, color=COLOURS[i % 7], alpha=0.5, capsize=6, ls="", label=label)
+                axes.errorbar(x, y, half, color=look["color"], alpha=0.5, capsize=6, ls="", label=label)
     if theory and theory.get("curve", {}).get("delta"):
         curve = theory["curve"]
         x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
@@ -181,7 +226,7 @@ def _of_last(half: np.ndarray, y: np.ndarray) -> str:
 
 def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None) -> None:
     depth, radius = _axis("delta", [results]), _axis("a", [results])
-    _curve(axes, depth(results["delta"]), radius(results["a"]), 0)
+    _curve(axes, depth(results["delta"]), radius(results["a"]), _look(0, 1))
     curve = (theory or {}).get("curve", {})
     if curve.get("a"):
         axes.plot(depth(curve["delta"]), radius(curve["a"]), **THEORY)
@@ -195,22 +240,23 @@ def _draw_pressure(axes: Axes, results: Results, step: float) -> None:
     surface = results.surface
     x, y, p = (surface[name][surface["step"] == step] for name in ("x", "y", "pressure"))
     center, a = _tip(results, x, y, p), _contact_radius(results, step, x, y)
-    near = (np.abs(x - center[0]) <= VIEW * a) & (np.abs(y - center[1]) <= VIEW * a)
+    inside = np.hypot(x - center[0], y - center[1]) <= a
+    pressed = p > PRESSED * np.median(p[inside]) if inside.any() else inside
+    frame = [_view(along, c, a, along[pressed]) for along, c in ((x, center[0]), (y, center[1]))]
+    near = _within(x, frame[0]) & _within(y, frame[1])
     length = _scaled("length", [results], x[near], "x" if _is_plane_strain(results) else "r")
     pressure = _scaled("pressure", [results], p, "pressure")
     axes.set_title(f"step {step:g}, depth {_depth_text(results, step)}", color=GREY, loc="left", fontsize=9)
     if np.ptp(y) > 0:
-        reach = float(np.asarray(length(VIEW * a)).ravel()[0])
-        return _draw_map(axes, length(x), length(y), pressure(p), length(center), reach,
+        return _draw_map(axes, length(x), length(y), pressure(p), [length(side) for side in frame],
                          pressure.label, Axis("x", unit=length.unit))  # fmt: skip
     shown = np.argsort(x)
     axes.fill_between(length(x[shown]), pressure(p[shown]), color=COLOURS[0], alpha=0.15, lw=0)
     axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker="." if near.sum() <= MANY else "")
     _name_axes(axes, length.label, pressure.label)
     axes.locator_params(axis="x", nbins=4)
-    axes.set_xlim(*length(_view(x, center[0], VIEW * a)))
-    inside = p[near & (np.hypot(x - center[0], y - center[1]) <= a)]
-    _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(inside))) if inside.any() else pressure(p))
+    axes.set_xlim(*length(frame[0]))
+    _from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(p[inside]))) if inside.any() else pressure(p))
     return None
 
 
@@ -233,15 +279,27 @@ def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray)
     return float(a[0]) if a.size and a[0] > 0 else float(np.hypot(np.ptp(x), np.ptp(y)))
 
 
-def _view(values: np.ndarray, center: float, reach: float) -> np.ndarray:
-    """What there is within reach of the tip along one axis."""
-    return np.array([max(values.min(), center - reach), min(values.max(), center + reach)])
+def _view(values: np.ndarray, center: float, a: float, pressed: np.ndarray) -> np.ndarray:
+    """What is shown along one axis: VIEW contact radii around the tip, and all that is pressed, where there is a body.
+
+    The corners of a contact with few sides are farther from the tip than VIEW radii of a circle with its area.
+    """
+    reach = np.array([center - VIEW * a, center + VIEW * a])
+    if pressed.size:
+        low, high = pressed.min() - MARGIN * a, pressed.max() + MARGIN * a
+        reach = np.array([min(reach[0], low), max(reach[1], high)])
+    return np.clip(reach, values.min(), values.max())
 
 
-def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, center: np.ndarray, reach: float, label: str,
+def _within(values: np.ndarray, side: np.ndarray) -> np.ndarray:
+    return (side[0] <= values) & (values <= side[1])
+
+
+def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, frame: Sequence[np.ndarray], label: str,
               along: Axis) -> None:  # fmt: skip
-    """The pressure on the modelled part of the surface within reach of the tip."""
-    near = (np.abs(x - center[0]) <= 2 * reach) & (np.abs(y - center[1]) <= 2 * reach)  # beyond the rim of the picture
+    """The pressure on the modelled part of the surface inside a frame."""
+    wider = [side + np.ptp(side) * np.array([-0.5, 0.5]) for side in frame]  # triangles reach beyond its rim
+    near = _within(x, wider[0]) & _within(y, wider[1])
     if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
         near[:] = True
     filled = axes.tricontourf(x[near], y[near], p[near], levels=np.linspace(0, p.max(), 13), cmap="cividis")
@@ -250,27 +308,16 @@ def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, center: n
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
     axes.locator_params(nbins=4)
     axes.set_aspect("equal")
-    axes.set(xlim=_view(x, center[0], reach), ylim=_view(y, center[1], reach))
+    axes.set(xlim=frame[0], ylim=frame[1])
     _name_axes(axes, along.label, Axis("y", unit=along.unit).label)
 
 
-def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, i: int, label: str | None = None) -> None:
-    if len(x) > MANY:
-        axes.plot(x, y, color=COLOURS[i % 7], label=label, zorder=3)
+def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, look: Mapping[str, Any], label: str | None = None) -> None:
+    if len(x) > MANY or not look["marker"]:
+        axes.plot(x, y, color=look["color"], label=label, zorder=3)
         return
-    axes.plot(x, y, color=COLOURS[i % 7], lw=1.2, alpha=0.6, zorder=2)
-    axes.plot(
-        x,
-        y,
-        color=COLOURS[i % 7],
-        ls="",
-        marker=MARKERS[i % 7],
-        ms=6,
-        mec="white",
-        mew=0.6,
-        label=label,
-        zorder=4,
-    )
+    axes.plot(x, y, color=look["color"], lw=1.2, alpha=0.6, zorder=2)
+    axes.plot(x, y, **look, ls="", ms=6, mec="white", mew=0.6, label=label, zorder=4)
 
 
 def _from_zero(axes: Axes, *curves: Any) -> None:
@@ -362,13 +409,69 @@ def _subtitle(results: Results) -> str:
 
 
 def _names(runs: Sequence[Results]) -> list[str]:
-    """Short names: titles where they differ, else the folders' own."""
+    """Short names: titles where they differ, else the keys of the configs that do, else the folders' own."""
     titles = [run.report.get("title", "") for run in runs]
     if all(titles) and len(set(titles)) == len(titles) and len(titles) > 1:
         return titles
+    settings = _differences(runs)
+    if all(settings) and len(set(settings)) == len(settings):
+        return settings
     folders = [run.path.resolve() for run in runs]
     names = [folder.name for folder in folders]
     return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
+
+
+def _differences(runs: Sequence[Results]) -> list[str]:
+    """What was given differently, as in "nu 0.3, method penalty"; empty where a config is missing."""
+    configs = [config_of(run.path) for run in runs]
+    if not all(configs):
+        return [""] * len(runs)
+    chosen = {key for run in runs for key in run.report.get("plan", {}).get("auto", [])}
+    keys = list(dict.fromkeys(key for config in configs for key in config))
+    keys = [key for key in keys if key not in chosen and key.split(".")[0] not in SILENT]
+    told = [key for key in keys if len({str(config.get(key)) for config in configs}) > 1]
+    return [_setting(config, told) for config in configs]
+
+
+def config_of(folder: Path) -> dict[str, Any]:
+    """The resolved config of a result folder by dotted key; empty where there is none to read."""
+    from indent_sim import yaml_strict
+
+    try:
+        sections, _ = yaml_strict.parse((folder / CONFIG).read_text(encoding="utf-8"))
+    except (OSError, ValueError, ConfigError):
+        return {}
+    return dict(_flat(sections)) if isinstance(sections, dict) else {}
+
+
+def _flat(section: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in section.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def _setting(config: Mapping[str, Any], keys: Sequence[str]) -> str:
+    parts = []
+    for key in keys:
+        value, name = config.get(key), key.rpartition(".")[2]
+        if value is not None:
+            parts.append(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}")
+    text = ", ".join(parts)
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
+
+
+def _refuse_other_units(runs: Sequence[Results]) -> None:
+    """UsageError when two runs measure in different units; one that does not say is shown as it is."""
+    for kind in ("length", "force"):
+        known = {unit: run.path for run in runs if (unit := _unit(kind, run.report.get("units") or {}))}
+        if len(known) > 1:
+            (one, first), (other, second) = list(known.items())[:2]
+            raise UsageError(f"{first} measures {kind} in {one}, {second} in {other}: draw them apart")
+    flat = {_is_plane_strain(run): run.path for run in runs if _choice(run.report, "kinematics")}
+    if len(flat) > 1:
+        raise UsageError(f"the forces of {flat[True]} are per length, those of {flat[False]} are not: draw them apart")
 
 
 def _theory_label(theory: Mapping[str, Any]) -> str:

@@ -12,11 +12,12 @@ from typing import Any
 from indent_sim.earlier import Earlier
 from indent_sim.parallel import on_root
 from indent_sim.results import ResultFolder
+from indent_sim.usage import cpu_time
 
 
 @dataclass
 class Clock:
-    """Seconds spent in each stage of a run: of wall time, and of this process's own CPU time."""
+    """Seconds spent in each stage of a run: of wall time, and of CPU time, with that of the process that meshes."""
 
     started: float = field(default_factory=time.perf_counter)
     stages: dict[str, float] = field(default_factory=dict)
@@ -25,12 +26,12 @@ class Clock:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Add the time of the block to a stage."""
-        begin, cpu = time.perf_counter(), time.process_time()
+        begin, cpu = time.perf_counter(), cpu_time()
         try:
             yield
         finally:
             self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
-            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
+            self.cpu[name] = self.cpu.get(name, 0.0) + cpu_time() - cpu
 
 
 class Record:

@@ -39,8 +39,8 @@ from indent_sim.folder import (
     write_atomically,
 )
 from indent_sim.reader import checked_report, read_steps, read_table
-from indent_sim.state import COLUMNS, State, Surface
-from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, row, surface_block
+from indent_sim.state import COLUMNS, State
+from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, row, surface_block, surface_blocks
 from indent_sim.xdmf import FieldWriter
 
 __all__ = [
@@ -91,6 +91,7 @@ class ResultFolder:
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None
+        self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
         self._synced = -math.inf
         self._status: dict[str, Any] = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _now()
@@ -122,6 +123,9 @@ class ResultFolder:
         os.truncate(self.path / TABLE, earlier.size)
         drop_later_blocks(self.path / SURFACE, len(earlier.states))
         self.earlier, self.rows = earlier, len(earlier.states)
+        blocks = surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
+        self._deepest = max([(earlier.states[step - 1].delta, block) for step, block in blocks.items()],
+                            default=self._deepest)  # fmt: skip
         self.report = earlier.entries | self.report
         self._started = earlier.report.get("started", self._started)
 
@@ -135,7 +139,7 @@ class ResultFolder:
         with uninterrupted(), self._writing():
             sync = time.monotonic() - self._synced > SYNC_EVERY
             if state.surface is not None:
-                self._write_surface(state.step, state.surface, sync)
+                self._write_surface(state, surface_block(state.step, state.surface), sync)
             append_whole(self.path / TABLE, row(state, self._columns), sync)
             self.rows += 1
             if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
@@ -218,15 +222,16 @@ class ResultFolder:
         report = {**identity, "started": self._started, **ended, **self.report}
         write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
 
-    def _write_surface(self, step: int, surface: Surface, sync: bool) -> None:
-        if self._surface == "none":
-            return
+    def _write_surface(self, state: State, block: bytes, sync: bool) -> None:
+        """Every state's surface, or those of the deepest and of the last."""
         path, header = self.path / SURFACE, (",".join(SURFACE_COLUMNS) + "\n").encode()
-        block = surface_block(step, surface)
-        if self._surface == "last" or not path.exists():
-            write_atomically(path, header + block, sync)
-        else:
+        if self._surface == "all" and path.exists():
             append_whole(path, block, sync)
+        elif self._surface != "none":
+            depth, deepest = self._deepest
+            write_atomically(path, header + (deepest if depth > state.delta else b"") + block, sync)
+            if state.delta >= depth:
+                self._deepest = (state.delta, block)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:

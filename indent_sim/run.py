@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim import geometry
-from indent_sim.comparison import memory
 from indent_sim.earlier import earlier_run
 from indent_sim.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.errors import BackendError, ConfigError
@@ -25,6 +24,7 @@ from indent_sim.scene import Scene, resolve
 from indent_sim.simulation import Progress, Simulation, backend
 from indent_sim.state import State
 from indent_sim.stopping import unmasked
+from indent_sim.usage import memory
 
 if TYPE_CHECKING:
     from indent_sim.config import Config
@@ -215,8 +215,8 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
 
 def warm_up() -> None:
     """Load what every run needs, so that the first of many costs no more than the others."""
+    geometry.start()
     backend()
-    geometry.load()
 
 
 def _alone() -> Any:

@@ -41,22 +41,26 @@ class Simulation:
         self.clock = clock
         earlier = record.earlier
         self.states: list[State] = [self._judged(state) for state in earlier.states] if earlier else []
+        self._kept_steps = scene.path.kept
         self._worst_audit = earlier.worst_audit if earlier else 0.0
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._assemble()
 
     def _assemble(self) -> None:
         record, scene, clock = self.record, self.scene, self.clock
+        answer: Any = on_root(record.comm, geometry.begin, scene)  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
-            grid = on_root(record.comm, geometry.build, scene)
+            grid = on_root(record.comm, answer)
             self._mesh = mesh = fe.distribute(grid, scene, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
-        size = {"cells": len(grid.cells), "points": len(grid.points)} if grid is not None else {}
-        record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions())
+        size, version = {}, {}
+        if grid is not None:
+            size, version = {"cells": len(grid.cells), "points": len(grid.points)}, {"gmsh": grid.gmsh}
+        record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
         self._identity = {"mesh": mesh.hash, "dofs": self._walk.dofs, "dolfinx": fe.versions()["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
@@ -127,7 +131,7 @@ class Simulation:
     def _wants_surface(self, step: int) -> bool:
         total = len(self.scene.deltas)
         return self.output.surface == "all" or (
-            self.output.surface == "last" and (total <= MANY_STEPS or step == total)
+            self.output.surface == "last" and (total <= MANY_STEPS or step in self._kept_steps)
         )
 
     def _timed(self, states: Iterator[State]) -> Iterator[State]:
@@ -149,7 +153,7 @@ class Simulation:
         if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
             self._walk.refuse_unused_options()
         with self.clock.stage("write"):
-            if self.output.fields == "all" or last:
+            if self.output.fields == "all" or state.step in self._kept_steps:
                 self._write_fields(state)
             self.record("append", state)
             self.states.append(state)

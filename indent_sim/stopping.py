@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from types import FrameType
+
+PR_SET_PDEATHSIG = 1
 
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -69,3 +73,11 @@ def stoppable(rank: int = 0) -> Iterator[None]:
         _arrived.clear()
         for number, old in before.items():
             signal.signal(number, old)
+
+
+def die_with(parent: int) -> None:
+    """Ask Linux to kill this forked process when its parent is killed: nobody would read what it computes."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        signal.raise_signal(signal.SIGKILL)

@@ -164,9 +164,14 @@ OUTPUT = (
         "result folder, below the working directory; default: results/ and the name of the config",
         WORD,
     ),
-    Symbol("fields", "", "steps whose fields are written for ParaView", WORD),
+    Symbol("fields", "", "steps whose fields are written for ParaView; last: the deepest and the last", WORD),
     Symbol("surface", "", "state of the contact surface, point by point", WORD),
-    Symbol("output.surface", "", "steps whose contact surface is written to surface.csv", WORD),
+    Symbol(
+        "output.surface",
+        "",
+        "steps whose contact surface is written to surface.csv; last: the deepest and the last",
+        WORD,
+    ),
     Symbol("plot", "", "whether force_indentation.png is drawn", WORD),
 )
 
@@ -227,7 +232,7 @@ STUDY_TABLE = (
     Symbol("warnings", "", "what the run warns of", WORD),
     Symbol("verdict", "", "right, flagged, refused, wrong or reference; only with a tolerance", WORD),
     Symbol("memory_MB", "", "memory the run needed beyond what its process held before", "MB"),
-    Symbol("peak_memory_MB", "", "largest memory of the process during the run", "MB"),
+    Symbol("peak_memory_MB", "", "largest memory of the process during the run, and of the one that meshes", "MB"),
 )
 
 SURFACE = (

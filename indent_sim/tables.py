@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,12 @@ def surface_block(step: int, surface: Surface) -> bytes:
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue()
+
+
+def surface_blocks(path: Path) -> dict[int, bytes]:
+    """The lines of every step in a surface table; none without a table."""
+    lines = path.read_bytes().splitlines(keepends=True)[1:] if path.exists() else []
+    return {int(step): b"".join(block) for step, block in groupby(lines, _step)}
 
 
 def drop_later_blocks(path: Path, steps: int) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,15 +24,28 @@ ARRAYS: dict[str, tuple[str, str, tuple[int, ...]]] = {
     "pressure": ("Node", "Scalar", ()),
 }
 H5, XDMF = "fields.h5", "fields.xdmf"
-GRID = re.compile(r'(<Grid Name="step (\d+)".*?:/state/(\d+)/.*?</Grid>\n)', re.DOTALL)
+GRID = re.compile(
+    r'<Grid Name="step (?P<step>\d+)".*?Name="delta" Value="(?P<delta>[^"]*)".*?:/state/(?P<slot>\d+)/.*?</Grid>\n',
+    re.DOTALL,
+)
+SLOTS = 3  # for the deepest and the last state, and the one that is being written
 HEADERS = 4096  # bytes of metadata a slot, generously
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """A state in the files: its slot, depth and XDMF."""
+
+    slot: int
+    delta: float
+    text: str
 
 
 class FieldWriter:
     """A growing time series of displacement [length], stress and pressure [pressure] on one mesh.
 
     points (n, 2) or (n, 3) [length], two columns being (x, z); cells (m, 3) or (m, 4) vertex numbers. `slots`
-    states are kept, or with None the last one alone. The time of a state is its step: depths may go back.
+    states are kept, or with None the deepest and the last. The time of a state is its step: depths may go back.
     With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
     missing, damaged or of another mesh: then they begin anew.
     """
@@ -39,10 +53,9 @@ class FieldWriter:
     def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, slots: int | None = None,
                  done: int | None = None):  # fmt: skip
         self.directory = Path(directory)
-        self._only_last = slots is None
-        self._slots = slots or 2  # the last state is written beside the one before it, then named
-        self._written = 0
-        self._grids: list[str] = []
+        self._all = slots is not None
+        self._slots = slots or SLOTS
+        self._kept: list[_Kept] = []
         points, cells = in_space(points), np.asarray(cells)
         self._counts = {"Node": len(points), "Cell": len(cells)}
         self._shape = np.shape(cells)
@@ -56,18 +69,25 @@ class FieldWriter:
         self, step: int, delta: float, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray
     ) -> None:
         """Add one state: displacement (n, 2 or 3), stress (m, 3, 3), pressure (n,)."""
-        if self._written >= self._slots and not self._only_last:
-            raise ValueError(f"all {self._slots} slots of {H5} are taken")
-        slot = self._written % self._slots
+        slot = self._free_slot()
         values = {"displacement": in_space(displacement), "stress": stress, "pressure": pressure}
         for name, value in values.items():
             data = np.ascontiguousarray(value, dtype="<f8").reshape(self._array_shape(name))
             _fill(self._file, data.tobytes(), self._offsets[slot][name])
-        if self._only_last:
-            self._grids.clear()
-        self._grids.append(self._grid(slot, step, delta))
-        self._written += 1
+        if not self._all:
+            deepest = sorted(self._kept, key=lambda kept: kept.delta)[-1:]
+            self._kept = [kept for kept in deepest if kept.delta > delta]
+        self._kept.append(_Kept(slot, delta, self._grid(slot, step, delta)))
         self._save()
+
+    def _free_slot(self) -> int:
+        """A slot that no state in the XDMF file names; where all are kept the next one."""
+        first = self._kept[-1].slot + 1 if self._all and self._kept else 0
+        taken = {kept.slot for kept in self._kept}
+        for slot in range(first, self._slots):
+            if slot not in taken:
+                return slot
+        raise ValueError(f"all {self._slots} slots of {H5} are taken")
 
     def close(self) -> None:
         """Let the files go; no state can be added after."""
@@ -92,7 +112,9 @@ class FieldWriter:
         import h5py
 
         try:
-            grids = GRID.findall((self.directory / XDMF).read_text(encoding="utf-8"))
+            grids = GRID.finditer((self.directory / XDMF).read_text(encoding="utf-8"))
+            kept = [_Kept(int(found["slot"]), float(found["delta"]), found[0]) for found in grids
+                    if int(found["step"]) <= done]  # fmt: skip
             with h5py.File(self.directory / H5, "r") as file:
                 if not (np.array_equal(file["mesh/points"], points) and np.array_equal(file["mesh/cells"], cells)):
                     return None
@@ -102,9 +124,7 @@ class FieldWriter:
                 offsets = [{name: int(state[name].id.get_offset()) for name in ARRAYS} for state in states]
         except Exception:  # HDF5 has an error for every way of being damaged
             return None
-        kept = [(text, int(slot)) for text, step, slot in grids if int(step) <= done]
-        self._grids = [text for text, _ in kept]
-        self._written = kept[-1][1] + 1 if kept else 0
+        self._kept = kept
         return offsets
 
     def _allocate(self, file, slot: int, name: str) -> int:  # type: ignore[no-untyped-def]
@@ -147,7 +167,7 @@ class FieldWriter:
         text = (
             '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
             '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
-            + "".join(self._grids)
+            + "".join(kept.text for kept in self._kept)
             + "</Grid>\n</Domain>\n</Xdmf>\n"
         )
         write_atomically(self.directory / XDMF, text, sync=False)

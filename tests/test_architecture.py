@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,7 +21,8 @@ ROOMS: dict[str, set[str]] = {
     "errors": set(),
     "parallel": set(),
     "stopping": set(),
-    "limits": set(),
+    "usage": set(),
+    "forked": {"stopping", "usage"},
     "symbols": set(),
     "state": set(),
     "model": set(),
@@ -53,30 +55,30 @@ ROOMS: dict[str, set[str]] = {
         *("premises", "reduction", "sizing", "state"),
     },
     "resolved": {"config", "scene", "sizing"},
-    "plausibility": {"expectation", "model", "scene", "state", "theory"},
     "error_bars": {"accuracy", "model", "scene", "state"},
     "refinement": {"accuracy", "config", "error_bars", "scene", "state"},
-    "geometry": {"model", "scene", "sizing"},
+    "geometry": {"forked", "model", "parallel", "scene", "sizing"},
     "fe": {"costing", "geometry", "model", "scene", "state"},
-    "comparison": {"oracle", "scene", "state", "theory"},
-    "folder": {"stopping"},
+    "comparison": {"oracle", "scene", "state", "theory", "usage"},
+    "folder": set(),
     "xdmf": {"folder"},
     "checkpoint": {"folder"},
     "tables": {"folder", "state"},
     "earlier": {"folder", "state", "tables"},
     "results": {"", "checkpoint", "earlier", "folder", "state", "tables", "xdmf"},
-    "record": {"earlier", "parallel", "results"},
-    "plots": {"results"},
+    "record": {"earlier", "parallel", "results", "usage"},
+    "plots": {"folder", "results", "yaml_strict"},
     "simulation": {
-        *("checkpoint", "comparison", "config", "error_bars", "fe", "folder", "geometry", "parallel", "plausibility"),
-        *("record", "scene", "state"),
+        *("checkpoint", "comparison", "config", "error_bars", "fe", "folder", "geometry", "parallel", "record"),
+        *("scene", "state"),
     },
     "run": {
         *("comparison", "config", "earlier", "error_bars", "folder", "geometry", "model", "simulation"),
-        *("limits", "parallel", "plots", "record", "refinement", "resolved", "scene", "state", "stopping"),
+        *("parallel", "plots", "record", "refinement", "resolved", "scene", "state", "stopping"),
+        "usage",
     },
     "study": {
-        *("", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "stopping"),
+        *("", "config", "config_errors", "folder", "plots", "results", "run", "scene", "schema", "stopping", "usage"),
         "yaml_strict",
     },
     # what people see
@@ -94,7 +96,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "petsc4py": ("fe/",),
     "ufl": ("fe/", "model/"),
     "mpi4py": ("fe/", "run.py", "cli.py"),
-    "gmsh": ("geometry.py", "fe/compat.py"),
+    "gmsh": ("geometry.py",),
     "h5py": ("checkpoint.py", "xdmf.py"),
     "matplotlib": ("plots.py", "study/picture.py"),
     "scipy": ("theory/", "fe/"),
@@ -194,6 +196,13 @@ def test_public_things_have_docstrings(path: Path) -> None:
     tree = tree_of(path)
     assert ast.get_docstring(tree) or not tree.body
     assert not [name for name, node in _public(tree) if not ast.get_docstring(node)]
+
+
+def test_type_checkers_see_the_types() -> None:
+    """PEP 561: the marker is a file of the package, and goes where the package goes."""
+    assert (PACKAGE / "py.typed").is_file()
+    declared = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    assert "py.typed" in declared["*"]
 
 
 def _public(

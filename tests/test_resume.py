@@ -22,6 +22,7 @@ from mpi4py import MPI
 from indent_sim import cli, folder, run
 from indent_sim.config import load
 from indent_sim.fe.path import Walk
+from indent_sim.model.loading import LoadPath
 from indent_sim.results import read
 from indent_sim.xdmf import FieldWriter
 
@@ -288,6 +289,66 @@ class TestStopped:
         found, expected = read(tmp_path / "out"), read(undisturbed(HYPERELASTIC))
         for column in ("step", "delta", "force", "a", "p_max", "energy"):
             np.testing.assert_allclose(found[column], expected[column], rtol=1e-8, err_msg=column)
+
+
+def kept_fields(out: Path) -> dict[int, dict[str, np.ndarray]]:
+    """What fields.xdmf names: the arrays of every step in it."""
+    text, found = (out / "fields.xdmf").read_text(), {}
+    with h5py.File(out / "fields.h5") as file:
+        for step, slot in re.findall(r'Name="step (\d+)".*?:/state/(\d+)/', text, re.DOTALL):
+            found[int(step)] = {name: values[()] for name, values in file[f"state/{slot}"].items()}
+    return found
+
+
+class TestTheDeepestAndTheLast:
+    """`last` keeps two states after unloading: the last alone would be empty."""
+
+    scene = SCENE.format(material="model: linear_elastic", method="augmented_lagrangian", loading=UP_AND_DOWN).replace(
+        "fields: all, surface: all", "fields: last, surface: last"
+    )
+
+    @pytest.mark.parametrize("rows", [2, 4, 6])
+    def test_a_run_that_was_stopped_keeps_what_others_keep(self, indent_sim, undisturbed, tmp_path, rows):
+        (tmp_path / "scene.yaml").write_text(self.scene)
+        interrupt(tmp_path, rows)
+        wanted = {min(rows, 4), rows}
+        assert set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == wanted
+        assert indent_sim("--resume").exit_code == 0
+        found, expected = read(tmp_path / "out"), read(undisturbed(self.scene))
+        for column, values in expected.surface.items():
+            np.testing.assert_allclose(found.surface[column], values, atol=1e-9, err_msg=column)
+        ours, theirs = kept_fields(found.path), kept_fields(expected.path)
+        assert list(ours) == list(theirs) == list(dict.fromkeys(found.surface["step"])) == [4, 8]
+        for step, arrays in theirs.items():
+            for name, values in arrays.items():
+                np.testing.assert_allclose(ours[step][name], values, atol=1e-9, err_msg=name)
+            largest = found["p_max"][step - 1]  # the fields show the nodes: the largest is at one or beside it
+            assert arrays["pressure"].max() == pytest.approx(largest, rel=0.1)
+
+    def test_a_path_that_only_goes_in_keeps_one(self, tmp_path):
+        (tmp_path / "scene.yaml").write_text(self.scene.replace(UP_AND_DOWN, "delta: 0.08, steps: 3"))
+        run.run(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
+        assert set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == {3}
+
+    def test_a_slot_that_is_named_is_never_written(self, tmp_path):
+        """Every state written in turn, on paths that go up and down: the two that are named stay as they were."""
+        chance = np.random.default_rng(1)
+        writer = FieldWriter(tmp_path, np.eye(3)[:, :2], np.array([[0, 1, 2]]))
+        deltas = chance.uniform(size=20)
+        for step, delta in enumerate(deltas, start=1):
+            writer.write(step, delta, np.full((3, 2), step), np.zeros((1, 3, 3)), np.full(3, step))
+            kept = kept_fields(tmp_path)
+            assert set(kept) == {1 + int(deltas[:step].argmax()), step}
+            assert all((arrays["pressure"] == named).all() for named, arrays in kept.items())
+        writer.close()
+
+
+@pytest.mark.parametrize(("values", "kept"), [
+    ((1, 2, 3), {3}), ((1, 3, 2), {2, 3}), ((3, 3, 1, 3, 0), {2, 4, 5}), ((3, 1, 2, 1), {1, 4}), ((2,), {1}),
+    ((1, 0, 2, 0, 3), {1, 3, 5}),
+])  # fmt: skip
+def test_the_steps_worth_keeping(values, kept):
+    assert LoadPath("depth", values).kept == kept
 
 
 class TestNothingToGoOnWith:

@@ -139,8 +139,7 @@ def unused_options(prefix: str, names: Iterable[str]) -> list[str]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that the numbers of a run depend on."""
-    import gmsh
+    """Versions of the libraries that the numbers of a run depend on, gmsh's apart: it runs in a process of its own."""
     import petsc4py
     from mpi4py import MPI
 
@@ -149,7 +148,6 @@ def versions() -> dict[str, str]:
         "dolfinx": dolfinx.__version__,
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         "petsc4py": petsc4py.__version__,
-        "gmsh": gmsh.__version__,
         "numpy": np.__version__,
         "mpi": MPI.Get_library_version().split(",")[0].strip(),
     }

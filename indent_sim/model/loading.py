@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
@@ -23,6 +24,17 @@ class LoadPath:
 
     control: Literal["depth", "force"]
     values: tuple[float, ...]
+
+    @property
+    def kept(self) -> frozenset[int]:
+        """The steps whose states are worth keeping, from 1: the last, and those from which the tip goes back after it
+        was nowhere deeper (or, where forces are prescribed, pressed no harder)."""
+        steps, deepest = {len(self.values)}, float("-inf")
+        for step, (value, following) in enumerate(pairwise(self.values), start=1):
+            deepest = max(deepest, value)
+            if following < value == deepest:
+                steps.add(step)
+        return frozenset(steps)
 
 
 @dataclass(frozen=True)

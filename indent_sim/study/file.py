@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config import Place, Source, read_document
+from indent_sim.config import OF_A_STUDY, Place, Source, read_document
 from indent_sim.config_errors import closest
 from indent_sim.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.schema import keys_at, outside
@@ -19,6 +19,7 @@ from indent_sim.yaml_strict import key_path, key_text
 
 KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
 SCENE_FILES = (".yaml", ".yml", ".json")
+SCENE = {"body", "material", "indenter", "contact", "loading", "mesh", "solver", "accuracy"}  # of a scene alone
 UNVARIED = ("title", "units", "output")  # sections that say nothing of the physics
 QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
 
@@ -57,6 +58,9 @@ def read(path: Path | str) -> StudyFile:
     """The study of a file. UsageError when it cannot be read, ConfigError for anything wrong in it."""
     path = Path(path)
     document, source = read_document(path)
+    if not OF_A_STUDY & document.keys() and set(document) & SCENE:
+        problem, remedy = "this is a scene, not a study", f"indent-sim run {path}"
+        raise ConfigError("", problem, remedy, *source.place((next(key for key in document if key in SCENE),)))
     if unknown := [key for key in document if key not in KEYS]:
         raise _errors([_unknown(key, source) for key in unknown])
     reader = _Reader(path, document, source)

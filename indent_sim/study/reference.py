@@ -22,6 +22,7 @@ SAME_DEPTH = 1e-9  # relative
 MOST_DEPTHS = 200  # at which theory is asked
 AROUND = 1.3  # times an expected depth the one found may be
 RADII = 200  # at which theory's pressure is looked at for its peak
+ALONE = "no two of these runs ask the same question, so none has an error: vary mesh, contact or solver, or compare_to"
 NAN = math.nan
 
 
@@ -90,11 +91,14 @@ class Comparison:
         """Where the finest run is the reference: choose it, for every problem the study asks about."""
         if self._wanted != "finest":
             return
-        finest: dict[str, str] = {}
+        asked: dict[str, list[str]] = {}
         for case in sorted((case for case in cases if case.id in done), key=lambda case: _fineness(case, done)):
-            self._answers[case.problem] = of_results(done[case.id])  # the finest comes last
-            finest[case.problem] = case.id
+            asked.setdefault(case.problem, []).append(case.id)  # the finest comes last
+        finest = {problem: runs[-1] for problem, runs in asked.items() if len(set(runs)) > 1}  # none is its own answer
+        self._answers = {problem: of_results(done[run]) for problem, run in finest.items()}
         self.references = set(finest.values())
+        if asked and not finest:
+            self.notes = (ALONE,)
 
     def answer(self, case: Case) -> Answer | None:
         """What the case is compared with; None when there is nothing."""

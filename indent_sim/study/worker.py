@@ -6,7 +6,7 @@ pipe and starts another worker when one died.
 
 from __future__ import annotations
 
-import ctypes
+import gc
 import multiprocessing
 import os
 import signal
@@ -19,10 +19,10 @@ from typing import Any
 from indent_sim import run as chain
 from indent_sim.config import Config
 from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
-from indent_sim.stopping import SIGNALS
+from indent_sim.stopping import SIGNALS, die_with
+from indent_sim.usage import forget_peak_memory
 
 LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
-PR_SET_PDEATHSIG = 1
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
 LAUNCHERS = (
     "SLURM_",
@@ -96,10 +96,11 @@ class Worker:
 
 def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     """Do the runs that arrive until the parent is gone."""
+    gc.freeze()  # meshes and matrices that the parent has let go of are its own to destroy
     parents.close()
     for number in SIGNALS:  # batch systems and terminals send them to all processes of a job
         signal.signal(number, signal.SIG_IGN)  # the parent decides
-    _die_with(parent)
+    die_with(parent)
     for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
         del os.environ[name]
     _warm_up()
@@ -109,7 +110,7 @@ def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
 
 
 def _ending(config: Config, directory: Path) -> Ending | IndentSimError:
-    _reset_peak_memory()
+    forget_peak_memory()  # of the runs before
     try:
         _run(config, directory)
     except ABORTING as error:
@@ -136,22 +137,6 @@ def _warm_up() -> None:
         chain.warm_up()
     for crash in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT):
         signal.signal(crash, signal.SIG_DFL)
-
-
-def _die_with(parent: int) -> None:
-    """Ask Linux to kill this process when its parent is killed: nobody would read what it computes."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        signal.raise_signal(signal.SIGKILL)
-
-
-def _reset_peak_memory() -> None:
-    """The largest memory of this run, not of those before it: what they freed goes back to the system."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
 
 
 Run = Callable[[Config, Path], Ending]

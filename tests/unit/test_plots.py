@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -161,6 +162,22 @@ class TestPressure:
         axes = drawn(result)["y"]
         assert axes.get_xlim() == axes.get_ylim() == pytest.approx((0, 1.5 * a))
 
+    @pytest.mark.parametrize("faces", [3, 4, 5])
+    def test_a_map_shows_the_corners_of_a_contact(self, drawn, faces):
+        """A regular polygon of the area pi a^2: the corners of a triangle are 1.56 a from its middle."""
+        x, y = (part.ravel() for part in np.meshgrid(np.linspace(-3, 3, 121), np.linspace(-3, 3, 121)))
+        apothem = np.sqrt(np.pi / (faces * np.tan(np.pi / faces)))
+        normals = 2 * np.pi * np.arange(faces) / faces
+        inside = np.max([x * np.cos(turn) + y * np.sin(turn) for turn in normals], axis=0) <= apothem
+        pressure = np.where(inside, 1.0, 1e-7)
+        surface = {"step": np.full(len(x), 1.0), "x": x, "y": y, "pressure": pressure}
+        table = {"step": [1.0], "delta": [1.0], "force": [1.0], "a": [1.0]}
+        plan = {"choices": [{"key": "kinematics", "value": "three_dimensional"}]}
+        report = {"title": "A polygon", "center": [0.0, 0.0], "plan": plan}
+        axes = drawn(Results(Path("one"), {name: np.array(v) for name, v in table.items()}, report, surface))["y"]
+        for along, (low, high) in ((x, axes.get_xlim()), (y, axes.get_ylim())):
+            assert low < along[inside].min() and along[inside].max() < high and high - low < 4
+
     def test_a_tip_beside_the_origin_is_found(self, drawn):
         result = a_result("plane_strain", units={}, center=[2.0])
         result.surface["x"] = np.concatenate([2 - result.surface["x"], 2 + result.surface["x"]])
@@ -184,9 +201,71 @@ class TestSeveralRuns:
         plots.overlay([a_result(), a_result()], svg)
         assert "results/one" in text_of(svg)
 
-    def test_units_that_differ_are_not_claimed(self, svg):
-        plots.overlay([a_result(), a_result(units={"length": "mm", "force": "N"})], svg)
+    @pytest.mark.parametrize("units", [{"length": "mm", "force": "N"}, {"length": "m", "force": "mN"}])
+    def test_units_that_differ_are_refused(self, tmp_path, units):
+        with pytest.raises(UsageError, match="draw them apart"):
+            plots.overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
+        assert not list(tmp_path.iterdir())
+
+    def test_forces_per_length_beside_forces_are_refused(self, tmp_path):
+        with pytest.raises(UsageError, match="per length"):
+            plots.overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
+
+    def test_no_unit_is_claimed_for_a_curve_that_names_none(self, svg):
+        plots.overlay([a_result(), a_result(units={})], svg)
         assert "[" not in text_of(svg).split("<g")[-1]
+
+    @pytest.fixture
+    def drawn(self, tmp_path, monkeypatch):
+        """The figure of runs in folders with configs, laid out."""
+        figures = []
+        monkeypatch.setattr(
+            plots, "save", lambda figure, path: (figure.draw_without_rendering(), figures.append(figure))
+        )
+
+        def draw(settings, error=False):
+            runs = []
+            for i, (nu, method) in enumerate(settings):
+                place = tmp_path / f"{i * 0x9E3779B9:016x}"  # as a study names its runs
+                place.mkdir()
+                config = f"material: {{nu: {nu!r}}}\ncontact: {{method: {method}, epsilon_n: {nu + 100}}}\n"
+                (place / "config.yaml").write_text(config)
+                result = a_result(error=error, units={})
+                result.report["plan"]["auto"] = ["contact.epsilon_n"]
+                runs.append(dataclasses.replace(result, path=place))
+                runs[-1].table["force"] = result["force"] * (1 + nu)
+            plots.overlay(runs, tmp_path / "picture.png")
+            return figures[-1]
+
+        return draw
+
+    @pytest.mark.parametrize("error", [False, True])
+    @pytest.mark.parametrize("number", [2, 10, 11, 60])
+    def test_the_legend_says_what_differs_and_hides_nothing(self, drawn, number, error):
+        values = np.linspace(0, 0.49, number)
+        figure = drawn([(float(nu), "penalty") for nu in values[::-1]], error)
+        force, radius, beside = figure.axes
+        told = [text.get_text() for text in beside.get_legend().get_texts()]
+        names = [f"nu {nu:.4g}" for nu in values]
+        assert [name for name in told if name != plots.ESTIMATED] == names and (plots.ESTIMATED in told) == error
+        legend = beside.get_legend().get_window_extent()
+        assert not any(legend.overlaps(axes.get_tightbbox()) for axes in (force, radius))
+        assert figure.bbox.x0 <= legend.x0 and legend.x1 <= figure.bbox.x1 and figure.bbox.y0 <= legend.y0
+
+    def test_every_curve_is_its_table_in_a_colour_of_its_own(self, drawn):
+        values = np.linspace(0, 0.49, 60)
+        lines = [line for line in drawn([(float(nu), "penalty") for nu in values]).axes[0].get_lines()
+                 if line.get_label().startswith("nu")]  # fmt: skip
+        plain = a_result()
+        for nu, line in zip(values, lines, strict=True):
+            assert line.get_xdata() == pytest.approx(plain["delta"])
+            assert line.get_ydata() == pytest.approx(plain["force"] * (1 + nu))
+        assert len({tuple(line.get_color()) for line in lines}) == 60
+
+    def test_several_keys_that_differ_are_all_named(self, drawn):
+        figure = drawn([(nu, method) for nu in (0.1, 0.3) for method in ("penalty", "nitsche")])
+        told = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
+        assert told == [f"nu {nu}, method {method}" for nu in (0.1, 0.3) for method in ("nitsche", "penalty")]
 
     def test_more_runs_than_colours(self, svg):
         plots.overlay([a_result()] * 9, svg)

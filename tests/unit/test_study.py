@@ -427,6 +427,26 @@ class TestRuns:
         assert not process.is_alive()
 
 
+class TestAnotherKindOfFile:
+    @pytest.mark.parametrize("words", [("run",), ("plan",), ("plan", "--json"), ("run", "--set", "material.nu=0.2")])
+    def test_a_study_is_no_scene(self, written, tmp_path, words):
+        written(METHODS)
+        done = CliRunner().invoke(cli.program, [words[0], "STUDY.yaml", *words[1:]])
+        assert done.exit_code == 3 and not (tmp_path / "results").exists()
+        assert "STUDY.yaml:3: this is a study, not a scene; indent-sim study STUDY.yaml\n" in done.stderr
+
+    @pytest.mark.parametrize("text", [SCENE, "title: ten\naccuracy: 0.01\n"])
+    def test_a_scene_is_no_study(self, written, tmp_path, text):
+        done = CliRunner().invoke(cli.program, ["study", str(written(text))])
+        assert done.exit_code == 3 and not (tmp_path / "results").exists()
+        assert f"STUDY.yaml:2: this is a scene, not a study; indent-sim run {tmp_path / 'STUDY.yaml'}\n" in done.stderr
+
+    def test_a_scene_with_a_key_of_a_study_is_still_a_scene(self, written):
+        """A stray key is what is wrong then, and it is named."""
+        done = CliRunner().invoke(cli.program, ["plan", str(written(SCENE + "vary: {}\n"))])
+        assert done.exit_code == 3 and "vary: unknown key" in done.stderr
+
+
 class TestComparison:
     @pytest.mark.parametrize("wanted", ["theory", "finest", "1.6e-3", "result", "result/force_indentation.csv"])
     def test_every_form(self, written, tmp_path, wanted):
@@ -454,6 +474,13 @@ class TestComparison:
         rows = study.carry_out(path, output=tmp_path / "out").rows
         assert [row["force_error_vs"] == 0 for row in rows] == [False, True, False, True]
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
+
+    def test_a_run_is_no_answer_to_itself(self, written, tmp_path):
+        """Every nu asks another question: no error is known, and none is 0."""
+        done = study.carry_out(written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out")
+        errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
+        assert [row[name] for row in done.rows for name in errors] == [None] * 8
+        assert "no two of these runs" in done.notes[0] and not done.recommendations
 
     def test_more_linear_elements_are_not_finer_than_quadratic_ones(self, written, tmp_path):
         path = written("base: scene.yaml\nvary: {mesh: [{order: 1, h_contact: 0.01}, {h_contact: 0.05}]}\n")

@@ -1,0 +1,276 @@
+"""Meshing in a forked process: splits that gmsh cannot tell apart, crashes, signals, locks and what is counted."""
+
+from __future__ import annotations
+
+import fcntl
+import gc
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_cli import environment
+
+from indent_sim import geometry, run, usage
+from indent_sim.config import loads
+from indent_sim.errors import ConfigError, MeshError
+from indent_sim.forked import Crash, Forked
+from indent_sim.geometry import Grid
+from indent_sim.scene import Scene, resolve
+
+SCENE = """\
+body: {body}
+material: {{model: linear_elastic, E: 1.0, nu: 0.3}}
+indenter: {tip}
+loading: {{delta: 0.01, steps: 1}}
+mesh: {mesh}
+"""
+PATIENCE = 120  # s
+
+
+def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
+    """A scene whose top is split at a distance d from a corner, or from the axis."""
+    strip = f"{{shape: strip, width: {width!r}, height: 1.0}}"
+    round_body = f"{{shape: cylinder, radius: {width!r}, height: 1.0}}"
+    body, tip, mesh = {
+        "tip beside the left wall": (strip, f"{{shape: paraboloid, R: 1.0, center: [{d!r}]}}", "symmetry: full, "),
+        "tip beside the right wall": (strip, f"{{shape: paraboloid, R: 1.0, center: [{width - d!r}]}}", ""),
+        "edge beside the wall": (round_body, f"{{shape: flat_punch, radius: {width - d!r}}}", ""),
+        "edge beside the axis": (round_body, f"{{shape: flat_punch, radius: {d!r}}}", ""),
+        "edges beside both walls": (strip, f"{{shape: flat_punch, radius: {width / 2 - d!r}}}", "symmetry: full, "),
+    }[kind]
+    return resolve(loads(SCENE.format(body=body, tip=tip, mesh=f"{{{mesh}h_contact: {h!r}, h_far: 0.5}}")))
+
+
+def areas(grid: Grid) -> np.ndarray:
+    """Signed areas of triangles."""
+    a, b, c = (grid.points[grid.cells[:, i]] for i in range(3))
+    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+
+
+@pytest.mark.parametrize("kind", [
+    "tip beside the left wall", "tip beside the right wall", "edge beside the wall", "edge beside the axis",
+    "edges beside both walls",
+])  # fmt: skip
+def test_a_split_near_a_corner_is_meshed(kind):
+    """Points nearer than gmsh's random shift change places: it aborted for d = 1e-12 to 5e-9 of the body."""
+    chance = random.Random(kind)
+    for power in range(-13, -5):
+        d, width = chance.uniform(1, 10) * 10.0**power, chance.choice([1.0, chance.uniform(0.3, 5)])
+        size = areas(geometry.build(near_a_corner(kind, d, width, chance.choice([0.1, 0.02, 1e-3]))))
+        assert size.sum() == pytest.approx(width, rel=1e-9) and (size > 0).all()
+
+
+def test_a_dropped_split_does_not_change_the_force():
+    """A punch 5e-9 narrower than the body presses like one as wide; the force grows with the radius, not faster."""
+    (wide,), (narrow,) = (run.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (0.0, 5e-9))
+    assert narrow.force == pytest.approx(wide.force, rel=1e-8)
+
+
+@pytest.mark.parametrize("radius", [1e-9, 1e-7, 9e-6])
+def test_an_edge_lost_in_the_tolerance_of_the_cad_kernel_is_refused(radius):
+    body, tip = "{shape: box, size: [1.0, 1.0, 1.0]}", f"{{shape: flat_punch, radius: {radius!r}}}"
+    with pytest.raises(ConfigError, match="too small for a box") as refused:
+        resolve(loads(SCENE.format(body=body, tip=tip, mesh="{h_contact: 0.2}")))
+    assert refused.value.key == "indenter.radius"
+
+
+# ---- the process ------------------------------------------------------------------------------------------------
+
+
+def half(x: float) -> float:
+    """The function called below: half of a number, or what the number stands for."""
+    if x == 0:
+        os.abort()
+    if x < 0:
+        os.write(1, b"Info    : a number\nError   : it is negative\n")  # as C++ does, past Python's own stdout
+        os.kill(os.getpid(), int(-x))
+    if x > 100:
+        raise MeshError(f"{x:g} is too large")
+    if x > 10:
+        time.sleep(x)
+    return x / 2
+
+
+@pytest.fixture
+def halving():
+    """`half` in a forked process."""
+    forked = Forked(half, lambda: None)
+    yield forked
+    forked.stop()
+
+
+class TestForked:
+    def test_it_answers_and_its_exceptions_are_ours(self, halving):
+        assert halving.ask(3.0)() == 1.5
+        with pytest.raises(MeshError, match="200 is too large"):
+            halving.ask(200)()
+        assert halving.ask(5.0)() == 2.5
+
+    @pytest.mark.parametrize(("number", "how"), [
+        (0, "SIGABRT"), (-signal.SIGSEGV, r"SIGSEGV \(it is negative\)"), (-signal.SIGKILL, "SIGKILL"),
+    ])  # fmt: skip
+    def test_a_crash_is_an_exception_and_the_next_call_is_answered(self, halving, capfd, number, how):
+        with pytest.raises(Crash, match=how):
+            halving.ask(number)()
+        assert halving.ask(3.0)() == 1.5
+        assert capfd.readouterr() == ("", "")
+
+    def test_a_crash_between_two_calls_goes_unnoticed(self, halving):
+        halving.start()
+        os.kill(halving._child.pid, signal.SIGKILL)
+        time.sleep(0.1)
+        assert halving.ask(3.0)() == 1.5
+
+    def test_an_answer_that_nobody_waits_for_is_no_other_calls(self, halving):
+        late = halving.ask(8.0)
+        assert halving.ask(4.0)() == 2.0
+        with pytest.raises(Crash):
+            late()
+
+    def test_a_signal_ends_the_waiting_and_the_process(self, halving):
+        answer = halving.ask(60.0)
+        pid = halving._child.pid
+        before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                answer()
+        finally:
+            signal.signal(signal.SIGALRM, before)
+        assert not Path(f"/proc/{pid}").exists() and halving.ask(3.0)() == 1.5
+
+    def test_it_holds_no_lock(self, halving, tmp_path):
+        """A result folder would stay in use for as long as the process lives."""
+        with open(tmp_path / ".lock", "w") as held:
+            fcntl.flock(held, fcntl.LOCK_EX)
+            assert halving.ask(2.0)() == 1.0
+        with open(tmp_path / ".lock") as again:
+            fcntl.flock(again, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+    def test_a_fork_of_its_owner_has_its_own(self, halving):
+        assert halving.ask(2.0)() == 1.0
+        pid = os.fork()
+        if pid == 0:
+            right = not halving.is_up and halving.ask(6.0)() == 3.0 and halving.ask(8.0)() == 4.0
+            halving.stop()
+            os._exit(0 if right else 1)
+        assert os.waitpid(pid, 0)[1] == 0 and halving.is_up and halving.ask(2.0)() == 1.0
+
+    def test_it_leaves_the_garbage_of_its_owner_alone(self, tmp_path):
+        """To destroy a mesh or a matrix there would be a call of an MPI that it is no part of: it crashed."""
+
+        class Garbage:
+            def __init__(self):
+                self.itself = self
+
+            def __del__(self):
+                (tmp_path / f"{os.getpid()}").touch()
+
+        gc.collect()
+        gc.disable()
+        Garbage()
+        forked = Forked(lambda _: gc.collect(), lambda: None)
+        forked.ask(None)()
+        forked.stop()
+        gc.enable()
+        gc.collect()
+        assert [entry.name for entry in tmp_path.iterdir()] == [str(os.getpid())]
+
+    def test_it_ends_when_its_owner_is_killed(self):
+        script = """
+import os, signal
+from test_mesher import half, Forked
+forked = Forked(half, lambda: None); forked.ask(60.0)
+print(forked._child.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)
+"""
+        here = {"PYTHONPATH": os.pathsep.join([environment()["PYTHONPATH"], str(Path(__file__).parent)])}
+        ended = subprocess.run([sys.executable, "-c", script], env=environment() | here, capture_output=True, text=True)
+        deadline = time.monotonic() + 5
+        while is_alive(int(ended.stdout)):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+    def test_its_time_is_counted(self):
+        def work(seconds: float) -> None:
+            end = time.process_time() + seconds
+            while time.process_time() < end:
+                pass
+
+        forked, before = Forked(work, lambda: None), usage.cpu_time()
+        forked.ask(0.3)()
+        assert usage.cpu_time() - before == pytest.approx(0.3, abs=0.1)  # 0.1: what this process does meanwhile
+        forked.stop()
+
+
+def is_alive(pid: int) -> bool:
+    """Whether a process is there that is more than a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+# ---- what a user sees -------------------------------------------------------------------------------------------
+
+SMALL = SCENE.format(body="{shape: cylinder, radius: 1.0, height: 1.0}", tip="{shape: paraboloid, R: 1.0}",
+                     mesh="{h_contact: 0.1, h_far: 0.5}")  # fmt: skip
+
+
+def program(draw: str) -> list[str]:
+    """`run scene.yaml` with something else in the place where gmsh draws."""
+    script = f"import os, time\nfrom indent_sim import cli, geometry\ngeometry._draw = lambda *_: {draw}\ncli.main()"
+    return ["-c", script, "run", "scene.yaml", "--output", "out"]
+
+
+class TestRun:
+    def test_an_abort_of_gmsh_is_exit_4_and_one_sentence(self, tmp_path):
+        (tmp_path / "scene.yaml").write_text(SMALL)
+        ended = subprocess.run([sys.executable, *program("os.abort()")], cwd=tmp_path, env=environment(),
+                               capture_output=True, text=True)  # fmt: skip
+        assert ended.returncode == 4 and ended.stdout == ""
+        assert ended.stderr == "error: gmsh could not mesh the body: its process died of SIGABRT\n"
+
+    @pytest.mark.slow
+    def test_an_abort_of_gmsh_on_two_ranks(self, mpirun, tmp_path):
+        (tmp_path / "scene.yaml").write_text(SMALL)
+        ended = mpirun(2, *program("os.abort()"))
+        assert ended.returncode == 4 and ended.stderr.count("died of SIGABRT") == 1
+
+    @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+    def test_a_signal_to_all_processes_ends_both(self, tmp_path, number, code):
+        """As Ctrl-C in a terminal and batch systems send it, here in the middle of gmsh's work."""
+        (tmp_path / "scene.yaml").write_text(SMALL)
+        work = "(open('pid', 'w').write(str(os.getpid())), time.sleep(300))"
+        with subprocess.Popen([sys.executable, *program(work)], cwd=tmp_path, env=environment(), text=True,
+                              stderr=subprocess.PIPE, start_new_session=True) as process:  # fmt: skip
+            deadline = time.monotonic() + PATIENCE
+            while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.02)
+            time.sleep(0.5)  # dolfinx is loaded meanwhile, which holds signals back
+            os.killpg(process.pid, number)
+            _, told = process.communicate(timeout=PATIENCE)
+        assert process.returncode == code and "Traceback" not in told
+        assert not is_alive(int((tmp_path / "pid").read_text()))
+
+    def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
+        scene = resolve(loads(SMALL))
+        expected = geometry.build(scene)
+
+        def refuse() -> int:
+            raise BlockingIOError("no room")
+
+        geometry._mesher.stop()
+        monkeypatch.setattr(os, "fork", refuse)
+        assert geometry.build(scene).hash == expected.hash
+
+    def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
+        geometry._mesher.stop()
+        monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+        assert len(geometry.build(resolve(loads(SMALL))).cells) > 0 and not geometry._mesher.is_up
