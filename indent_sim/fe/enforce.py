@@ -15,12 +15,14 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from indent_sim.fe import compat, options
+from indent_sim.fe import compat, observe, options
 from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.newton import ROUGHLY, Newton
 from indent_sim.fe.problem import Problem
+from indent_sim.model.indenters import deepest_inside
 from indent_sim.scene import Scene
 
+INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
@@ -48,6 +50,12 @@ class Enforcement:
         self.newton = Newton(problem, rtol, max_iterations, petsc)
         self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
         self._petsc = petsc
+        scene = problem.scene
+        self._is_linear = scene.material.small_strain
+        self._largest_inside_out = INSIDE_OUT * scene.prediction["a"] / scene.scales.length
+        self._deepest = deepest_inside(scene.indenter)
+        if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
+            self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
 
     @property
     def iterations(self) -> int:
@@ -73,11 +81,22 @@ class Enforcement:
         before = self.problem.snapshot()
         if not self._algorithm():
             return False
-        if self.problem.is_admissible():
-            return True
-        self.newton.failure = "Newton ends in a state with J <= 0, or beyond the law's limit"
-        self.problem.restore(before)
-        return False
+        self.newton.failure = self._why_impossible()
+        if self.newton.failure:
+            self.problem.restore(before)
+        return not self.newton.failure
+
+    def _why_impossible(self) -> str:
+        """Why a body cannot have the present state; "" when it can."""
+        if not self.problem.is_admissible():
+            return "Newton ends in a state with J <= 0, or beyond the law's limit"
+        if self.problem.scene.gap == "reference":
+            return ""
+        if observe.penetration(self.problem) > self._deepest:
+            return "Newton ends where the tip has passed through the surface"
+        if self._is_linear and self.problem.inside_out() > self._largest_inside_out:
+            return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
+        return ""
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from math import pi
+from math import inf, pi
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le, Len
@@ -20,9 +20,11 @@ from annotated_types import Ge, Le, Len
 from indent_sim.model.algebra import cos, maximum, minimum, sin, sqrt, tan, where_less
 from indent_sim.model.quantities import LENGTH, HalfAngle, Length, LengthOrZero
 
-# A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii away there:
-# far enough never to touch, small enough to stay finite in derivatives.
-FAR = 1e3
+# A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii up there: above every body
+# (a scene whose body is higher is refused), and a number whose square is finite.
+FAR = 1e15
+# A ball is held from above: beside the cone of this half-angle [degrees] about its axis it is whole
+STEM = 30.0
 
 Faces = Annotated[int, Ge(3), Le(64)]
 Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
@@ -53,7 +55,10 @@ class Paraboloid:
 
 @dataclass(frozen=True)
 class Sphere:
-    """The exact ball, f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond."""
+    """The exact ball, f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
+
+    With a gap at the deformed point it is the whole ball, its upper side too, but for a stem that holds it.
+    """
 
     R: Length
     shape: Literal["sphere"] = "sphere"
@@ -70,10 +75,17 @@ class Sphere:
         return where_less(square, R2, cap, FAR * self.R)
 
     def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
-        """|X + u - c| - R, with c the ball's centre; written to keep its digits when shallow."""
-        # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) with depth measured upward from the apex
+        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the ball's centre c.
+
+        phi is the angle between v and the upward axis. On the axis above the centre the gap is -|v| - R: a body that
+        the tip has passed does not come free of it above.
+        """
+        R2, c = self.R * self.R, cos(STEM)
+        # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) keeps its digits when shallow
         difference = x * x + y * y + depth * (depth - 2 * self.R)
-        return difference / (sqrt(difference + self.R * self.R) + self.R)
+        distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the centre
+        stem = maximum(depth - self.R - c * distance, 0.0 * depth) / (1 - c)
+        return difference / (distance + self.R) - 2 * stem * stem / distance
 
     def radius_at(self, depth: float) -> float:
         """Radius of the tip's section `depth` above its apex [length]."""
@@ -143,13 +155,18 @@ class FlatPunch:
         return where_less(self.radius * (1 + 1e-12), r, FAR * self.radius, edge)
 
     def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
-        """Signed distance to the rounded punch: -depth under the flat, the distance to the torus at the edge."""
+        """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the side wall above.
+
+        Deep inside the edge it goes on with the depth, linearly: so it falls everywhere with the depth, without a jump.
+        """
         e = self.edge_radius
         r = sqrt(x * x + y * y + 1e-24 * e * e)
-        outward = r - (self.radius - e)
+        outward = maximum(r - (self.radius - e), 0.0 * r)
         downward = e - depth
-        corner = sqrt(maximum(outward, 1e-9 * e) ** 2 + maximum(downward, 0.0 * depth) ** 2) - e
-        return where_less(outward, 0.0, -depth, corner)
+        linear_from = 0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2  # any length that is 0 near the wall
+        near = maximum(downward, linear_from)
+        distance = sqrt(outward * outward + near * near)
+        return distance - e - (near - downward) * near / distance
 
     def radius_at(self, depth: float) -> float:
         """The punch's radius at any depth [length]."""
@@ -319,6 +336,23 @@ def _largest(values: Sequence[Any]) -> Any:
 
 
 Indenter = Paraboloid | Sphere | Cone | FlatPunch | Pyramid | Profile
+
+
+def reach(tip: Indenter) -> float:
+    """The radius [length] at which a tip ends; infinity for one that does not."""
+    match tip:
+        case Sphere(R=R):
+            return R
+        case FlatPunch(radius=radius):
+            return radius
+        case Profile(points=points):
+            return points[-1][0]
+    return inf
+
+
+def deepest_inside(tip: Indenter) -> float:
+    """The penetration [length] beyond which a point may come out at the tip's other side: half the radius of a ball."""
+    return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
 def gap_reference(tip: Indenter, x: Any, y: Any, u_z: Any, delta: Any) -> Any:
