@@ -17,6 +17,7 @@ from math import isnan
 import numpy as np
 
 from indent_sim.accuracy import EASING, RATE, STEEPEST, fading
+from indent_sim.corners import POWER
 from indent_sim.model.contact import Penalty
 from indent_sim.scene import Scene
 from indent_sim.state import State
@@ -53,17 +54,23 @@ class Companion:
 @dataclass(frozen=True)
 class Budget:
     """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, and the finite body that
-    stands for a half-space."""
+    stands for a half-space; `theory` is how far the force is from that of a theory that is exact for this body."""
 
     step: int
     discretisation: float
     enforcement: float
     truncation: float
+    theory: float = 0.0
+
+    @property
+    def estimated(self) -> float:
+        """The sum of the parts [force]."""
+        return self.discretisation + self.enforcement + self.truncation
 
     @property
     def total(self) -> float:
-        """The half-width [force]."""
-        return self.discretisation + self.enforcement + self.truncation
+        """The half-width [force]: the sum of the parts, but never less than what exact theory knows to be wrong."""
+        return self.theory if self.theory > self.estimated else self.estimated
 
 
 def coarser(scene: Scene, ratio: float) -> Scene:
@@ -73,10 +80,11 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
     edge = sizes.h_edge and min(ratio ** RATE[sizes.order] * sizes.h_edge, fine)
+    corner = sizes.h_corner and min(ratio ** (RATE[sizes.order] / POWER) * sizes.h_corner, fine)
     growth = ratio ** EASING[sizes.order]
     larger = replace(
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
-        patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis,
+        patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
     )  # fmt: skip
     return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)
 
@@ -106,7 +114,8 @@ class ErrorBars:
         self.budgets: list[Budget] = []
         self.companions = companions
         self._truncation = scene.prediction.get("truncation_error", 0.0)
-        self._sizes, self._length = scene.sizes, scene.scales.length
+        self._sizes, self._scales = scene.sizes, scene.scales
+        self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
         self._dim = scene.kinematics.dim
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
@@ -121,7 +130,7 @@ class ErrorBars:
         self._run[state.step] = state
         size = abs(state.force)
         budget = Budget(state.step, self._discretisation(state), self._enforcement(state.step) * size,
-                        self._truncation * size)  # fmt: skip
+                        self._truncation * size, self._from_theory(state))  # fmt: skip
         self.budgets.append(budget)
         return replace(state, force_error=budget.total)
 
@@ -137,8 +146,15 @@ class ErrorBars:
 
     def _elements(self, a: float) -> float:
         """Elements in a contact radius."""
-        r = np.array(a / self._length)
+        r = np.array(a / self._scales.length)
         return float(r / self._sizes.at(r, np.zeros(())))
+
+    def _from_theory(self, state: State) -> float:
+        """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
+        if self._oracle is None or state.delta <= 0:
+            return 0.0
+        solution = self._oracle.at(state.delta / self._scales.length)
+        return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _enforcement(self, step: int) -> float:
         """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft; the companion
