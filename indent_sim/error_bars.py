@@ -25,7 +25,7 @@ from indent_sim.state import State
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
 SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
 HASTE = 1.0  # added to the rate for what two coarser meshes say
-LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
+LEAST_GAIN = 0.5  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
 FORCELESS = 1e-6  # of the largest force: a step with less has none that an accuracy could be asked of
 
@@ -135,14 +135,31 @@ class ErrorBars:
         return replace(state, force_error=budget.total)
 
     def _discretisation(self, state: State) -> float:
-        """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts."""
+        """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts.
+
+        Where a step beside it has fewer elements in its contact, its error is larger by what `fading` says.
+        """
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
         errors = [fading(self._elements(state.a) / ratio, self._sizes.order) for ratio in ratios]
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
-            said += [SAFETY[self._dim] / share * difference for difference in _differences(fine, coarse, state)]
+            said += [SAFETY[self._dim] / share * difference for difference in self._differences(fine, coarse, state)]
         return float("nan") if any(map(isnan, said)) else max(said)
+
+    def _differences(self, fine: Curve, coarse: Curve, state: State) -> list[float]:
+        """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
+        F, step = abs(state.force), state.step
+        beside = [
+            _difference(fine, coarse, k) * F / abs(fine[k].force) * self._error(state.a) / self._error(fine[k].a)
+            for k in (step - 1, step + 1)
+            if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
+        ]
+        return [_difference(fine, coarse, step), *beside]
+
+    def _error(self, a: float) -> float:
+        """The error of a force with the contact radius a, up to a factor."""
+        return fading(self._elements(a), self._sizes.order)
 
     def _elements(self, a: float) -> float:
         """Elements in a contact radius."""
@@ -169,17 +186,6 @@ class ErrorBars:
             return 0.0
         inverse = 2 - own.force / low if low else -1.0
         return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else float("inf")
-
-
-def _differences(fine: Curve, coarse: Curve, state: State) -> list[float]:
-    """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
-    F, step = abs(state.force), state.step
-    beside = [
-        _difference(fine, coarse, k) * F / abs(fine[k].force)
-        for k in (step - 1, step + 1)
-        if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
-    ]
-    return [_difference(fine, coarse, step), *beside]
 
 
 def _difference(fine: Curve, coarse: Curve, step: int) -> float:
