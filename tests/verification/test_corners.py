@@ -188,7 +188,7 @@ EXACT = [Case("paraboloid", 1.5, 0.9, 0.4999, "roller", steps=2), Case("flat_pun
 @pytest.mark.verify
 @pytest.mark.parametrize("case", EXACT, ids=str)
 def test_graded_meshes_agree_with_exact_theory(case: Case) -> None:
-    """What judges the scenes without a theory, judged itself where there is one, to a thirtieth of the finest target."""
+    """What judges the scenes without a theory, judged where there is one, to a thirtieth of the finest target."""
     config = from_mapping(case.mapping() | {"accuracy": 0.001})
     found = [state.force for state in states(graded(config), with_surface=False)]
     assert found == pytest.approx(true_forces(config), rel=3e-5)
