@@ -23,6 +23,7 @@ MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the m
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
 DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+SAME_PLACE = 1e-9  # of a length
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
 
@@ -98,6 +99,22 @@ def warnings_of(body: Body, material: Material, tip: Indenter, center: tuple[flo
         )
     warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
     return warnings + _half_space_warning(tip, material, delta, theory, body)
+
+
+def peakless(body: Body, tip: Indenter, center: tuple[float, ...], sizes: Sizes, a: float) -> str:
+    """Why no mesh knows the largest pressure of a contact of radius a [length]; empty where one does.
+
+    Under a sharp apex, corner or edge it is infinite, and what a mesh finds grows as its elements shrink, as it does
+    while they are larger than the arc that rounds one.
+    """
+    for r, width in tip.creases() if a > 0 else []:
+        size = float(sizes.at(np.array(r), np.array(0.0)))
+        is_touched = r <= a + size or tip.height(r, 0.0) <= 0
+        if is_touched and width < size and r < body.reach(center) * (1 - SAME_PLACE):
+            where = "apex" if r == 0 else "edge"
+            kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"
+            return f"the pressure at the tip's {kind} is the mesh's own: it grows as elements shrink"
+    return ""
 
 
 def penalty_loss(contact: ContactLaw, material: Material, theory: Oracle | None, delta: float, a: float) -> float:

@@ -37,8 +37,8 @@ from indent_sim.folder import (
     uninterrupted,
     write_atomically,
 )
-from indent_sim.state import COLUMNS, State, Surface
-from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, row, surface_block
+from indent_sim.state import COLUMNS, ERRORS, State, Surface
+from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, number, row, surface_block
 from indent_sim.xdmf import FieldWriter
 
 __all__ = [
@@ -63,6 +63,7 @@ SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses not
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
+    errors: columns of the force table that say how wrong others may be.
     The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
@@ -75,7 +76,7 @@ class ResultFolder:
         config_yaml: str,
         *,
         surface: Keep = "last",
-        force_error: bool = False,
+        errors: tuple[str, ...] = (),
         report: Mapping[str, Any] | None = None,
         resume: bool = False,
     ):
@@ -84,7 +85,7 @@ class ResultFolder:
         self._target = Path(target)
         self._config_yaml = config_yaml
         self._surface = surface
-        self._columns = COLUMNS + (("force_error",) if force_error else ())
+        self._columns = (*COLUMNS, *errors)
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None
@@ -116,6 +117,7 @@ class ResultFolder:
 
     def _continue(self, earlier: Earlier) -> None:
         self._claim.adopt()
+        self._columns = earlier.columns  # those of an older version of this program may be fewer
         os.truncate(self.path / TABLE, earlier.size)
         drop_later_blocks(self.path / SURFACE, len(earlier.states))
         self.earlier, self.rows = earlier, len(earlier.states)
@@ -352,7 +354,7 @@ def _ending(error: BaseException | None) -> tuple[str, int, str]:
 
 def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     """The rows of the force table as mappings from column to number."""
-    names = (*COLUMNS, "force_error")
+    names = (*COLUMNS, *ERRORS)
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
@@ -368,7 +370,7 @@ def _read_table(path: Path) -> dict[str, np.ndarray]:
         raise UsageError(f"{path} is empty")
     header = [name.strip() for name in lines[0].split(",")]
     try:
-        rows = [[float(cell) for cell in line.split(",")] for line in lines[1:]]
+        rows = [[number(cell) for cell in line.split(",")] for line in lines[1:]]
         values = np.array(rows).reshape(len(rows), len(header))
     except ValueError as error:
         raise UsageError(f"{path} is not a table of numbers with a header: {error}") from error

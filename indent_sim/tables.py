@@ -29,11 +29,16 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         return None
     try:
         values: dict[str, Any] = {
-            name: int(cell) if name in INTEGERS else float(cell) for name, cell in zip(names, cells, strict=True)
+            name: int(cell) if name in INTEGERS else number(cell) for name, cell in zip(names, cells, strict=True)
         }
     except ValueError:
         return None
     return State(**values)
+
+
+def number(cell: str) -> float:
+    """The number in a cell of a table; NaN in an empty one, which says that there is none."""
+    return float(cell) if cell.strip() else float("nan")
 
 
 def surface_block(step: int, surface: Surface) -> bytes:
@@ -56,7 +61,7 @@ def drop_later_blocks(path: Path, steps: int) -> None:
 
 
 def _number(value: float | None) -> str:
-    return "nan" if value is None else f"{value:.17g}"
+    return "" if value is None or value != value else f"{value:.17g}"
 
 
 def _step(line: bytes) -> float:
