@@ -9,7 +9,7 @@ h^(2 lambda) (Williams 1952, J. Appl. Mech. 19, 526). Elements that grow with th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, hypot
 
 from indent_sim.reduction import Reduction
 from indent_sim.sizing import rounded
@@ -44,20 +44,19 @@ class Corner:
 
 
 def corners(reduction: Reduction, center: tuple[float, ...], a: float, nu: float, sharp: bool) -> list[Corner]:
-    """Corners that a contact of the radius a [length] may feel, in two dimensions; in three they are lines, which would
-    cost more than they give.
+    """Corners that a contact of the radius a [length] may feel; in three dimensions the points of edges next to it.
 
     sharp: the contact ends at a punch's edge, which has a size of its own.
     """
-    if reduction.kinematics.dim == 3:
-        return []
-    (low, high), (bottom, top) = reduction.extent
-    sides = {"r_max": high, "x_min": low, "x_max": high}
+    supports, (bottom, top) = reduction.supports, reduction.extent[-1]
+    distances = {"r_max": reduction.extent[0][1] - hypot(*center)}
+    for axis, c, (low, high) in zip("xy", center, reduction.extent[:-1], strict=False):
+        distances |= {f"{axis}_min": c - low, f"{axis}_max": high - c}
     return [
         corner
-        for side, end in sides.items()
-        if side in reduction.supports and (r := rounded(abs(end - center[0]))) > 0  # 0: a mirror plane
-        for corner in _beside(r, top - bottom, a, nu, sharp, reduction.supports["base"], reduction.supports[side])
+        for side, distance in distances.items()
+        if side in supports and (r := rounded(distance)) > 0  # 0: a mirror plane
+        for corner in _beside(r, top - bottom, a, nu, sharp, supports["base"], supports[side])
     ]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
 from indent_sim.confinement import is_held
-from indent_sim.corners import corners
+from indent_sim.corners import Corner, corners
 from indent_sim.errors import ConfigError
 from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.premises import Premises
@@ -27,6 +27,7 @@ FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with sma
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
+RULE = 0.25  # and from what share on they rule how the force converges
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
@@ -91,23 +92,31 @@ def _keenness(given: Premises, edge: float | None) -> float:
 
 
 def _at_corners(plain: Sizes, given: Premises, settled: Given, wanted: Fineness | None) -> Sizes:
-    """The sizes, smaller towards the corners that the contact feels; all of them where it feels one."""
+    """The sizes, smaller towards the corners that the contact feels; all of them where it feels one.
+
+    In three dimensions they are lines, and elements along them would cost more than they give: there it is only said.
+    """
     nu, sharp = given.material.constants[1], plain.edge is not None
     around = corners(given.reduction, given.center, given.a, nu, sharp) if given.deepest > 0 else []
+    if settled.h_corner and (given.dim == 3 or not around):
+        raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact in a meshed "
+                          "section, and this scene has none", "leave it out")  # fmt: skip
     error, n = (wanted.error, wanted.n) if wanted else (sizing.AUTO, given.a / plain.h_contact)
-    needed = [(corner.size(CORNERS * error, n), float(plain.at(np.array(corner.r), np.array(corner.depth))))
-              for corner in around]  # fmt: skip
+    if given.dim == 3:
+        return replace(plain, ruled_by_corners=any(_is_too_coarse(plain, corner, RULE * error, n) for corner in around))
     h = settled.h_corner
     is_open = wanted is not None or settled.h_contact is None
-    if h is None and is_open and any(size < there for size, there in needed):
-        h = min(size for size, _ in needed)
-    if settled.h_corner and not around:
-        raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact of a meshed "
-                          "section, and this scene has none", "leave it out")  # fmt: skip
+    if h is None and is_open and any(_is_too_coarse(plain, corner, CORNERS * error, n) for corner in around):
+        h = min(corner.size(CORNERS * error, n) for corner in around)
     if h is None:
         return plain
     at = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in around}))
     return replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
+
+
+def _is_too_coarse(sizes: Sizes, corner: Corner, error: float, n: float) -> bool:
+    """Whether elements at a corner cost more than this relative error of the force."""
+    return corner.size(error, n) < float(sizes.at(np.array(corner.r), np.array(corner.depth)))
 
 
 def _refuse_lost(smallest: float, least: float) -> None:

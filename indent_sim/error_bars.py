@@ -207,7 +207,7 @@ class ErrorBars:
         Where a step beside it has fewer elements in its contact, its error is larger by what `fading` says.
         """
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
-        errors = [fading(self._elements(state.a) / ratio, self._sizes.order) for ratio in ratios]
+        errors = [self._error(state.a, ratio) for ratio in ratios]
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
@@ -224,9 +224,10 @@ class ErrorBars:
         ]
         return [_difference(fine, coarse, step), *beside]
 
-    def _error(self, a: float) -> float:
-        """The error of a force with the contact radius a, up to a factor."""
-        return fading(self._elements(a), self._sizes.order)
+    def _error(self, a: float, ratio: float = 1.0) -> float:
+        """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
+        n = self._elements(a) / ratio
+        return n**-POWER if self._sizes.ruled_by_corners and n > 0 else fading(n, self._sizes.order)
 
     def _elements(self, a: float) -> float:
         """Elements in a contact radius."""

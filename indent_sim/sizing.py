@@ -42,6 +42,7 @@ class Sizes:
     a: float = 0.0
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
+    ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
 
     @property
