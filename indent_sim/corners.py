@@ -37,6 +37,10 @@ class Corner:
     share: float
     is_near: bool = False
 
+    def error(self, h: float) -> float:
+        """The relative error of the force, at most, with elements of the size h [length]."""
+        return self.share * (h / self.distance) ** POWER
+
     def size(self, error: float, n: float) -> float:
         """The size [length] that costs this relative error of the force, with at least n elements in a narrow gap."""
         singular = self.distance * (error / self.share) ** (1 / POWER) if self.share else float("inf")

@@ -102,21 +102,28 @@ def _at_corners(plain: Sizes, given: Premises, settled: Given, wanted: Fineness 
         raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact in a meshed "
                           "section, and this scene has none", "leave it out")  # fmt: skip
     error, n = (wanted.error, wanted.n) if wanted else (sizing.AUTO, given.a / plain.h_contact)
+    cost = max((corner.error(_there(plain, corner)) for corner in around), default=0.0)
     if given.dim == 3:
-        return replace(plain, ruled_by_corners=any(_is_too_coarse(plain, corner, RULE * error, n) for corner in around))
+        ruled = any(_is_too_coarse(plain, corner, RULE * error, n) for corner in around)
+        return replace(plain, corner_error=cost, ruled_by_corners=ruled)
     h = settled.h_corner
     is_open = wanted is not None or settled.h_contact is None
     if h is None and is_open and any(_is_too_coarse(plain, corner, CORNERS * error, n) for corner in around):
         h = min(corner.size(CORNERS * error, n) for corner in around)
     if h is None:
-        return plain
+        return replace(plain, corner_error=cost)
     at = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in around}))
     return replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
 
 
 def _is_too_coarse(sizes: Sizes, corner: Corner, error: float, n: float) -> bool:
     """Whether elements at a corner cost more than this relative error of the force."""
-    return corner.size(error, n) < float(sizes.at(np.array(corner.r), np.array(corner.depth)))
+    return corner.size(error, n) < _there(sizes, corner)
+
+
+def _there(sizes: Sizes, corner: Corner) -> float:
+    """The element size [length] at a corner."""
+    return float(sizes.at(np.array(corner.r), np.array(corner.depth)))
 
 
 def _refuse_lost(smallest: float, least: float) -> None:

@@ -42,6 +42,7 @@ class Sizes:
     a: float = 0.0
     corners: tuple[tuple[float, float], ...] = ()
     h_corner: float | None = None
+    corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
     ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
 
@@ -112,9 +113,18 @@ class Sizes:
         22 to 39 % (5), 12 to 25 % (10), 3 to 7 % (20).
         """
         likely, doubts = self.force_doubt(a, nu), []
+        if self.corner_error >= TELLING:
+            doubts.append(
+                "coarse elements at corners that the contact feels: the force may be too high by up to "
+                f"{in_words(self.corner_error)}; use smaller sizes everywhere, or leave them to the program"
+            )
         if self.edge is not None and self.h_edge is not None:
-            return [f"elements of {self.h_edge / self.edge:.2g} radii at the punch's edge: the force may be too low by "
-                    f"{in_words(likely)}; give a smaller h_contact or h_edge"] if likely >= TELLING else []  # fmt: skip
+            of_radius = f"elements of {self.h_edge / self.edge:.2g} radii at the punch's edge"
+            if likely >= TELLING:
+                doubts.append(
+                    f"{of_radius}: the force may be too low by {in_words(likely)}; give a smaller h_contact or h_edge"
+                )
+            return doubts
         if not self.is_enough(a):
             of_a = 20 if penalty else {1: 8, 2: 3}[self.order]
             doubts.append(

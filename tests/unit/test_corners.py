@@ -46,6 +46,14 @@ def test_given_sizes_are_left_alone() -> None:
     assert found.corners == () and found.h_corner is None
 
 
+def test_coarse_corners_are_doubted() -> None:
+    """0.53 % on elements of a quarter of the height, where the mesh is fine elsewhere."""
+    coarse = scene(CYLINDER, material=SOFT, indenter=PLATE, mesh={"h_contact": 0.02, "h_far": 0.25})
+    assert any("corners" in said for said in coarse.warnings)
+    for quiet in (scene(CYLINDER, material=SOFT, indenter=PLATE), scene(CYLINDER), scene(BOX)):
+        assert not any("corners" in said for said in quiet.warnings)
+
+
 def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
     base = scene({**CYLINDER, "sides": "roller"}, material=SOFT, accuracy=0.01,
                  indenter={"shape": "paraboloid", "R": 20.0}, loading={"delta": 0.01249, "steps": 1})  # fmt: skip
