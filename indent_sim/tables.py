@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from indent_sim.folder import write_atomically
-from indent_sim.state import State, Surface
+from indent_sim.state import ERRORS, State, Surface
 
 INTEGERS = ("step", "newton_iterations")
+MAY_BE_EMPTY = ("p_max", *ERRORS)
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
 
@@ -29,7 +30,8 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         return None
     try:
         values: dict[str, Any] = {
-            name: int(cell) if name in INTEGERS else number(cell) for name, cell in zip(names, cells, strict=True)
+            name: int(cell) if name in INTEGERS else number(cell) if name in MAY_BE_EMPTY else float(cell)
+            for name, cell in zip(names, cells, strict=True)
         }
     except ValueError:
         return None

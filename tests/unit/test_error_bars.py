@@ -10,7 +10,7 @@ import pytest
 
 from indent_sim.accuracy import PRESETS, RATE, elements_for
 from indent_sim.config import from_mapping
-from indent_sim.error_bars import RATIOS, Companion, ErrorBars, coarser
+from indent_sim.error_bars import RATIOS, READING, Companion, ErrorBars, coarser
 from indent_sim.errors import ConfigError
 from indent_sim.model.contact import Penalty
 from indent_sim.scene import Scene, resolve
@@ -96,9 +96,50 @@ def test_a_step_that_a_companion_did_not_reach_has_no_bar() -> None:
     assert np.isfinite(bars[:2]).all() and np.isnan(bars[2:]).all()
 
 
-def test_without_force_there_is_no_error() -> None:
-    nothing = [replace(state, force=0.0, a=0.0) for state in states(0.0)]
+def test_out_of_contact_there_is_no_error() -> None:
+    nothing = [replace(state, delta=-state.delta, force=0.0, a=0.0) for state in states(0.0)]
     assert not bars_of(scene(), nothing, [Companion(ratio, nothing) for ratio in RATIOS]).any()
+
+
+def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None:
+    """Pressed in and without force: what the force may be is that of the next depth at which a companion has one."""
+    missed = [replace(state, force=0.0, a=0.0) if state.step < 3 else state for state in states(0.0)]
+    coarse = [replace(state, force=0.0, a=0.0) if state.step < 2 else state for state in states(0.0)]
+    judge = ErrorBars(scene(), [Companion(RATIOS[0], missed), Companion(RATIOS[1], coarse)])
+    first = judge.judged(missed[0])
+    assert (first.force_error, first.a_error) == (coarse[1].force, coarse[1].a)
+    nowhere = [replace(state, force=0.0, a=0.0) for state in states(0.0)]
+    assert np.isnan(bars_of(scene(), nowhere, [Companion(ratio, nowhere) for ratio in RATIOS])).all()
+
+
+def test_radius_and_peak_have_bars_of_their_own() -> None:
+    """What differs between run and companion by the power that is assumed is held; a radius read off an element is
+    never better than a share of it; a peak that no mesh knows has no bar."""
+    base = scene()
+    exact = states(0.0)
+
+    def off(ratio: float) -> list[State]:
+        return [replace(state, a=state.a * (1 + 0.02 * ratio), p_max=1 + 0.01 * ratio**2) for state in exact]
+
+    run_ = off(1.0)
+    judge = ErrorBars(base, [Companion(ratio, off(ratio)) for ratio in RATIOS])
+    for state, right in zip(run_, exact, strict=True):
+        found = judge.judged(state)
+        assert 0.5 * (state.a - right.a) <= found.a_error <= 3 * (state.a - right.a)
+        assert 0.01 <= found.p_max_error <= 0.03
+    same = ErrorBars(base, [Companion(ratio, exact) for ratio in RATIOS]).judged(exact[-1])
+    size = float(base.sizes.at(np.array(exact[-1].a), np.zeros(())))
+    assert same.a_error == pytest.approx(READING * size) and same.p_max_error == 0
+    sharp = [replace(state, p_max=float("nan")) for state in exact]
+    assert np.isnan(ErrorBars(base, [Companion(ratio, sharp) for ratio in RATIOS]).judged(sharp[0]).p_max_error)
+
+
+def test_the_error_of_a_depth_is_that_of_its_force_over_the_slope() -> None:
+    base = scene(loading={"forces": list(EXACT.values())})
+    found = ErrorBars(base, companions()).judged(states(ERROR)[1])
+    slope = (EXACT[3] - EXACT[1]) / (2 * 0.0025)  # by the chord; the curve is nearly straight there
+    assert found.delta_error == pytest.approx(found.force_error / slope, rel=0.2)
+    assert ErrorBars(scene(), companions()).judged(states(ERROR)[1]).delta_error is None
 
 
 def test_the_error_of_a_penalty_is_extrapolated() -> None:
