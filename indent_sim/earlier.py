@@ -15,7 +15,7 @@ from typing import Any
 from indent_sim.errors import ConfigError, UsageError
 from indent_sim.folder import CONFIG, REPORT, TABLE, content, refuse_links
 from indent_sim.reader import checked_report
-from indent_sim.state import COLUMNS, State
+from indent_sim.state import COLUMNS, ERRORS, State
 from indent_sim.tables import state_of
 
 SAME_DEPTH = 1e-9  # relative
@@ -24,9 +24,10 @@ OF_THE_WRITER = {"program", "version", "status", "exit_code", "reason", "rows", 
 
 @dataclass(frozen=True)
 class Earlier:
-    """The rows of an earlier run, the length of the force table that holds them [bytes], and its run.json."""
+    """The rows of an earlier run, its table's columns, the length that holds them [bytes], and its run.json."""
 
     states: tuple[State, ...]
+    columns: tuple[str, ...]
     size: int
     report: dict[str, Any]
 
@@ -85,12 +86,12 @@ def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
     )
 
 
-def _rows(path: Path) -> tuple[tuple[State, ...], int]:
+def _rows(path: Path) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     lines = content(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
-        return (), 0
+        return (), COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    if names not in (COLUMNS, (*COLUMNS, "force_error")):
+    if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= set(ERRORS):
         raise UsageError(f"{path} has other columns than this version writes")
     states: list[State] = []
     size = len(lines[0]) + 1
@@ -100,4 +101,4 @@ def _rows(path: Path) -> tuple[tuple[State, ...], int]:
             break
         states.append(state)
         size += len(line) + 1
-    return tuple(states), size
+    return tuple(states), names, size

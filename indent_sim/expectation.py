@@ -27,6 +27,7 @@ STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressib
 SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
 SEVERAL = 0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
 ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
+SAME_PLACE = 1e-9  # of a length
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
 
@@ -138,6 +139,20 @@ def tip_warnings(tip: Indenter, gap: str, delta: float, a: float) -> list[str]:
     if delta > ABSURD * end:
         warnings.append(f"the depth is {delta / end:.3g} times the radius at which the tip ends: are both in one unit?")
     return warnings
+def peakless(body: Body, tip: Indenter, center: tuple[float, ...], sizes: Sizes, a: float) -> str:
+    """Why no mesh knows the largest pressure of a contact of radius a [length]; empty where one does.
+
+    Under a sharp apex, corner or edge it is infinite, and what a mesh finds grows as its elements shrink, as it does
+    while they are larger than the arc that rounds one.
+    """
+    for r, width in tip.creases() if a > 0 else []:
+        size = float(sizes.at(np.array(r), np.array(0.0)))
+        is_touched = r <= a + size or tip.height(r, 0.0) <= 0
+        if is_touched and width < size and r < body.reach(center) * (1 - SAME_PLACE):
+            where = "apex" if r == 0 else "edge"
+            kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"
+            return f"the pressure at the tip's {kind} is the mesh's own: it grows as elements shrink"
+    return ""
 
 
 def penalty_loss(contact: ContactLaw, material: Material, theory: Oracle | None, delta: float, a: float) -> float:

@@ -74,7 +74,7 @@ def unjudged(scene: Scene, states: Sequence[State], bars: ErrorBars) -> list[str
     if fineness is None:
         return []
     wide = [state.step for state, budget in zip(states, bars.budgets, strict=True)
-            if 0 < abs(state.force) <= floor and not budget.total <= fineness.target * abs(state.force)]  # fmt: skip
+            if abs(state.force) <= floor and not budget.total <= fineness.target * abs(state.force)]  # fmt: skip
     said = f"accuracy is not asked of steps with less than {FORCELESS:g} of the largest force"
     return [f"{said}: of {', '.join(map(str, wide[:5]))}{' and more' if len(wide) > 5 else ''}"] if wide else []
 

@@ -39,7 +39,7 @@ from indent_sim.folder import (
     write_atomically,
 )
 from indent_sim.reader import checked_report, read_steps, read_table
-from indent_sim.state import COLUMNS, State
+from indent_sim.state import COLUMNS, ERRORS, State
 from indent_sim.tables import SURFACE_COLUMNS, drop_later_blocks, row, surface_block, surface_blocks
 from indent_sim.xdmf import FieldWriter
 
@@ -66,6 +66,7 @@ SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses not
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
+    errors: columns of the force table that say how wrong others may be.
     The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
@@ -78,7 +79,7 @@ class ResultFolder:
         config_yaml: str,
         *,
         surface: Keep = "last",
-        force_error: bool = False,
+        errors: tuple[str, ...] = (),
         report: Mapping[str, Any] | None = None,
         resume: bool = False,
     ):
@@ -87,7 +88,7 @@ class ResultFolder:
         self._target = Path(target)
         self._config_yaml = config_yaml
         self._surface = surface
-        self._columns = COLUMNS + (("force_error",) if force_error else ())
+        self._columns = (*COLUMNS, *errors)
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None
@@ -120,6 +121,7 @@ class ResultFolder:
 
     def _continue(self, earlier: Earlier) -> None:
         self._claim.adopt()
+        self._columns = earlier.columns  # those of an older version of this program may be fewer
         os.truncate(self.path / TABLE, earlier.size)
         drop_later_blocks(self.path / SURFACE, len(earlier.states))
         self.earlier, self.rows = earlier, len(earlier.states)
@@ -363,7 +365,7 @@ def _ending(error: BaseException | None) -> tuple[str, int, str]:
 
 def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     """The rows of the force table as mappings from column to number."""
-    names = (*COLUMNS, "force_error")
+    names = (*COLUMNS, *ERRORS)
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 

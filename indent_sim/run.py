@@ -22,7 +22,7 @@ from indent_sim.refinement import check, entry, pursue, refuse_other_bars, unjud
 from indent_sim.resolved import left_open, resolved
 from indent_sim.scene import Scene, resolve
 from indent_sim.simulation import Progress, Simulation, backend
-from indent_sim.state import State
+from indent_sim.state import ERRORS, State
 from indent_sim.stopping import unmasked
 from indent_sim.usage import memory
 
@@ -97,7 +97,7 @@ class Attempt:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    force_error=self._with_bars) as record, unmasked(), spent():  # fmt: skip
+                    errors=self._errors(scene)) as record, unmasked(), spent():  # fmt: skip
             record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
                         control=scene.path.control,
                         center=[c * scene.scales.length for c in scene.center],
@@ -116,6 +116,12 @@ class Attempt:
                 self._tried += [scene.fineness.n] if scene.fineness else []
                 check(self.resolve, scene, states, bars, len(self._tried))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+    def _errors(self, scene: Scene) -> tuple[str, ...]:
+        """The columns of the error bars: the depth has one where it is found, not given."""
+        if not self._with_bars:
+            return ()
+        return ERRORS if scene.path.control == "force" else tuple(name for name in ERRORS if name != "delta_error")
 
     def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
         with self.clock.stage("imports"):

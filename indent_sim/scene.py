@@ -15,6 +15,7 @@ from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
 from indent_sim.expectation import (
     contact_warnings,
+    peakless,
     prediction_of,
     shallow_doubts,
     stated_error,
@@ -77,6 +78,10 @@ class Scene:
         """What is prescribed, step by step."""
         return LoadPath("depth", self.deltas) if self.forces is None else LoadPath("force", self.forces)
 
+    def has_peak(self, a: float) -> bool:
+        """Whether the pressures of a contact of radius a [length] have a largest one that a mesh can know."""
+        return not peakless(self.body, self.indenter, self.center, self.sizes, a)
+
 
 def resolve(config: Config, per_radius: float | None = None) -> Scene:
     """Decide everything the config leaves open.
@@ -105,7 +110,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         forces=given.path.values if given.path.control == "force" else None,
         solver=dataclasses.asdict(config.solver) | {"method": solver.value},
         choices=(*choices.model(given), formulation_choice, gap_choice, law_choice, *tip_choice, *wall_choice,
-                 *choices.mesh(config, given, sizes, fineness), solver),
+                 *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver),
         warnings=_warnings(given, law, gap, formulation, sizes),
         prediction=_prediction(given, law, gap, sizes, cost.with_error_bars if fineness else cost),
     )  # fmt: skip
@@ -127,6 +132,12 @@ def _smooth(given: Premises, gap: str) -> tuple[Indenter, list[Choice]]:
     if blunt is None:
         return given.tip, []
     return blunt.tip, [Choice(blunt.key, blunt.radius * given.scales.length, blunt.why)]
+
+
+def _peak(given: Premises, tip: Indenter, sizes: Sizes) -> list[Choice]:
+    """That p_max is left empty, and why."""
+    why = peakless(given.body, tip, given.center, sizes, given.a if given.deepest > 0 else 0.0)
+    return [Choice("p_max", "empty", why)] if why else []
 
 
 def _work(given: Premises, solver: str, gap: str, formulation: str) -> Work:
@@ -166,4 +177,4 @@ def _prediction(given: Premises, law: ContactLaw, gap: str, sizes: Sizes, cost: 
     error = stated_error(law, gap, material, sizes, theory, last, given.radius(last))
     effort = {"cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
               "seconds": float(f"{cost.seconds:.2g}")}  # fmt: skip
-    return expected | truncation | {"force_error": error} | effort
+    return expected | truncation | ({"force_error": error} if error else {}) | effort

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
 
@@ -59,9 +60,10 @@ class State:
     """One converged (or failed) load step of the whole body, in the units of the scene it belongs to.
 
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
-    [pressure], penetration [length] the largest <-g> over the contact quadrature points, energy
-    [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap [length]
-    how far the deformed surface reaches into the tip's own shape (current gap only).
+    [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
+    energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
+    [length] how far the deformed surface reaches into the tip's own shape (current gap only). Errors are half-widths of
+    error bars, None where there are none.
     """
 
     step: int
@@ -80,6 +82,9 @@ class State:
     converged: bool = True
     reason: str = ""
     force_error: float | None = None
+    a_error: float | None = None
+    p_max_error: float | None = None
+    delta_error: float | None = None
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def in_units(self, scales: Scales) -> State:

@@ -144,6 +144,13 @@ MESH = (
     Symbol(
         "h_edge", "", "element size at the sharp edge of a flat punch; without it a fraction of h_contact", "length"
     ),
+    Symbol(
+        "h_corner",
+        "",
+        "element size at the corners of the section that the contact feels: where a fixed face meets a free one, and "
+        "where it ends close to a side; without it a given h_contact has none of its own there",
+        "length",
+    ),
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement", "1"),
@@ -179,12 +186,20 @@ RESULTS = (
     Symbol("step", "", "number of the requested depth, from 1", "1"),
     Symbol("force", "F", "> 0 pushing, of the whole body; per length in plane strain", "force"),
     Symbol("a", "a", "contact radius; half-width in plane strain; sqrt(area/pi) in 3D", "length"),
-    Symbol("p_max", r"p_{\max}", "largest contact pressure; nominal with gap reference, else true", "pressure"),
+    Symbol(
+        "p_max",
+        r"p_{\max}",
+        "largest contact pressure; nominal with gap reference, else true; empty where it is infinite",
+        "pressure",
+    ),
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
     Symbol("force_error", "", "half-width of the error bar on the force", "force"),
+    Symbol("a_error", "", "half-width of the error bar on the contact radius", "length"),
+    Symbol("p_max_error", "", "half-width of the error bar on the largest pressure", "pressure"),
+    Symbol("delta_error", "", "half-width of the error bar on a depth that is found for a force", "length"),
     Symbol("reaction", "", "z-reaction of all constrained degrees of freedom; equals the force", "force"),
     Symbol("overlap", "", "how far the deformed surface reaches above the tip's own shape; current gap", "length"),
     Symbol("stray_reaction", "", "reaction of the constraints that only remove rigid modes; zero", "force"),

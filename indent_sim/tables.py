@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from indent_sim.folder import write_atomically
-from indent_sim.state import State, Surface
+from indent_sim.state import ERRORS, State, Surface
 
 UNKNOWN = ("p_max", "force_error")  # may be NaN
 INTEGERS = ("step", "newton_iterations")
+MAY_BE_EMPTY = ("p_max", *ERRORS)
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
 
@@ -32,12 +33,18 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         return None
     try:
         values: dict[str, Any] = {
-            name: int(cell) if name in INTEGERS else float(cell) for name, cell in zip(names, cells, strict=True)
+            name: int(cell) if name in INTEGERS else number(cell) if name in MAY_BE_EMPTY else float(cell)
+            for name, cell in zip(names, cells, strict=True)
         }
     except ValueError:
         return None
     known = all(math.isfinite(value) for name, value in values.items() if name not in UNKNOWN)
     return State(**values) if known and not any(map(math.isinf, values.values())) else None
+
+
+def number(cell: str) -> float:
+    """The number in a cell of a table; NaN in an empty one, which says that there is none."""
+    return float(cell) if cell.strip() else float("nan")
 
 
 def surface_block(step: int, surface: Surface) -> bytes:
@@ -66,7 +73,7 @@ def drop_later_blocks(path: Path, steps: int) -> None:
 
 
 def _number(value: float | None) -> str:
-    return "nan" if value is None else f"{value:.17g}"
+    return "" if value is None or value != value else f"{value:.17g}"
 
 
 def _step(line: bytes) -> float:

@@ -236,6 +236,11 @@ class CondensedContact:
 
     # ---- what is observed ----------------------------------------------------------------------------------------
 
+    @property
+    def multiplier(self) -> np.ndarray:
+        """lam at the nodes of the whole surface [pressure]; of a law without one the projection of its <p_hat>."""
+        return self._projected(self.F) if self.law.multiplier == "none" else self.lam
+
     def energy(self, delta: float) -> float:
         """Strain plus contact energy of the modelled part."""
         strain = 0.5 * float(self.F @ self.compliance.C @ self.F)
@@ -315,11 +320,6 @@ class CondensedState:
         self.trace = contact.compliance.trace
         self.depth = depth
 
-    @property
-    def stiffness_scale(self) -> float:
-        """Pressure per length in p_hat = lam - stiffness g."""
-        return float(getattr(self.scene.contact, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
-
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
         u = np.zeros(self.trace.X.shape)
@@ -328,7 +328,7 @@ class CondensedState:
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) [pressure]."""
-        return self.contact.lam[self.contact.places][self.trace.nodes] @ self.basis(points).T
+        return self.contact.multiplier[self.contact.places][self.trace.nodes] @ self.basis(points).T
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
@@ -342,7 +342,7 @@ class CondensedState:
 
     def nodal_pressure(self) -> np.ndarray:
         """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
-        lam, nodes = self.contact.lam, self.contact.compliance.surface.nodes
+        lam, nodes = self.contact.multiplier, self.contact.compliance.surface.nodes
         if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
             return lam
         pressure = lam.copy()

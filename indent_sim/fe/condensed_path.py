@@ -180,14 +180,9 @@ class RecoveredBody:
         """delta [length]."""
         return self._walk.view.depth
 
-    @property
-    def stiffness_scale(self) -> float:
-        """Pressure per length in p_hat = lam - stiffness g."""
-        return self._walk.view.stiffness_scale
-
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) on this rank's facets [pressure]."""
-        return self._walk.condenser.spread(self._walk.contact.lam) @ self._walk.view.basis(points).T
+        return self._walk.condenser.spread(self._walk.contact.multiplier) @ self._walk.view.basis(points).T
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """The same without its ripples at the vertices of triangles [pressure]."""

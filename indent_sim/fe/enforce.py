@@ -9,16 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-import ufl
-from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
-from petsc4py import PETSc
-
-from indent_sim.fe import compat, observe, options
+from indent_sim.fe import observe, options
 from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.newton import ROUGHLY, Newton
 from indent_sim.fe.problem import Problem
+from indent_sim.fe.projection import Projection
 from indent_sim.model.indenters import deepest_inside
 from indent_sim.scene import Scene
 
@@ -136,7 +131,7 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     change. The updates are mixed with earlier ones (`mixing`), which changes their number and not where they end:
     at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
-    projection = _Projection(newton.problem)
+    projection = Projection(newton.problem, newton.problem.frozen)
     newton.rtol = min(newton.rtol, finest(newton.problem))
 
     def solve() -> bool:
@@ -160,47 +155,6 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
         return False
 
     return solve
-
-
-class _Projection:
-    """lam <- the L2 projection of <lam - epsilon_n g> on the contact surface."""
-
-    def __init__(self, problem: Problem):
-        self.problem = problem
-        self.lam = compat.vector(problem.frozen)
-        space = problem.frozen.function_space
-        trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
-        # the volume term is zero: it only gives dofs off the surface a place on the diagonal
-        diagonal = fem.Constant(problem.mesh, 0.0) * trial * test * ufl.dx
-        mass = fem.form(problem.over_contact(trial * test) + diagonal)
-        self._load = fem.form(problem.over_contact(problem.pressure * test))
-        top = problem.body_mesh.surfaces["top"]
-        on_top = fem.locate_dofs_topological(space, problem.body_mesh.facet_dim, top)
-        off = np.setdiff1d(np.arange(len(problem.frozen.x.array)), on_top).astype(np.int32)
-        self._off = off[off < space.dofmap.index_map.size_local]
-        matrix = fem_petsc.assemble_matrix(mass, [fem.dirichletbc(PETSc.ScalarType(0), off, space)])
-        matrix.assemble()
-        self._b = compat.create_vector(self._load, space)
-        self._solver = PETSc.KSP().create(problem.comm)
-        self._solver.setOperators(matrix)
-        self._solver.setType("preonly")
-        self._solver.getPC().setType("lu")
-        self._solver.getPC().setFactorSolverType("mumps")
-
-    def update(self, mixing: Mixing | None = None) -> float:
-        """Change the multiplier; returns how far it was from its projection, relative to itself."""
-        with self._b.localForm() as local:
-            local.set(0.0)
-        fem_petsc.assemble_vector(self._b, self._load)
-        self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        self._b.array[self._off] = 0.0
-        before, image = self.lam.copy(), self.lam.duplicate()
-        self._solver.solve(self._b, image)
-        size = max(image.norm(), before.norm())
-        self.lam.array[:] = mixing(before.array_r, image.array_r) if mixing else image.array_r
-        self.lam.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-        before.axpy(-1.0, image)
-        return before.norm() / size if size > 0 else 0.0
 
 
 ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {

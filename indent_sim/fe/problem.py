@@ -21,14 +21,8 @@ from indent_sim.fe import compat
 from indent_sim.fe.active_set import NodalContact
 from indent_sim.fe.body import CONTACT, Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.surface import (
-    QUADRATURE_DEGREE,
-    FacetValues,
-    facet_nodes,
-    from_midpoints,
-    interior_points,
-    shapes,
-)
+from indent_sim.fe.projection import Projection
+from indent_sim.fe.surface import QUADRATURE_DEGREE, facet_nodes, from_midpoints
 from indent_sim.model.indenters import gap_current, gap_reference
 from indent_sim.scene import Scene
 
@@ -146,57 +140,54 @@ class Problem(Body):
             case "unknown":
                 return self.unknowns.fields["lam"]
             case "frozen":
-                self.frozen = fem.Function(compat.function_space(self.mesh, compat.lagrange(
-                    self.body_mesh.dim, self.scene.sizes.order)))  # fmt: skip
+                self.frozen = self._surface_function()
                 return self.frozen
             case "stress":
                 traction = self.scene.kinematics.in_plane(self.nominal_stress[:, 2])
                 return ufl.dot(traction, normal)
         return ufl.as_ufl(0.0)
 
-    def multiplier_at(self, points: np.ndarray) -> np.ndarray | float:
-        """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
-        match self.law.multiplier:
-            case "unknown" | "frozen":
-                vector, places = self._multiplier_places
-                with vector.localForm() as local:
-                    nodal = local.array[places]
-            case "nodal":
-                assert self.nodal is not None
-                return self.nodal.nodal_pressures() @ self.nodal.basis(points).T
-            case "stress":
-                nodal = self._stress_on_facets()
-            case _:
-                return 0.0
+    def _surface_function(self) -> fem.Function:
+        """A function of the displacement's order, one component."""
+        element = compat.lagrange(self.body_mesh.dim, self.scene.sizes.order)
+        return fem.Function(compat.function_space(self.mesh, element))
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) at reference-facet points of the contact surface [pressure] (collective).
+
+        Of a law without a multiplier of its own it is the projection of <p_hat>.
+        """
+        if self.nodal is not None:
+            return self.nodal.nodal_pressures() @ self.nodal.basis(points).T
+        return self.trace.values(self._nodal_multiplier()[..., None], points)[..., 0]
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        if self.nodal is not None or not self.trace.ripples:
+            return self.multiplier_at(points)
+        nodal = from_midpoints(self._nodal_multiplier(), partial(_summed, *self._multiplier_places))
         return self.trace.values(nodal[..., None], points)[..., 0]
 
-    def pressure_at(self, points: np.ndarray) -> np.ndarray | float:
-        """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
-        if self.law.multiplier not in ("unknown", "frozen") or not self.trace.ripples:
-            return self.multiplier_at(points)
+    def _nodal_multiplier(self) -> np.ndarray:
+        if self.law.multiplier in ("none", "stress"):
+            self._projection.update()
         vector, places = self._multiplier_places
         with vector.localForm() as local:
-            nodal = from_midpoints(local.array[places], partial(_summed, vector, places))
-        return self.trace.values(nodal[..., None], points)[..., 0]
+            return local.array[places]
+
+    @cached_property
+    def _projection(self) -> Projection:
+        return Projection(self, self._surface_function())
 
     @cached_property
     def _multiplier_places(self) -> tuple[PETSc.Vec, np.ndarray]:
         """The vector that holds the multiplier, and where in its local array its values (facets, nodes) stand."""
         facets = self.body_mesh.surfaces["top"]
-        if self.law.multiplier == "frozen":
-            return compat.vector(self.frozen), facet_nodes(self.mesh, self.frozen.function_space, facets)
-        nodes = facet_nodes(self.mesh, self.unknowns.own_space("lam"), facets)
-        return self.x, self.unknowns.places("lam")[nodes]
-
-    def _stress_on_facets(self) -> np.ndarray:
-        """Nodal values (facets, n) of the normal stress, extrapolated from interior points (0/0 on the axis)."""
-        points = interior_points(self.body_mesh.dim, self.scene.sizes.order)
-        return self._stress_values()[..., 0] @ np.linalg.inv(shapes(points, self.scene.sizes.order)).T
-
-    @cached_property
-    def _stress_values(self) -> FacetValues:
-        points = interior_points(self.body_mesh.dim, self.scene.sizes.order)
-        return FacetValues(self.mesh, self.body_mesh.surfaces["top"], self.multiplier, points)
+        if self.law.multiplier == "unknown":
+            nodes = facet_nodes(self.mesh, self.unknowns.own_space("lam"), facets)
+            return self.x, self.unknowns.places("lam")[nodes]
+        function = self.frozen if self.law.multiplier == "frozen" else self._projection.function
+        return compat.vector(function), facet_nodes(self.mesh, function.function_space, facets)
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""

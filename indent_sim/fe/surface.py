@@ -133,6 +133,13 @@ class Trace:
         """Whether a multiplier of these nodes has vertex functions without integral (see `from_midpoints`)."""
         return self.dim == 3 and self.order == 2
 
+    @property
+    def sizes(self) -> np.ndarray:
+        """Length of each facet, of a triangle that of the equilateral one with its area (facets,) [length]."""
+        edges = self.X[:, 1 : self.dim] - self.X[:, :1]
+        squares = np.linalg.det(edges @ np.swapaxes(edges, 1, 2))
+        return np.sqrt(squares) if self.dim == 2 else np.sqrt(2 / np.sqrt(3) * np.sqrt(squares))
+
     def positions(self, points: np.ndarray) -> np.ndarray:
         """Reference coordinates (facets, points, dim) [length]."""
         return self.values(self.X, points)
@@ -199,11 +206,3 @@ class FacetValues:
             found = compat.evaluate(self._compiled[k], self._mesh, self._cells[here])
             values[here] = found.reshape(len(here), self._points, self._size)
         return values
-
-
-@cache
-def interior_points(dim: int, order: int) -> np.ndarray:
-    """As many points inside the reference facet as a polynomial of this order has coefficients there."""
-    if dim == 2:
-        return (np.polynomial.legendre.leggauss(order + 1)[0][:, None] + 1) / 2
-    return compat.quadrature("triangle", 2 if order == 1 else 4)[0]

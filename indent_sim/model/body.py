@@ -51,6 +51,10 @@ class Cylinder:
         """Distance [length] from `center` to the nearest edge of the top surface."""
         return self.radius - float(sum(c * c for c in center) ** 0.5)
 
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farthest point of the top surface."""
+        return self.radius + float(sum(c * c for c in center) ** 0.5)
+
 
 @dataclass(frozen=True)
 class Strip:
@@ -70,6 +74,10 @@ class Strip:
     def rim_distance(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the nearest end of the top edge."""
         return min(center[0], self.width - center[0])
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farther end of the top edge."""
+        return max(center[0], self.width - center[0])
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,11 @@ class Box:
         """Distance [length] from `center` to the nearest edge of the top surface."""
         x, y = center
         return min(x, self.size[0] - x, y, self.size[1] - y)
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farthest corner of the top surface."""
+        x, y = center
+        return float((max(x, self.size[0] - x) ** 2 + max(y, self.size[1] - y) ** 2) ** 0.5)
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,10 @@ class Paraboloid:
         """Radius of the tip's section `depth` above its apex [length]."""
         return float(sqrt(2 * self.R * depth))
 
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return []
+
 
 @dataclass(frozen=True)
 class Sphere:
@@ -91,6 +95,10 @@ class Sphere:
         """Radius of the tip's section `depth` above its apex [length]."""
         depth = min(depth, self.R)
         return float(sqrt(depth * (2 * self.R - depth)))
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return []
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,10 @@ class Cone:
             return float(sqrt(depth * (2 * rho - depth)))
         return float((depth + rho * (1 / sin(self.half_angle) - 1)) * tan(self.half_angle))
 
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
+
 
 @dataclass(frozen=True)
 class FlatPunch:
@@ -171,6 +183,10 @@ class FlatPunch:
     def radius_at(self, depth: float) -> float:
         """The punch's radius at any depth [length]."""
         return self.radius
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return [(self.radius - self.edge_radius, self.edge_radius)]
 
 
 @dataclass(frozen=True)
@@ -238,6 +254,10 @@ class Pyramid:
         if depth < self.tip_radius * (1 - sin(self.half_angle)):
             return blunt.radius_at(depth)
         return blunt.radius_at(depth) * self.roundness
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
 
     @property
     def roundness(self) -> float:
@@ -325,6 +345,11 @@ class Profile:
             if depth < z_1:
                 return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
         return self.points[-1][0]
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        corners = [(c - w, 2 * w) for c, w, jump in self.corners() if jump > 1e-9]
+        return [*corners, (self.points[-1][0], 0.0)]  # the tip ends in an edge
 
 
 def _largest(values: Sequence[Any]) -> Any:

@@ -27,7 +27,7 @@ from indent_sim.model.algebra import (
 from indent_sim.model.quantities import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
-LOCKING = 0.49  # Poisson's ratio from which displacement elements lock
+LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 

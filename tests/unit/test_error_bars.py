@@ -10,7 +10,7 @@ import pytest
 
 from indent_sim.accuracy import PRESETS, RATE, elements_for
 from indent_sim.config import from_mapping
-from indent_sim.error_bars import RATIOS, Companion, ErrorBars, coarser
+from indent_sim.error_bars import RATIOS, READING, Companion, ErrorBars, coarser
 from indent_sim.errors import ConfigError
 from indent_sim.model.contact import Penalty
 from indent_sim.scene import Scene, resolve
@@ -41,7 +41,8 @@ def companions(rate: float = RATE[2]) -> list[Companion]:
 
 
 def bars_of(base: Scene, run: list[State], others: list[Companion], soft: list[State] | None = None) -> np.ndarray:
-    bars = ErrorBars(base, others, soft)
+    """The bars of a scene that no theory knows: its curves are made up."""
+    bars = ErrorBars(replace(base, oracle=None), others, soft)
     return np.array([bars.judged(state).force_error for state in run])
 
 
@@ -61,15 +62,84 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
     assert bars[1] > ERROR * EXACT[2]
 
 
+def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
+    """Run and companions agree on a force that is 5 % too large; where theory is not exact it has no say."""
+    base = scene(accuracy=0.01)
+    assert base.oracle is not None
+    exact = np.array([solution.force for solution in base.oracle.curve([0.0025 * k for k in EXACT]) or []])
+    wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
+    others = [Companion(ratio, wrong) for ratio in RATIOS]
+    for judge, low, high in ((base, 0.05, 0.05), (replace(base, oracle=replace(base.oracle, exact=False)), 0.0, 0.0),
+                             (replace(base, gap="current"), 0.0, 0.0)):  # fmt: skip
+        bars = ErrorBars(judge, others)
+        found = np.array([bars.judged(state).force_error for state in wrong]) / exact
+        assert np.all(found >= low * (1 - 1e-9)) and np.all(found <= high * (1 + 1e-9))
+
+
+def test_a_step_with_more_elements_knows_less_of_its_neighbours_error() -> None:
+    """On a uniform mesh the first steps have few elements in their contact and errors that the last does not share."""
+    base = scene(mesh={"h_contact": 0.01, "h_far": 0.25})
+    law = [float((a / 0.01) ** -RATE[2]) for a in (0.05 * k**0.5 for k in EXACT)]
+
+    def walked(ratio: float) -> list[State]:
+        share = [1 + 0.1 * error * ratio ** RATE[2] for error in law]
+        return [replace(state, force=state.force * s) for state, s in zip(states(0.0), share, strict=True)]
+
+    bars = bars_of(base, walked(1.0), [Companion(ratio, walked(ratio)) for ratio in RATIOS])
+    over = bars / (0.1 * np.array(law) * np.array(list(EXACT.values())))
+    assert np.all(over > 1) and np.all(over < 6)
+
+
 def test_a_step_that_a_companion_did_not_reach_has_no_bar() -> None:
     short = [Companion(ratio, states(ERROR, range(1, 3))) for ratio in RATIOS]
     bars = bars_of(scene(accuracy=0.01), states(0.0), short)
     assert np.isfinite(bars[:2]).all() and np.isnan(bars[2:]).all()
 
 
-def test_without_force_there_is_no_error() -> None:
-    nothing = [replace(state, force=0.0, a=0.0) for state in states(0.0)]
+def test_out_of_contact_there_is_no_error() -> None:
+    nothing = [replace(state, delta=-state.delta, force=0.0, a=0.0) for state in states(0.0)]
     assert not bars_of(scene(), nothing, [Companion(ratio, nothing) for ratio in RATIOS]).any()
+
+
+def test_a_contact_that_no_mesh_finds_has_less_force_than_a_deeper_one() -> None:
+    """Pressed in and without force: what the force may be is that of the next depth at which a companion has one."""
+    missed = [replace(state, force=0.0, a=0.0) if state.step < 3 else state for state in states(0.0)]
+    coarse = [replace(state, force=0.0, a=0.0) if state.step < 2 else state for state in states(0.0)]
+    judge = ErrorBars(scene(), [Companion(RATIOS[0], missed), Companion(RATIOS[1], coarse)])
+    first = judge.judged(missed[0])
+    assert (first.force_error, first.a_error) == (coarse[1].force, coarse[1].a)
+    nowhere = [replace(state, force=0.0, a=0.0) for state in states(0.0)]
+    assert np.isnan(bars_of(scene(), nowhere, [Companion(ratio, nowhere) for ratio in RATIOS])).all()
+
+
+def test_radius_and_peak_have_bars_of_their_own() -> None:
+    """What differs between run and companion by the power that is assumed is held; a radius read off an element is
+    never better than a share of it; a peak that no mesh knows has no bar."""
+    base = scene()
+    exact = states(0.0)
+
+    def off(ratio: float) -> list[State]:
+        return [replace(state, a=state.a * (1 + 0.02 * ratio), p_max=1 + 0.01 * ratio**2) for state in exact]
+
+    run_ = off(1.0)
+    judge = ErrorBars(base, [Companion(ratio, off(ratio)) for ratio in RATIOS])
+    for state, right in zip(run_, exact, strict=True):
+        found = judge.judged(state)
+        assert 0.5 * (state.a - right.a) <= found.a_error <= 3 * (state.a - right.a)
+        assert 0.01 <= found.p_max_error <= 0.03
+    same = ErrorBars(base, [Companion(ratio, exact) for ratio in RATIOS]).judged(exact[-1])
+    size = float(base.sizes.at(np.array(exact[-1].a), np.zeros(())))
+    assert same.a_error == pytest.approx(READING * size) and same.p_max_error == 0
+    sharp = [replace(state, p_max=float("nan")) for state in exact]
+    assert np.isnan(ErrorBars(base, [Companion(ratio, sharp) for ratio in RATIOS]).judged(sharp[0]).p_max_error)
+
+
+def test_the_error_of_a_depth_is_that_of_its_force_over_the_slope() -> None:
+    base = scene(loading={"forces": list(EXACT.values())})
+    found = ErrorBars(base, companions()).judged(states(ERROR)[1])
+    slope = (EXACT[3] - EXACT[1]) / (2 * 0.0025)  # by the chord; the curve is nearly straight there
+    assert found.delta_error == pytest.approx(found.force_error / slope, rel=0.2)
+    assert ErrorBars(scene(), companions()).judged(states(ERROR)[1]).delta_error is None
 
 
 def test_the_error_of_a_penalty_is_extrapolated() -> None:

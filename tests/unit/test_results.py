@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 import signal
 import subprocess
@@ -19,7 +20,7 @@ import pytest
 from indent_sim import folder, results
 from indent_sim.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
 from indent_sim.folder import uninterrupted, write_atomically
-from indent_sim.results import ResultFolder, compare, read, to_json
+from indent_sim.results import ResultFolder, compare, read, rows_of, to_json
 from indent_sim.state import COLUMNS, State, Surface
 from indent_sim.xdmf import FieldWriter
 
@@ -70,12 +71,35 @@ class TestFiles:
         row = (tmp_path / "run" / "force_indentation.csv").read_text().splitlines()[1].split(",")
         assert row[0] == "1" and row[7] == "4"
 
-    def test_the_force_error_has_a_column_only_where_it_is_estimated(self, tmp_path):
-        with ResultFolder(tmp_path / "run", "", force_error=True) as run:
-            run.append(a_state(1, force_error=1e-3))
+    def test_errors_have_columns_only_where_they_are_estimated(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "", errors=("force_error", "a_error")) as run:
+            run.append(a_state(1, force_error=1e-3, a_error=2e-3))
             run.append(a_state(2))
-        errors = read(tmp_path / "run")["force_error"]
-        assert errors[0] == 1e-3 and np.isnan(errors[1])
+        found = read(tmp_path / "run")
+        assert list(found.table) == [*COLUMNS, "force_error", "a_error"]
+        assert found["force_error"][0] == 1e-3 and found["a_error"][0] == 2e-3
+        assert np.isnan(found["force_error"][1]) and np.isnan(found["a_error"][1])
+
+    def test_a_number_that_there_is_none_of_is_an_empty_cell_and_a_null(self, tmp_path):
+        states = [a_state(1, p_max=math.nan), a_state(2)]
+        with ResultFolder(tmp_path / "run", "", errors=("force_error",)) as run:
+            for state in states:
+                run.append(state)
+        rows = [line.split(",") for line in (tmp_path / "run" / "force_indentation.csv").read_text().splitlines()]
+        place = rows[0].index("p_max")
+        assert (rows[1][place], rows[1][-1]) == ("", "") and float(rows[2][place]) == 1.5
+        assert json.loads(to_json(rows_of(states)))[0]["p_max"] is None
+
+    def test_a_table_of_fewer_errors_goes_on_with_its_own_columns(self, tmp_path):
+        """As an older version of this program left it."""
+        with suppress(NotConverged), ResultFolder(tmp_path / "run", "", errors=("force_error",)) as run:
+            run.append(a_state(1, force_error=1e-3, p_max=math.nan))
+            raise NotConverged("")
+        with ResultFolder(tmp_path / "run", "", errors=("force_error", "a_error"), resume=True) as run:
+            assert run.earlier.states[0].force_error == 1e-3 and np.isnan(run.earlier.states[0].p_max)
+            run.append(a_state(2, force_error=2e-3, a_error=1.0))
+        found = read(tmp_path / "run")
+        assert list(found.table) == [*COLUMNS, "force_error"] and found["force_error"].tolist() == [1e-3, 2e-3]
 
     @pytest.mark.parametrize(("keep", "steps"), [("last", [2, 2]), ("all", [1, 1, 2, 2])])
     def test_the_surface_of_the_last_or_of_all_states(self, tmp_path, keep, steps):
@@ -527,6 +551,7 @@ class TestCompare:
             ("1,0.1,2,0.5\n", "1,0.1,2.01,0.5\n", "force"),
             ("1,0.1,2,0.5\n", "1,0.11,2,0.5\n", "delta"),
             ("1,0.1,2,nan\n", "1,0.1,2,0.5\n", "a nan"),
+            ("1,0.1,2,\n", "1,0.1,2,0.5\n", "a nan"),
             ("1,0.1,2,0.5\n2,0.2,3,0.6\n", "1,0.1,2,0.5\n", "step 2 is in"),
             ("", "", "no step in common"),
         ],
@@ -534,6 +559,9 @@ class TestCompare:
     def test_what_differs_is_said(self, tmp_path, first, second, said):
         with pytest.raises(VerificationError, match=said):
             self.pair(tmp_path, first, second).check()
+
+    def test_nothing_equals_nothing(self, tmp_path):
+        self.pair(tmp_path, "1,0.1,2,\n2,0.2,3,0.6\n", "1,0.1,2,\n2,0.2,3,0.6\n").check()
 
     def test_nan_equals_nan_and_a_trace_of_force_is_zero(self, tmp_path):
         self.pair(tmp_path, "1,-0.1,0,nan\n2,0.2,3,nan\n", "1,-0.1,1e-17,nan\n2,0.2,3,nan\n").check()
