@@ -67,14 +67,15 @@ class Fineness:
             "the error is estimated, and the mesh refined until it is met"
         )
 
-    def sizes(self, height: float, width: float, edge: float | None, round_radius: float | None) -> Given:
+    def sizes(self, height: float, width: float, edge: float | None, round_radius: float | None,
+              keenness: float) -> Given:  # fmt: skip
         """The sizes for a body of this height and width [length]; see `sizing.choose`."""
         n = self.n
         fine = min(self.largest / n, height * min(1.0, THIN / n))
         return Given(
             h_contact=fine,
             h_axis=min(self.smallest / n, fine) if edge is None else None,
-            h_edge=min(edge * EDGE[self.dim] * n ** -RATE[self.order], fine) if edge is not None else None,
+            h_edge=min(edge * EDGE[self.dim] * n ** -RATE[self.order] / keenness, fine) if edge is not None else None,
             h_far=max(fine, min(FAR[self.dim] / n * max(height, width), (round_radius or float("inf")) / n)),
             grading=min(STEEPEST, GROWTH[self.dim, self.order] * n ** -EASING[self.order]),
         )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
+CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
 STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
@@ -169,4 +170,6 @@ def mesh(config: Config, given: Premises, sizes: Sizes, fineness: Fineness | Non
     ]  # fmt: skip
     if sizes.h_edge is not None:
         choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
+    if sizes.h_corner is not None:
+        choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
     return choices

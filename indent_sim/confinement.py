@@ -18,14 +18,14 @@ def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, 
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
     _, nu = material.constants
-    if nu < 0.5 or not _is_held(body):
+    if nu < 0.5 or not is_held(body):
         return float("inf")
     x, y = _top(body)
     along_x, along_y = (*center, 0.0)[:2]
     return float(np.mean(tip.height(x - along_x, y - along_y)))
 
 
-def _is_held(body: Body) -> bool:
+def is_held(body: Body) -> bool:
     """Whether no side lets the body out."""
     sides = body.sides
     each = [sides] if isinstance(sides, str) else list(vars(sides).values())

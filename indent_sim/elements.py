@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
+from indent_sim.confinement import is_held
+from indent_sim.corners import Corner, corners
 from indent_sim.errors import ConfigError
 from indent_sim.model.indenters import FlatPunch, Indenter
 from indent_sim.premises import Premises
@@ -20,6 +25,9 @@ NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the
 FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
 # r = 0 and coordinates have all their digits, gmsh aborts or never ends
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
+KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
+CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
+RULE = 0.25  # and from what share on they rule how the force converges
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
@@ -55,13 +63,67 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
     edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and _is_sharp(tip) else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
-    bend = reduction.radius
-    settled = wanted.sizes(height, width, edge, bend) if wanted else _settled(mesh, given.scales, height, edge)
+    bend, keenness = reduction.radius, _keenness(given, edge)
+    settled = _settled(mesh, given.scales, height, edge)
+    if wanted:
+        settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
-    found = sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend)
+    plain = sizing.choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend,
+                          keenness=keenness)  # fmt: skip
+    found = _at_corners(plain, given, settled, wanted)
     least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
     return found
+
+
+def _keenness(given: Premises, edge: float | None) -> float:
+    """How much more than on a far larger body the force feels the radius of a sharp punch.
+
+    d ln F/d ln a of an incompressible layer grows with a over the gap up to the wall, until its compressibility gives
+    way: 2 to 100, by layer theory. A fixed wall holds the surface in the gap too.
+    """
+    held = [support for name, support in given.reduction.supports.items() if name != "base"]
+    if edge is None:
+        return 1.0
+    gap = max(given.body.rim_distance(given.center) - edge, 1e-9 * edge)
+    squeezed = 1 / max(1 - 2 * given.material.constants[1], 1e-9) ** 0.5 if is_held(given.body) else 1.0
+    sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
+    return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
+
+
+def _at_corners(plain: Sizes, given: Premises, settled: Given, wanted: Fineness | None) -> Sizes:
+    """The sizes, smaller towards the corners that the contact feels; all of them where it feels one.
+
+    In three dimensions they are lines, and elements along them would cost more than they give: there it is only said.
+    """
+    nu, sharp = given.material.constants[1], plain.edge is not None
+    around = corners(given.reduction, given.center, given.a, nu, sharp) if given.deepest > 0 else []
+    if settled.h_corner and (given.dim == 3 or not around):
+        raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact in a meshed "
+                          "section, and this scene has none", "leave it out")  # fmt: skip
+    error, n = (wanted.error, wanted.n) if wanted else (sizing.AUTO, given.a / plain.h_contact)
+    cost = max((corner.error(_there(plain, corner)) for corner in around), default=0.0)
+    if given.dim == 3:
+        ruled = any(_is_too_coarse(plain, corner, RULE * error, n) for corner in around)
+        return replace(plain, corner_error=cost, ruled_by_corners=ruled)
+    h = settled.h_corner
+    is_open = wanted is not None or settled.h_contact is None
+    if h is None and is_open and any(_is_too_coarse(plain, corner, CORNERS * error, n) for corner in around):
+        h = min(corner.size(CORNERS * error, n) for corner in around)
+    if h is None:
+        return replace(plain, corner_error=cost)
+    at = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in around}))
+    return replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
+
+
+def _is_too_coarse(sizes: Sizes, corner: Corner, error: float, n: float) -> bool:
+    """Whether elements at a corner cost more than this relative error of the force."""
+    return corner.size(error, n) < _there(sizes, corner)
+
+
+def _there(sizes: Sizes, corner: Corner) -> float:
+    """The element size [length] at a corner."""
+    return float(sizes.at(np.array(corner.r), np.array(corner.depth)))
 
 
 def _refuse_lost(smallest: float, least: float) -> None:
@@ -73,14 +135,14 @@ def _refuse_lost(smallest: float, least: float) -> None:
 
 def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> Given:
     """The sizes of the config; ConfigError where they contradict one another or the scene."""
-    names = ("h_contact", "h_axis", "h_edge", "h_far")
+    names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far")
     lengths = {name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")}
     h = lengths.get("h_contact", 0.0)
     if h and lengths.get("h_far", h) < h:
         raise ConfigError("mesh.h_far", "is smaller than h_contact", f"at least {h:g}")
     if h > height * scales.length:
         raise ConfigError("mesh.h_contact", "is larger than the body is thick", f"at most {height * scales.length:g}")
-    for name in ("h_axis", "h_edge"):
+    for name in ("h_axis", "h_edge", "h_corner"):
         if name in lengths and not h:
             raise ConfigError(f"mesh.{name}", "needs h_contact, up to which sizes grow", "give both")
         if lengths.get(name, 0.0) > h:

@@ -17,6 +17,7 @@ from math import isnan
 import numpy as np
 
 from indent_sim.accuracy import BLUNT, EASING, RATE, STEEPEST, fading
+from indent_sim.corners import POWER
 from indent_sim.model.contact import Penalty
 from indent_sim.scene import Scene
 from indent_sim.state import State
@@ -70,17 +71,23 @@ class Companion:
 @dataclass(frozen=True)
 class Budget:
     """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, and the finite body that
-    stands for a half-space."""
+    stands for a half-space; `theory` is how far the force is from that of a theory that is exact for this body."""
 
     step: int
     discretisation: float
     enforcement: float
     truncation: float
+    theory: float = 0.0
+
+    @property
+    def estimated(self) -> float:
+        """The sum of the parts [force]."""
+        return self.discretisation + self.enforcement + self.truncation
 
     @property
     def total(self) -> float:
-        """The half-width [force]."""
-        return self.discretisation + self.enforcement + self.truncation
+        """The half-width [force]: the sum of the parts, but never less than what exact theory knows to be wrong."""
+        return self.theory if self.theory > self.estimated else self.estimated
 
 
 def coarser(scene: Scene, ratio: float) -> Scene:
@@ -90,10 +97,11 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
     edge = sizes.h_edge and min(ratio ** RATE[sizes.order] * sizes.h_edge, fine)
+    corner = sizes.h_corner and min(ratio ** (RATE[sizes.order] / POWER) * sizes.h_corner, fine)
     growth = ratio ** EASING[sizes.order]
     larger = replace(
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
-        patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis,
+        patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
     )  # fmt: skip
     return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)
 
@@ -124,7 +132,8 @@ class ErrorBars:
         self.budgets: list[Budget] = []
         self.companions = companions
         self._truncation = scene.prediction.get("truncation_error", 0.0)
-        self._sizes, self._length = scene.sizes, scene.scales.length
+        self._sizes, self._scales = scene.sizes, scene.scales
+        self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
         self._finds_depths = scene.path.control == "force"
         self._dim = scene.kinematics.dim
         self._coarser = [companion.curve for companion in companions]
@@ -140,9 +149,9 @@ class ErrorBars:
         self._run[state.step] = state
         size = abs(state.force)
         budget = Budget(state.step, self._discretisation(state), self._enforcement(state.step) * size,
-                        self._truncation * size)  # fmt: skip
+                        self._truncation * size, self._from_theory(state))  # fmt: skip
         if self._missed(state):
-            budget = Budget(state.step, self._beyond(state, "force"), 0.0, 0.0)
+            budget = Budget(state.step, self._beyond(state, "force"), 0.0, 0.0, budget.theory)
         self.budgets.append(budget)
         depth = self._depth_error(state, budget.total) if self._finds_depths else None
         return replace(state, force_error=budget.total, a_error=self._beside_force(state, "a", RADIUS),
@@ -193,19 +202,44 @@ class ErrorBars:
         return abs(getattr(own, name) - getattr(soft, name)) / self._stiffer
 
     def _discretisation(self, state: State) -> float:
-        """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts."""
+        """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts.
+
+        Where a step beside it has fewer elements in its contact, its error is larger by what `fading` says.
+        """
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
-        errors = [fading(self._elements(state.a) / ratio, self._sizes.order) for ratio in ratios]
+        errors = [self._error(state.a, ratio) for ratio in ratios]
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
-            said += [SAFETY[self._dim] / share * difference for difference in _differences(fine, coarse, state)]
+            said += [SAFETY[self._dim] / share * difference for difference in self._differences(fine, coarse, state)]
         return float("nan") if any(map(isnan, said)) else max(said)
+
+    def _differences(self, fine: Curve, coarse: Curve, state: State) -> list[float]:
+        """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
+        F, step = abs(state.force), state.step
+        beside = [
+            _difference(fine, coarse, k) * F / abs(fine[k].force) * self._error(state.a) / self._error(fine[k].a)
+            for k in (step - 1, step + 1)
+            if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
+        ]
+        return [_difference(fine, coarse, step), *beside]
+
+    def _error(self, a: float, ratio: float = 1.0) -> float:
+        """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
+        n = self._elements(a) / ratio
+        return n**-POWER if self._sizes.ruled_by_corners and n > 0 else fading(n, self._sizes.order)
 
     def _elements(self, a: float) -> float:
         """Elements in a contact radius."""
-        r = np.array(a / self._length)
+        r = np.array(a / self._scales.length)
         return float(r / self._sizes.at(r, np.zeros(())))
+
+    def _from_theory(self, state: State) -> float:
+        """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
+        if self._oracle is None or state.delta <= 0:
+            return 0.0
+        solution = self._oracle.at(state.delta / self._scales.length)
+        return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _enforcement(self, step: int) -> float:
         """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft; the companion
@@ -220,17 +254,6 @@ class ErrorBars:
             return 0.0
         inverse = 2 - own.force / low if low else -1.0
         return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else float("inf")
-
-
-def _differences(fine: Curve, coarse: Curve, state: State) -> list[float]:
-    """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
-    F, step = abs(state.force), state.step
-    beside = [
-        _difference(fine, coarse, k) * F / abs(fine[k].force)
-        for k in (step - 1, step + 1)
-        if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
-    ]
-    return [_difference(fine, coarse, step), *beside]
 
 
 def _spread(fine: Curve, coarse: Curve, state: State, name: str) -> list[float]:

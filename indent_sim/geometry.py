@@ -160,9 +160,9 @@ def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
     if sizes.h_axis is not None:
         near = _smaller(near, _larger(number(sizes.h_axis), f"{number(sizes.slope)}*{r}"))
     size = f"{near}+{number(sizes.grading)}*Sqrt({outside}^2+{depth}^2)"
-    if sizes.edge is not None and sizes.h_edge is not None:
-        around = f"Sqrt(({r}-{number(sizes.edge)})^2+{depth}^2)"
-        size = _smaller(size, f"{number(sizes.h_edge)}+{number(sizes.grading)}*{around}")
+    for at, below, smallest in sizes.points:
+        around = f"Sqrt(({r}-{number(at)})^2+({depth}-{number(below)})^2)"
+        size = _smaller(size, f"{number(smallest)}+{number(sizes.grading)}*{around}")
     return _smaller(size, number(sizes.h_far))
 
 

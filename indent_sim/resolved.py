@@ -9,6 +9,8 @@ from indent_sim.config import Config, to_mapping
 from indent_sim.scene import Scene
 from indent_sim.sizing import rounded
 
+OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
+
 
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
@@ -47,7 +49,7 @@ def _mesh(config: Config, scene: Scene) -> Any:
                     symmetry=scene.symmetry)  # fmt: skip
     if config.mesh.h_contact != "auto":
         return mesh
-    own = {name: length * L for name, length in (("h_axis", sizes.h_axis), ("h_edge", sizes.h_edge)) if length}
+    own = {name: length * L for name in OWN if (length := getattr(sizes, name))}
     return dataclasses.replace(mesh, **own)
 
 

@@ -45,6 +45,7 @@ class MeshSettings:
     h_contact: Length | Auto = "auto"
     h_axis: Length | None = None
     h_edge: Length | None = None
+    h_corner: Length | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
     order: Annotated[int, Ge(1), Le(2)] = 2
@@ -180,7 +181,7 @@ def _sizes(config: Config) -> list[ConfigError]:
     """`accuracy` chooses the sizes itself."""
     if config.accuracy is None:
         return []
-    given = [name for name in ("h_contact", "h_axis", "h_edge", "h_far", "grading")
+    given = [name for name in ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
              if getattr(config.mesh, name) not in (None, "auto")]  # fmt: skip
     return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
             for name in given]  # fmt: skip

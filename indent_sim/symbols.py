@@ -144,6 +144,13 @@ MESH = (
     Symbol(
         "h_edge", "", "element size at the sharp edge of a flat punch; without it a fraction of h_contact", "length"
     ),
+    Symbol(
+        "h_corner",
+        "",
+        "element size at the corners of the section that the contact feels: where a fixed face meets a free one, and "
+        "where it ends close to a side; without it a given h_contact has none of its own there",
+        "length",
+    ),
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement", "1"),

@@ -25,7 +25,8 @@ EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 SAID = ("stated_error", "warnings", "verdict")
 COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS, *SAID)
 ROUNDING = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
-SIZES = ("mesh", "mesh.h_contact", "mesh.h_axis", "mesh.h_edge", "mesh.h_far", "mesh.grading", "accuracy")
+LENGTHS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
+SIZES = ("mesh", *(f"mesh.{name}" for name in LENGTHS), "accuracy")
 TARGETS = (0.05, 0.01, 0.001)
 
 Row = dict[str, Any]

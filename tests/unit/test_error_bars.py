@@ -41,7 +41,8 @@ def companions(rate: float = RATE[2]) -> list[Companion]:
 
 
 def bars_of(base: Scene, run: list[State], others: list[Companion], soft: list[State] | None = None) -> np.ndarray:
-    bars = ErrorBars(base, others, soft)
+    """The bars of a scene that no theory knows: its curves are made up."""
+    bars = ErrorBars(replace(base, oracle=None), others, soft)
     return np.array([bars.judged(state).force_error for state in run])
 
 
@@ -59,6 +60,34 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
     first = [replace(state, force=EXACT[2] * (1 + ERROR)) if state.step == 2 else state for state in found[0].states]
     bars = bars_of(scene(accuracy=0.01), states(ERROR), [Companion(RATIOS[0], first), found[1]])
     assert bars[1] > ERROR * EXACT[2]
+
+
+def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
+    """Run and companions agree on a force that is 5 % too large; where theory is not exact it has no say."""
+    base = scene(accuracy=0.01)
+    assert base.oracle is not None
+    exact = np.array([solution.force for solution in base.oracle.curve([0.0025 * k for k in EXACT]) or []])
+    wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
+    others = [Companion(ratio, wrong) for ratio in RATIOS]
+    for judge, low, high in ((base, 0.05, 0.05), (replace(base, oracle=replace(base.oracle, exact=False)), 0.0, 0.0),
+                             (replace(base, gap="current"), 0.0, 0.0)):  # fmt: skip
+        bars = ErrorBars(judge, others)
+        found = np.array([bars.judged(state).force_error for state in wrong]) / exact
+        assert np.all(found >= low * (1 - 1e-9)) and np.all(found <= high * (1 + 1e-9))
+
+
+def test_a_step_with_more_elements_knows_less_of_its_neighbours_error() -> None:
+    """On a uniform mesh the first steps have few elements in their contact and errors that the last does not share."""
+    base = scene(mesh={"h_contact": 0.01, "h_far": 0.25})
+    law = [float((a / 0.01) ** -RATE[2]) for a in (0.05 * k**0.5 for k in EXACT)]
+
+    def walked(ratio: float) -> list[State]:
+        share = [1 + 0.1 * error * ratio ** RATE[2] for error in law]
+        return [replace(state, force=state.force * s) for state, s in zip(states(0.0), share, strict=True)]
+
+    bars = bars_of(base, walked(1.0), [Companion(ratio, walked(ratio)) for ratio in RATIOS])
+    over = bars / (0.1 * np.array(law) * np.array(list(EXACT.values())))
+    assert np.all(over > 1) and np.all(over < 6)
 
 
 def test_a_step_that_a_companion_did_not_reach_has_no_bar() -> None:

@@ -95,7 +95,7 @@ def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
     outcome = run(config, directory=folder)
     exact = exact_forces(config)
     force = np.array([state.force for state in outcome.states])
-    bar = np.array([state.force_error for state in outcome.states])
+    bar = np.array([budget.estimated for budget in outcome.report["error_budget"]])  # without the same theory's word
     return Judged(np.abs(force / exact - 1), bar / exact, outcome.report)
 
 

@@ -1,0 +1,105 @@
+"""Which corners a contact feels, how finely they are meshed, and that gmsh is told the same sizes as everybody."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import BOX, CYLINDER, STRIP, WALLED, scene
+
+from indent_sim.config import from_mapping
+from indent_sim.error_bars import coarser
+from indent_sim.errors import ConfigError
+from indent_sim.geometry import size_formula
+from indent_sim.resolved import resolved
+from indent_sim.scene import resolve
+
+SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}
+PLATE = {"shape": "flat_punch", "radius": 1.0}
+MIXED = {**STRIP, "width": 2.0, "sides": {"x_min": "fixed", "x_max": "free"}}
+WIDE = {"shape": "paraboloid", "R": 5.0}
+DEEP = {"delta": 0.1, "steps": 1}
+
+
+def corners_of(body: dict[str, Any], tip: dict[str, Any], **sections: Any) -> set[tuple[float, float]]:
+    return set(scene(body, material=SOFT, indenter=tip, loading=DEEP, **sections).sizes.corners)
+
+
+@pytest.mark.parametrize("sections", [{}, {"accuracy": 0.01}], ids=["automatic", "accuracy"])
+def test_wide_contacts_feel_corners_where_a_fixed_face_meets_a_free_one(sections: dict[str, Any]) -> None:
+    punch = {"shape": "flat_punch", "radius": 0.8}
+    assert corners_of(CYLINDER, PLATE, **sections) == {(1.0, 1.0)}  # the base
+    assert corners_of({**CYLINDER, "sides": "fixed"}, punch, **sections) == {(1.0, 0.0)}  # the top
+    assert corners_of({**CYLINDER, "sides": "roller"}, punch, **sections) == set()  # a mirror
+    assert corners_of({**CYLINDER, "base": "roller"}, PLATE, **sections) == set()
+    assert corners_of(MIXED, punch, **sections) == {(1.0, 0.0), (1.0, 1.0)}
+
+
+def test_small_contacts_on_large_bodies_feel_none() -> None:
+    for body in (CYLINDER, {**CYLINDER, "sides": "fixed"}, STRIP, WALLED):
+        assert scene(body).sizes.corners == scene(body, accuracy=0.01).sizes.corners == ()
+
+
+def test_given_sizes_are_left_alone() -> None:
+    found = scene(CYLINDER, material=SOFT, indenter=PLATE, mesh={"h_contact": 0.1}).sizes
+    assert found.corners == () and found.h_corner is None
+
+
+def test_coarse_corners_are_doubted() -> None:
+    """0.53 % on elements of a quarter of the height, where the mesh is fine elsewhere."""
+    coarse = scene(CYLINDER, material=SOFT, indenter=PLATE, mesh={"h_contact": 0.02, "h_far": 0.25})
+    assert any("corners" in said for said in coarse.warnings)
+    for quiet in (scene(CYLINDER, material=SOFT, indenter=PLATE), scene(CYLINDER), scene(BOX)):
+        assert not any("corners" in said for said in quiet.warnings)
+
+
+def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
+    base = scene({**CYLINDER, "sides": "roller"}, material=SOFT, accuracy=0.01,
+                 indenter={"shape": "paraboloid", "R": 20.0}, loading={"delta": 0.01249, "steps": 1})  # fmt: skip
+    assert base.oracle is not None and base.fineness is not None
+    gap = 1.0 - base.oracle.at(0.01249).a  # type: ignore[union-attr]
+    assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
+    assert base.sizes.h_corner == pytest.approx(gap / base.fineness.n, rel=1e-6)
+
+
+def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
+    coarse, fine = (scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=target).sizes for target in (0.01, 0.001))
+    assert coarse.h_corner and fine.h_corner and fine.h_corner < coarse.h_corner / 5
+    base = scene(CYLINDER, material=SOFT, indenter=PLATE, accuracy=0.001)
+    assert coarser(base, 1.6).sizes.h_corner == pytest.approx(1.6 ** (2.5 / 1.2) * fine.h_corner)
+
+
+@pytest.mark.parametrize("sections", [{}, {"accuracy": 0.01}], ids=["automatic", "accuracy"])
+def test_the_resolved_config_has_the_same_sizes(sections: dict[str, Any]) -> None:
+    config = from_mapping({"body": CYLINDER, "material": SOFT, "indenter": PLATE, "loading": DEEP} | sections)
+    first = resolve(config)
+    again = resolve(resolved(config, first))
+    assert again.sizes == first.sizes and first.sizes.h_corner is not None
+
+
+def test_a_size_of_corners_that_are_not_there_is_refused() -> None:
+    given = {"h_contact": 0.1, "h_corner": 0.01}
+    for body, mesh in ((WALLED, given), (BOX, given), (CYLINDER, {"h_corner": 0.01}),
+                       (CYLINDER, {"h_contact": 0.1, "h_corner": 0.2})):  # fmt: skip
+        with pytest.raises(ConfigError, match="h_corner"):
+            scene(body, mesh=mesh)
+
+
+def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
+    """Lines of small elements would cost more than they give; there the force converges as h^1.2."""
+    ruled, far = (scene(BOX, material=SOFT, indenter=WIDE, loading={"delta": delta, "steps": 1}, accuracy=0.01).sizes
+                  for delta in (0.1, 1e-4))  # fmt: skip
+    assert ruled.ruled_by_corners and not far.ruled_by_corners
+    assert ruled.corners == far.corners == ()
+
+
+@pytest.mark.parametrize("body", [CYLINDER, MIXED, {**CYLINDER, "sides": "fixed"}])
+def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
+    """The formula, read by Python at random points, against the numpy function."""
+    base = scene(body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01)
+    formula = size_formula(base.sizes, base.center, 2).replace("^", "**")
+    draw = np.random.default_rng(3)
+    x, y = draw.uniform(*base.extent[0], 200), draw.uniform(*base.extent[1], 200)
+    found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
+    assert found == pytest.approx(base.sizes.at(np.abs(x - base.center[0]), -y), rel=1e-9)
