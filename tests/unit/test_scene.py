@@ -112,7 +112,7 @@ class TestStrain:
         several = scene(contact=method, material={"model": "neo_hookean", "E": 5.0, "nu": 0.3})
         assert "several sets of nodes" in " ".join(several.warnings)
         assert several.prediction["force_error"] == pytest.approx(0.002)
-        assert scene(contact=method | {"gap": "reference"}).prediction["force_error"] == 0
+        assert "force_error" not in scene(contact=method | {"gap": "reference"}).prediction
 
 
 @pytest.mark.parametrize("kinematics", BODIES)
