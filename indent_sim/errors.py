@@ -78,7 +78,7 @@ class ConfigErrors(ConfigError):
 
 
 class MeshError(IndentSimError):
-    """gmsh could not build the geometry or the mesh."""
+    """gmsh could not build the geometry or the mesh, or crashed."""
 
     exit_code = 4
 

@@ -239,8 +239,7 @@ class TestSeveralRuns:
 
         return draw
 
-    @pytest.mark.parametrize("error", [False, True])
-    @pytest.mark.parametrize("number", [2, 10, 11, 60])
+    @pytest.mark.parametrize(("number", "error"), [(2, True), (10, False), (60, True)])
     def test_the_legend_says_what_differs_and_hides_nothing(self, drawn, number, error):
         values = np.linspace(0, 0.49, number)
         figure = drawn([(float(nu), "penalty") for nu in values[::-1]], error)
@@ -253,14 +252,14 @@ class TestSeveralRuns:
         assert figure.bbox.x0 <= legend.x0 and legend.x1 <= figure.bbox.x1 and figure.bbox.y0 <= legend.y0
 
     def test_every_curve_is_its_table_in_a_colour_of_its_own(self, drawn):
-        values = np.linspace(0, 0.49, 60)
+        values = np.linspace(0, 0.49, 11)
         lines = [line for line in drawn([(float(nu), "penalty") for nu in values]).axes[0].get_lines()
                  if line.get_label().startswith("nu")]  # fmt: skip
         plain = a_result()
         for nu, line in zip(values, lines, strict=True):
             assert line.get_xdata() == pytest.approx(plain["delta"])
             assert line.get_ydata() == pytest.approx(plain["force"] * (1 + nu))
-        assert len({tuple(line.get_color()) for line in lines}) == 60
+        assert len({tuple(line.get_color()) for line in lines}) == 11
 
     def test_several_keys_that_differ_are_all_named(self, drawn):
         figure = drawn([(nu, method) for nu in (0.1, 0.3) for method in ("penalty", "nitsche")])
