@@ -3,7 +3,8 @@
 Scenes come from other people, and PETSc can do anything on behalf of an option: pipe a viewer or a monitor through a
 shell, overwrite a file, import Python. So an option is allowed by name, and its value by type; nothing else is passed
 on. Each table holds names without the prefix of an inner solver, as in mg_levels_ksp_type. What ends PETSc 3.18 by a
-signal is left out too: eisenstat, the lengths of fcg, superlu, and the orderings wbm and spectral.
+signal is left out too: eisenstat, the lengths of fcg, superlu, the orderings wbm and spectral,
+and boomeramg's interpolations for blocks and of matrix type.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ WORDS: dict[str, frozenset[str]] = {
     **_each("pc_hypre_boomeramg_", "measure_type", "local global"),
     **_each("pc_hypre_boomeramg_", "coarsen_type", "CLJP Ruge-Stueben modifiedRuge-Stueben Falgout PMIS HMIS"),
     **_each("pc_hypre_boomeramg_", "interp_type", "classical direct multipass multipass-wts ext+i ext+i-cc standard "
-            "standard-wts block block-wtd FF FF1 ext ad-wts ext-mm ext+i-mm ext+e-mm"),
+            "standard-wts FF FF1"),
     **_each("pc_hypre_boomeramg_", "relax_type_all relax_type_up relax_type_down relax_type_coarse", _RELAX),
     **_each("pc_hypre_boomeramg_", "smooth_type", "Schwarz-smoothers Pilut ParaSails"),
     **_each("snes_", "type", "newtonls newtontr"),

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.folder import write_atomically
+from indent_sim.folder import content, write_atomically
 
 CELLS = {3: "Triangle", 4: "Tetrahedron"}
 ARRAYS: dict[str, tuple[str, str, tuple[int, ...]]] = {
@@ -79,6 +79,7 @@ class FieldWriter:
         import h5py
 
         temporary = self.directory / f".{H5}.new"
+        temporary.unlink(missing_ok=True)  # of a run that was killed, or a link to somewhere else
         _refuse_full_disk(temporary, points.nbytes + cells.nbytes + HEADERS * (self._slots + 16))
         with h5py.File(temporary, "w") as file:
             file["mesh/points"] = points.astype("<f8")
@@ -92,7 +93,10 @@ class FieldWriter:
         import h5py
 
         try:
-            grids = GRID.findall((self.directory / XDMF).read_text(encoding="utf-8"))
+            grids = GRID.findall(content(self.directory / XDMF).decode("utf-8"))
+            kept = [(text, int(slot)) for text, step, slot in grids if int(step) <= done]
+            if any(slot >= self._slots for _, slot in kept):
+                return None
             with h5py.File(self.directory / H5, "r") as file:
                 if not (np.array_equal(file["mesh/points"], points) and np.array_equal(file["mesh/cells"], cells)):
                     return None
@@ -102,7 +106,6 @@ class FieldWriter:
                 offsets = [{name: int(state[name].id.get_offset()) for name in ARRAYS} for state in states]
         except Exception:  # HDF5 has an error for every way of being damaged
             return None
-        kept = [(text, int(slot)) for text, step, slot in grids if int(step) <= done]
         self._grids = [text for text, _ in kept]
         self._written = kept[-1][1] + 1 if kept else 0
         return offsets
