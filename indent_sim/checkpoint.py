@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.folder import write_atomically
+from indent_sim.folder import content, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
 Points = Sequence[tuple[float, Sequence[np.ndarray]]]  # depth, and the vectors that make the state there
@@ -34,15 +34,15 @@ def write(path: Path, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
     """Replace the file; `identity` says to which mesh and numbering the vectors belong. OSError on a full disk."""
     import h5py
 
-    content = io.BytesIO()
-    with h5py.File(content, "w") as file:
+    image = io.BytesIO()
+    with h5py.File(image, "w") as file:
         file.attrs.update(step=saved.step, identity=_text(identity), checksum=_checksum(saved.points))
         for n, (depth, vectors) in enumerate(saved.points):
             group = file.create_group(f"point/{n}")
             group.attrs["delta"] = depth
             for k, vector in enumerate(vectors):
                 group[str(k)] = vector
-    write_atomically(path, content.getvalue(), sync=False)
+    write_atomically(path, image.getvalue(), sync=False)
 
 
 def read(path: Path, identity: Mapping[str, Any]) -> Checkpoint:
@@ -50,10 +50,13 @@ def read(path: Path, identity: Mapping[str, Any]) -> Checkpoint:
     import h5py
 
     try:
-        with h5py.File(io.BytesIO(path.read_bytes()), "r") as file:
+        with h5py.File(io.BytesIO(content(path)), "r") as file:
             groups = [file[f"point/{n}"] for n in range(len(file["point"]))]
             points = [(float(g.attrs["delta"]), [g[str(k)][()] for k in range(len(g))]) for g in groups]
             intact = int(file.attrs["checksum"]) == _checksum(points) and file.attrs["identity"] == _text(identity)
+            intact = intact and all(
+                np.isfinite(values).all() for depth, vectors in points for values in (depth, *vectors)
+            )
             return Checkpoint(int(file.attrs["step"]), points) if intact else Checkpoint()
     except Exception:  # HDF5 has an error for every way of being damaged
         return Checkpoint()

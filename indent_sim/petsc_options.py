@@ -3,7 +3,8 @@
 Scenes come from other people, and PETSc can do anything on behalf of an option: pipe a viewer or a monitor through a
 shell, overwrite a file, import Python. So an option is allowed by name, and its value by type; nothing else is passed
 on. Each table holds names without the prefix of an inner solver, as in mg_levels_ksp_type. What ends PETSc 3.18 by a
-signal is left out too: eisenstat, the lengths of fcg, superlu, and the orderings wbm and spectral.
+signal is left out too: eisenstat, the lengths of fcg, superlu, the orderings wbm and spectral, and of boomeramg the
+interpolations for blocks and relaxation by CG, and by elimination on other levels than the coarsest.
 """
 
 from __future__ import annotations
@@ -84,8 +85,7 @@ SWITCHES = {
 }
 _RELAX = (
     "Jacobi sequential-Gauss-Seidel seqboundary-Gauss-Seidel SOR/Jacobi backward-SOR/Jacobi symmetric-SOR/Jacobi "
-    "l1scaled-SOR/Jacobi Gaussian-elimination l1-Gauss-Seidel backward-l1-Gauss-Seidel CG Chebyshev FCF-Jacobi "
-    "l1scaled-Jacobi"
+    "l1scaled-SOR/Jacobi l1-Gauss-Seidel backward-l1-Gauss-Seidel Chebyshev FCF-Jacobi l1scaled-Jacobi"
 )
 WORDS: dict[str, frozenset[str]] = {
     **_each("ksp_", "type", "preonly richardson chebyshev cg groppcg pipecg fcg cr gcr gmres fgmres lgmres dgmres "
@@ -117,8 +117,9 @@ WORDS: dict[str, frozenset[str]] = {
     **_each("pc_hypre_boomeramg_", "measure_type", "local global"),
     **_each("pc_hypre_boomeramg_", "coarsen_type", "CLJP Ruge-Stueben modifiedRuge-Stueben Falgout PMIS HMIS"),
     **_each("pc_hypre_boomeramg_", "interp_type", "classical direct multipass multipass-wts ext+i ext+i-cc standard "
-            "standard-wts block block-wtd FF FF1 ext ad-wts ext-mm ext+i-mm ext+e-mm"),
-    **_each("pc_hypre_boomeramg_", "relax_type_all relax_type_up relax_type_down relax_type_coarse", _RELAX),
+            "standard-wts FF FF1"),
+    **_each("pc_hypre_boomeramg_", "relax_type_all relax_type_up relax_type_down", _RELAX),
+    **_each("pc_hypre_boomeramg_", "relax_type_coarse", f"Gaussian-elimination {_RELAX}"),
     **_each("pc_hypre_boomeramg_", "smooth_type", "Schwarz-smoothers Pilut ParaSails"),
     **_each("snes_", "type", "newtonls newtontr"),
     **_each("snes_", "linesearch_type", "basic bt l2 cp nleqerr"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.folder import write_atomically
+from indent_sim.folder import content, write_atomically
 
 CELLS = {3: "Triangle", 4: "Tetrahedron"}
 ARRAYS: dict[str, tuple[str, str, tuple[int, ...]]] = {
@@ -99,6 +99,7 @@ class FieldWriter:
         import h5py
 
         temporary = self.directory / f".{H5}.new"
+        temporary.unlink(missing_ok=True)  # of a run that was killed, or a link to somewhere else
         _refuse_full_disk(temporary, points.nbytes + cells.nbytes + HEADERS * (self._slots + 16))
         with h5py.File(temporary, "w") as file:
             file["mesh/points"] = points.astype("<f8")
@@ -112,9 +113,11 @@ class FieldWriter:
         import h5py
 
         try:
-            grids = GRID.finditer((self.directory / XDMF).read_text(encoding="utf-8"))
+            grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
             kept = [_Kept(int(found["slot"]), float(found["delta"]), found[0]) for found in grids
                     if int(found["step"]) <= done]  # fmt: skip
+            if any(state.slot >= self._slots for state in kept):
+                return None
             with h5py.File(self.directory / H5, "r") as file:
                 if not (np.array_equal(file["mesh/points"], points) and np.array_equal(file["mesh/cells"], cells)):
                     return None

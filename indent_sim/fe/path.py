@@ -67,6 +67,8 @@ class Walk:
         """
         for delta, arrays in points:
             vectors = self.problem.snapshot()
+            if [np.size(values) for values in arrays] != [vector.array.size for vector in vectors]:
+                continue  # no checkpoint of this problem, whatever it says of itself
             for vector, values in zip(vectors, arrays, strict=True):
                 vector.array[:] = values
             self._points = [*self._points[-2:], Point(delta, vectors)]

@@ -324,7 +324,7 @@ def read_back(rng: random.Random, place: Path, good: Path) -> None:
     shutil.copytree(good, place / "out")
     for _ in range(rng.choice([1, 1, 2, 3])):
         damage(rng, place / "out", place.parent / "home")
-    what = rng.choices(["compare", "plot", "resume", "study"], weights=[70, 5, 3, 22])[0]
+    what = rng.choices(["compare", "plot", "resume", "study"], weights=[65, 10, 3, 22])[0]
     if what == "compare":
         assert said("compare", *rng.choice([("out", good), (good, "out")])).exit_code != 5
     elif what == "plot":
