@@ -22,6 +22,7 @@ from indent_sim.theory.solution import Solution
 
 NOISE = 1e-6  # of the largest force so far: what round-off and the supports' tolerance may leave of none
 SAME = 1e-6  # of a depth: closer ones may have one solution to the solver's tolerance
+FIRST_TOUCH = 1e-5  # of the path's largest force: a row with less to expect may lie between two points of its mesh
 LINEAR_FALL, FALL = 1e-3, 0.02  # of the force, with greater depth: convex problems solved to 1e-7; kinks of the others
 SLACK = 0.02  # of force delta: what the contact term of a multiplier adds to the energy on a coarse mesh
 SUNK = 0.1, 0.5  # of the depth, of an element: twice what a contact of one element was seen to sink in
@@ -40,7 +41,8 @@ def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
     The states are in the user's units.
     """
-    return next((said for rule in RULES if (said := rule(scene, state, earlier))), None)
+    rules = ALWAYS if _is_first_touch(scene, state) else ALWAYS + PRESSED
+    return next((said for rule in rules if (said := rule(scene, state, earlier))), None)
 
 
 def _is_not_a_number(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
@@ -65,7 +67,7 @@ def _pushes_from_afar(scene: Scene, state: State, earlier: Sequence[State]) -> s
 
 def _touches_nothing(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
-    if state.delta <= 0 or (state.force > 0 and state.a > 0):
+    if state.force > 0 and state.a > 0:
         return None
     missed = "no force" if state.force <= 0 else "no contact radius"
     elements = scene.sizes.h_contact * scene.scales.length
@@ -87,7 +89,7 @@ def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str |
     before = earlier[-1] if earlier else None
     is_new = before is None or abs(state.delta - before.delta) > SAME * state.delta
     is_other = before is not None and before.force > 0 and abs(state.force - before.force) > NOISE * SAME * state.force
-    if state.delta <= 0 or state.newton_iterations > 0 or not is_new or is_other:
+    if state.newton_iterations > 0 or not is_new or is_other:
         return None
     return "nothing was solved for this depth, and the force is that of another"
 
@@ -105,7 +107,7 @@ def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | Non
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """0 <= Pi <= force delta, as of any force that grows with the depth."""
     work = state.force * state.delta
-    if state.delta <= 0 or -SLACK * work <= state.energy <= (1 + SLACK) * work or _may_soften(scene):
+    if -SLACK * work <= state.energy <= (1 + SLACK) * work or _may_soften(scene):
         return None
     return f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} did {work:.6g} at most"
 
@@ -127,7 +129,7 @@ def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
 def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
     delta, unit = state.delta / scene.scales.length, scene.scales.force
-    solution = scene.oracle.at(delta) if scene.oracle and delta > 0 else None
+    solution = scene.oracle.at(delta) if scene.oracle else None
     if scene.oracle is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force * unit
@@ -142,10 +144,17 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str
     return f"{said}, exact for this body, {expected:.6g}: the error bar {state.force_error:.3g} does not hold it"
 
 
-RULES: tuple[Rule, ...] = (
-    _is_not_a_number, _overlaps, _pulls, _pushes_from_afar, _touches_nothing, _is_wider_than_its_tip, _stands_still,
-    _energy_is_not_its_work, _falls, _is_not_theorys,
-)  # fmt: skip
+ALWAYS: tuple[Rule, ...] = (_is_not_a_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_its_tip, _falls)
+PRESSED: tuple[Rule, ...] = (_touches_nothing, _stands_still, _energy_is_not_its_work, _is_not_theorys)
+
+
+def _is_first_touch(scene: Scene, state: State) -> bool:
+    """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of the whole path."""
+    depth, deepest = state.delta / scene.scales.length, max(scene.deltas)
+    if depth <= 0 or deepest <= depth:
+        return depth <= 0
+    radius_at = scene.indenter.radius_at
+    return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 
 
 def _noise(scene: Scene, state: State, earlier: Sequence[State]) -> float:
