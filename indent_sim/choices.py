@@ -11,6 +11,7 @@ from indent_sim.costing import DENSE, MOST_CANDIDATES
 from indent_sim.errors import ConfigError
 from indent_sim.expectation import penalty_loss
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
+from indent_sim.model.indenters import reach
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.premises import Premises
 from indent_sim.sizing import TELLING, Sizes, rounded
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
 STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
+NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
@@ -64,9 +66,18 @@ def formulation(config: Config, material: Material) -> tuple[str, Choice]:
 
 
 def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
-    """Where the gap is tested, at the undeformed or the deformed point."""
+    """Where the gap is tested, at the undeformed or the deformed point.
+
+    ConfigError for a gap at the deformed point that has no answer: a body that slides away, a needle.
+    """
     auto = "reference" if given.material.small_strain else "current"
     chosen = auto if wanted.gap == "auto" else wanted.gap
+    end = reach(given.tip)
+    if chosen == "current" and given.deepest > NEEDLE * end:
+        raise ConfigError(
+            "indenter", f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: how a body gives "
+            "way to such a needle, gap: current cannot tell", "give both in the same unit of length",
+        )  # fmt: skip
     if chosen == "current" and given.reduction.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",

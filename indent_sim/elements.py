@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from indent_sim import sizing
 from indent_sim.accuracy import Fineness, fineness_of, target_of
 from indent_sim.errors import ConfigError
-from indent_sim.model.indenters import FlatPunch, Indenter
+from indent_sim.model.indenters import FlatPunch, Indenter, reach
 from indent_sim.premises import Premises
 from indent_sim.sizing import Given, Sizes, rounded
 from indent_sim.state import Scales
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from indent_sim.config import Config, MeshSettings
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
+AT_END = 0.999  # of the radius at which a tip ends: a contact that reaches it ends as under a punch
 FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
 # r = 0 and coordinates have all their digits, gmsh aborts or never ends
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
@@ -49,10 +50,22 @@ def _contact(given: Premises, delta: float) -> tuple[float, float, float]:
     return delta, a, solution.force / area if solution else given.material.E_star * delta / (2 * a)
 
 
-def sizes(config: Config, given: Premises, wanted: Fineness | None) -> Sizes:
+def _edge(given: Premises, gap: str) -> float | None:
+    """Radius of an edge at which the pressure is singular, or nearly: a punch's, or where contact reaches a tip's end.
+
+    With a gap at the deformed point the body goes around the end of a tip.
+    """
+    tip, a = given.tip, given.a
+    if isinstance(tip, FlatPunch):
+        return (a if tip.edge_radius else tip.radius) if _is_sharp(tip) else None
+    return reach(tip) if gap == "reference" and a >= AT_END * reach(tip) else None
+
+
+def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
-    mesh, reduction, tip, a = config.mesh, given.reduction, given.tip, given.a
-    edge = rounded(a if tip.edge_radius else tip.radius) if isinstance(tip, FlatPunch) and _is_sharp(tip) else None
+    mesh, reduction, a = config.mesh, given.reduction, given.a
+    edge = _edge(given, gap)
+    edge = rounded(edge) if edge is not None else None
     height = reduction.extent[-1][1] - reduction.extent[-1][0]
     width = max(high - low for low, high in reduction.extent[:-1])
     bend = reduction.radius
@@ -86,6 +99,7 @@ def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | No
         if lengths.get(name, 0.0) > h:
             raise ConfigError(f"mesh.{name}", "is larger than h_contact", f"at most {h:g}")
     if edge is None and "h_edge" in lengths:
-        raise ConfigError("mesh.h_edge", "is for a flat punch with a sharp edge", "leave it out")
+        problem = "is for the sharp edge of a flat punch, or of a tip that ends inside the contact"
+        raise ConfigError("mesh.h_edge", problem, "leave it out")
     grading = None if mesh.grading == "auto" else mesh.grading
     return Given(**{name: length / scales.length for name, length in lengths.items()}, grading=grading)

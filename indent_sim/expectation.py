@@ -9,9 +9,10 @@ import numpy as np
 
 from indent_sim.errors import ConfigError
 from indent_sim.model import stability
+from indent_sim.model.algebra import cos, tan
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
-from indent_sim.model.indenters import Indenter, Paraboloid, Profile, Sphere
+from indent_sim.model.indenters import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.oracle import Oracle, half_space_depth, half_space_force, section_depth
@@ -23,6 +24,8 @@ MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the m
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
 DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
+ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
 
@@ -81,15 +84,13 @@ def warnings_of(body: Body, material: Material, tip: Indenter, center: tuple[flo
     if delta <= 0:
         return ["the tip never reaches the body: every depth is <= 0"]
     warnings = []
-    R = tip.R if isinstance(tip, (Paraboloid, Sphere)) else None
-    if material.small_strain and R and 0.2 * a / R > 0.05:
-        warnings.append(f"strains near 0.2 a/R = {0.2 * a / R:.2g}: small strain is no longer a good model")
+    strain, formula = characteristic_strain(tip, delta, a)
+    if material.small_strain and strain > SMALL:
+        warnings.append(f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
     if material.small_strain and delta > 0.1 * body.height:
         warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
-    if isinstance(tip, Profile) and tip.radius_at(delta) >= tip.points[-1][0]:
-        warnings.append("deeper than the profile is high: where it ends the contact may end like under a punch")
     if a > 0.8 * body.rim_distance(center):
         warnings.append("the contact comes close to the edge of the body")
     if formulation == "displacement" and material.constants[1] >= LOCKING:
@@ -98,6 +99,44 @@ def warnings_of(body: Body, material: Material, tip: Indenter, center: tuple[flo
         )
     warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
     return warnings + _half_space_warning(tip, material, delta, theory, body)
+
+
+def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float, str]:
+    """The strain beside a contact and the formula that gave it.
+
+    0.2 times the tip's slope at the contact's edge (Tabor 1951 for a ball, Johnson 1985, 6.3 for a cone, whatever its
+    depth), a pyramid as the cone of equal sections. A punch has no slope: 0.3 delta/a, which is the same share of
+    the mean pressure 2 E* delta/(pi a) as 0.2 a/R is of a ball's 4 E* a/(3 pi R), within 1 %.
+    """
+    match tip:
+        case Paraboloid(R=R) | Sphere(R=R) if a < R or isinstance(tip, Paraboloid):
+            return 0.2 * a / R, "0.2 a/R"
+        case Cone(half_angle=angle, tip_radius=radius) if a > radius * cos(angle):
+            return 0.2 / tan(angle), "0.2 cot(half_angle)"
+        case Cone(tip_radius=radius):
+            return 0.2 * a / radius, "0.2 a/tip_radius"
+        case Pyramid(half_angle=angle, roundness=roundness):
+            return 0.2 / (roundness * tan(angle)), "0.2 cot(half_angle of the cone of equal sections)"
+        case Profile() if a < reach(tip):
+            return 0.2 * tip.slope(a), "0.2 times the slope at the contact's edge"
+    return 0.3 * delta / a, "0.3 delta/a"
+
+
+def tip_warnings(tip: Indenter, gap: str, delta: float, a: float) -> list[str]:
+    """That a tip ends inside the contact, and what the model makes of it."""
+    end, warnings = reach(tip), list[str]()
+    is_beyond = a >= end or (isinstance(tip, Sphere) and delta > end)
+    if delta <= 0 or isinstance(tip, FlatPunch) or not is_beyond:
+        return []
+    if gap == "reference":
+        warnings.append("deeper than the tip has a shape: where it ends the contact ends like under a punch")
+    elif isinstance(tip, Sphere):
+        warnings.append(f"deeper than the ball's radius: it is whole but for a stem within {STEM:g} degrees of its top")
+    else:
+        warnings.append("deeper than the profile is high: the body may slip around its end")
+    if delta > ABSURD * end:
+        warnings.append(f"the depth is {delta / end:.3g} times the radius at which the tip ends: are both in one unit?")
+    return warnings
 
 
 def penalty_loss(contact: ContactLaw, material: Material, theory: Oracle | None, delta: float, a: float) -> float:

@@ -13,7 +13,14 @@ from indent_sim.choices import Choice
 from indent_sim.costing import Cost, Work, candidates, machine_memory
 from indent_sim.costing import cost as cost_of
 from indent_sim.errors import ConfigError
-from indent_sim.expectation import contact_warnings, prediction_of, shallow_doubts, stated_error, warnings_of
+from indent_sim.expectation import (
+    contact_warnings,
+    prediction_of,
+    shallow_doubts,
+    stated_error,
+    tip_warnings,
+    warnings_of,
+)
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw
 from indent_sim.model.indenters import Indenter
@@ -79,9 +86,9 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     """
     given = premises(config)
     fineness = elements.fineness(config, given, per_radius)
-    sizes = elements.sizes(config, given, fineness)
-    law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     gap, gap_choice = choices.gap(config.contact, given)
+    sizes = elements.sizes(config, given, fineness, gap)
+    law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     formulation, formulation_choice = choices.formulation(config, given.material)
     nodes = candidates(sizes, given.reduction.extent, given.center)
     solver = choices.solver(config, given.material, law, gap, nodes)
@@ -99,7 +106,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         solver=dataclasses.asdict(config.solver) | {"method": solver.value},
         choices=(*choices.model(given), formulation_choice, gap_choice, law_choice, *tip_choice, *wall_choice,
                  *choices.mesh(config, given, sizes, fineness), solver),
-        warnings=_warnings(given, law, formulation, sizes),
+        warnings=_warnings(given, law, gap, formulation, sizes),
         prediction=_prediction(given, law, sizes, cost.with_error_bars if fineness else cost),
     )  # fmt: skip
 
@@ -139,11 +146,12 @@ def _affordable(given: Premises, sizes: Sizes, work: Work, is_chosen: bool) -> C
     return found
 
 
-def _warnings(given: Premises, law: ContactLaw, formulation: str, sizes: Sizes) -> tuple[str, ...]:
+def _warnings(given: Premises, law: ContactLaw, gap: str, formulation: str, sizes: Sizes) -> tuple[str, ...]:
     """Where the model is a poor one for what is asked, a sentence each."""
     body, material, theory, deepest, a = given.body, given.material, given.theory, given.deepest, given.a
     return (
         *warnings_of(body, material, given.tip, given.center, deepest, a, theory, formulation),
+        *tip_warnings(given.tip, gap, deepest, a),
         *contact_warnings(law, material, sizes, theory, deepest, a),
         *(sizes.doubts(a, material.constants[1], law.method == "penalty") if deepest > 0 else ()),
         *shallow_doubts(sizes, material, given.deltas, given.radius),

@@ -15,10 +15,11 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
-from indent_sim.fe import compat, options
+from indent_sim.fe import compat, observe, options
 from indent_sim.fe.mixing import Mixing
 from indent_sim.fe.newton import ROUGHLY, Newton
 from indent_sim.fe.problem import Problem
+from indent_sim.model.indenters import deepest_inside
 from indent_sim.scene import Scene
 
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
@@ -48,6 +49,7 @@ class Enforcement:
         self.newton = Newton(problem, rtol, max_iterations, petsc)
         self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
         self._petsc = petsc
+        self._deepest_inside = deepest_inside(problem.scene.indenter)
 
     @property
     def iterations(self) -> int:
@@ -73,11 +75,18 @@ class Enforcement:
         before = self.problem.snapshot()
         if not self._algorithm():
             return False
-        if self.problem.is_admissible():
-            return True
-        self.newton.failure = "Newton ends in a state with J <= 0, or beyond the law's limit"
-        self.problem.restore(before)
-        return False
+        self.newton.failure = self._why_impossible()
+        if self.newton.failure:
+            self.problem.restore(before)
+        return not self.newton.failure
+
+    def _why_impossible(self) -> str:
+        """Why a body cannot have the present state; "" when it can."""
+        if not self.problem.is_admissible():
+            return "Newton ends in a state with J <= 0, or beyond the law's limit"
+        if self.problem.scene.gap == "current" and observe.penetration(self.problem) > self._deepest_inside:
+            return "Newton ends where the tip has passed through the surface"
+        return ""
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""

@@ -16,9 +16,11 @@ from indent_sim.fe.failure import EVEN, failed_state
 from indent_sim.fe.load_control import LoadControl, Pair
 from indent_sim.fe.problem import Problem
 from indent_sim.model.loading import LoadPath
+from indent_sim.scene import Scene
 from indent_sim.state import State
 
 NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
+LONGEST = 0.25  # of the deepest contact's radius: a longer step into a gap at the deformed point may end elsewhere
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
 PATIENCE = 10  # failures in a requested step: what still fails will
 
@@ -41,7 +43,7 @@ class Walk:
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest
         self._row: Point | None = None
-        self._stride = inf  # the longest step that is tried
+        self._stride = self._longest = _longest(problem.scene)  # the longest step that is tried
         self._successes = 0  # at this stride
         self._substeps = 0  # so far
         self._control = LoadControl(self._go, problem.scene.body.height, enforcement.force_tolerance)
@@ -73,7 +75,7 @@ class Walk:
         start = self._points
         if all(self._reach(delta) for delta in deltas[-3:]):
             return True
-        self._points, self._stride = start, inf
+        self._points, self._stride = start, self._longest
         self.return_to_last()
         return all(self._reach(delta) for delta in deltas)
 
@@ -134,9 +136,10 @@ class Walk:
         smallest, failures, substeps = SMALLEST_CUT * abs(target - self._last.delta), 0, 0
         self._stride = max(self._stride, smallest)
         while failures < PATIENCE and self._stride > smallest / 2:
-            ahead = target - self._last.delta
+            begin = max(self._last.delta, min(target, 0.0))  # through the air at once
+            ahead = target - begin
             parts = max(1, ceil(abs(ahead) / self._stride - 1e-9))
-            goal = target if parts == 1 else self._last.delta + ahead / parts
+            goal = target if parts == 1 else begin + ahead / parts
             if self._attempt(goal):
                 substeps += 1
                 self._lengthen()
@@ -151,7 +154,7 @@ class Walk:
         """Twice the stride after two successes: where one length has failed, the next step does not begin with it."""
         self._successes += 1
         if self._successes == 2:
-            self._stride, self._successes = 2 * self._stride, 0
+            self._stride, self._successes = min(2 * self._stride, self._longest), 0
 
     def _attempt(self, delta: float) -> bool:
         """Solve at delta, first from the predicted state, then from the last one."""
@@ -204,6 +207,13 @@ class Walk:
             substeps=substeps,
             surface=observe.surface(problem) if with_surface else None,
         )
+
+
+def _longest(scene: Scene) -> float:
+    """The longest step [length] that is tried: without limit where the gap is linear in what is sought."""
+    if scene.gap == "reference":
+        return inf
+    return LONGEST * scene.prediction["a"] / scene.scales.length
 
 
 def _leading(points: list[Point], delta: float) -> list[Point]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from math import pi
+from math import inf, pi
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le, Len
@@ -336,6 +336,23 @@ def _largest(values: Sequence[Any]) -> Any:
 
 
 Indenter = Paraboloid | Sphere | Cone | FlatPunch | Pyramid | Profile
+
+
+def reach(tip: Indenter) -> float:
+    """The radius [length] at which a tip ends; infinity for one that does not."""
+    match tip:
+        case Sphere(R=R):
+            return R
+        case FlatPunch(radius=radius):
+            return radius
+        case Profile(points=points):
+            return points[-1][0]
+    return inf
+
+
+def deepest_inside(tip: Indenter) -> float:
+    """The penetration [length] beyond which a point may come out at the tip's other side: half the radius of a ball."""
+    return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
 def gap_reference(tip: Indenter, x: Any, y: Any, u_z: Any, delta: Any) -> Any:
