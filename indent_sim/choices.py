@@ -75,8 +75,8 @@ def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
     end = reach(given.tip)
     if chosen == "current" and given.deepest > NEEDLE * end:
         raise ConfigError(
-            "indenter", f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: how a body gives "
-            "way to such a needle, gap: current cannot tell", "give both in the same unit of length",
+            "indenter", f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: gap: current "
+            "cannot tell how a body gives way to such a needle", "give both in the same unit of length",
         )  # fmt: skip
     if chosen == "current" and given.reduction.pins:
         raise ConfigError(

@@ -22,6 +22,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.model.indenters import deepest_inside
 from indent_sim.scene import Scene
 
+INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
 UZAWA_TOLERANCE = 1e-8  # last change of the multiplier at E*/h_contact, relative; the force is then good to 1e-7
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
@@ -49,7 +50,12 @@ class Enforcement:
         self.newton = Newton(problem, rtol, max_iterations, petsc)
         self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
         self._petsc = petsc
-        self._deepest_inside = deepest_inside(problem.scene.indenter)
+        scene = problem.scene
+        self._is_linear = scene.material.small_strain
+        self._largest_inside_out = INSIDE_OUT * scene.prediction["a"] / scene.scales.length
+        self._deepest = deepest_inside(scene.indenter)
+        if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
+            self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
 
     @property
     def iterations(self) -> int:
@@ -84,8 +90,12 @@ class Enforcement:
         """Why a body cannot have the present state; "" when it can."""
         if not self.problem.is_admissible():
             return "Newton ends in a state with J <= 0, or beyond the law's limit"
-        if self.problem.scene.gap == "current" and observe.penetration(self.problem) > self._deepest_inside:
+        if self.problem.scene.gap == "reference":
+            return ""
+        if observe.penetration(self.problem) > self._deepest:
             return "Newton ends where the tip has passed through the surface"
+        if self._is_linear and self.problem.inside_out() > self._largest_inside_out:
+            return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
         return ""
 
     def refuse_unused_options(self) -> None:

@@ -17,6 +17,7 @@ STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn c
 START = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
 CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
+BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 
 
@@ -110,8 +111,10 @@ class Newton:
         start = self.problem.x.copy()
         guess = self.problem.x.copy()
         self.problem.begin_solve()
-        with options.blamed(self._user_options):
-            self.snes.solve(None, guess)
+        if not self._runs(guess):
+            self.problem.set_solution(start)
+            self.failure = "the linear solver failed"
+            return False
         self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
         reason = self.snes.getConvergedReason()
         if self._halved and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
@@ -124,6 +127,18 @@ class Newton:
         if converged:
             self._largest_reaction = max(self._largest_reaction, self._reaction)
         return converged
+
+    def _runs(self, guess: PETSc.Vec) -> bool:
+        """Let SNES go to its end; False where the factorisation itself breaks down, as it may on a wild iterate."""
+        try:
+            with options.blamed(self._user_options):
+                self.snes.solve(None, guess)
+        except PETSc.Error as error:
+            if error.ierr != BROKEN_LIBRARY:
+                raise
+            self.snes = self._create(symmetric=False)  # the old one keeps what is left of the factors
+            return False
+        return True
 
     def _solve_from_softer_contact(self) -> bool:
         """A stiffness that is too much for Newton is within reach from the solution for a tenth of it, and so on."""

@@ -260,6 +260,15 @@ class Problem(Body):
         """
         return self.scene.material.small_strain or bool(np.isfinite(self._sum(self._energy)))
 
+    @cached_property
+    def _inside_out(self) -> Any:
+        inverted = ufl.conditional(ufl.lt(self._volume_ratio, 0.0), 1.0, 0.0)
+        return fem.form(inverted * ufl.dx(self.mesh, metadata={"quadrature_degree": 2 * self.scene.sizes.order}))
+
+    def inside_out(self) -> float:
+        """Size [length] of the region in which J < 0: the dim-th root of its measure (collective)."""
+        return float(self._sum(self._inside_out) ** (1 / self.body_mesh.dim))
+
     # ---- measurements ---------------------------------------------------------------------------------------
 
     def _sum(self, form: Any) -> float:
