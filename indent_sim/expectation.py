@@ -25,6 +25,7 @@ MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the d
 DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
 SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
+SEVERAL = 0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
 ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
@@ -171,12 +172,18 @@ def _carried(theory: Oracle | None, material: Material, delta: float, a: float, 
     return s**1.5, delta * np.maximum(4 / (3 * pi) * material.E_star / a * np.sqrt(s), confined)
 
 
-def stated_error(contact: ContactLaw, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
+def stated_error(contact: ContactLaw, gap: str, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
                  a: float) -> float:  # fmt: skip
     """The relative error of the force at a depth that the program warns of; 0 when it knows of none."""
     if delta <= 0:
         return 0.0
-    return penalty_loss(contact, material, theory, delta, a) + sizes.force_doubt(a, material.constants[1])
+    several = SEVERAL if has_several_equilibria(contact, gap) else 0.0
+    return several + penalty_loss(contact, material, theory, delta, a) + sizes.force_doubt(a, material.constants[1])
+
+
+def has_several_equilibria(contact: ContactLaw, gap: str) -> bool:
+    """Whether more than one set of nodes in contact may be in equilibrium: nodal pressures on a deformed surface."""
+    return gap == "current" and contact.multiplier == "nodal"
 
 
 def shallow_doubts(sizes: Sizes, material: Material, deltas: Sequence[float], radius: Callable[[float], float]
@@ -195,10 +202,13 @@ def shallow_doubts(sizes: Sizes, material: Material, deltas: Sequence[float], ra
     ]
 
 
-def contact_warnings(contact: ContactLaw, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
-                     a: float) -> list[str]:  # fmt: skip
-    """What a stiffness given in the config does to the answer at the deepest contact."""
+def contact_warnings(contact: ContactLaw, gap: str, material: Material, sizes: Sizes, theory: Oracle | None,
+                     delta: float, a: float) -> list[str]:  # fmt: skip
+    """What the contact method, and a stiffness given in the config, do to the answer at the deepest contact."""
     doubts, sinking = [], penalty_loss(contact, material, theory, delta, a)
+    if has_several_equilibria(contact, gap):
+        doubts.append(f"{contact.method} with gap: current: several sets of nodes may be in equilibrium, which one is "
+                      f"found depends on the steps, and their forces differ by {in_words(SEVERAL)}")  # fmt: skip
     if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * material.E_star / sizes.h_contact:
         doubts.append("a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
     if sinking >= TELLING:

@@ -107,7 +107,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
         choices=(*choices.model(given), formulation_choice, gap_choice, law_choice, *tip_choice, *wall_choice,
                  *choices.mesh(config, given, sizes, fineness), solver),
         warnings=_warnings(given, law, gap, formulation, sizes),
-        prediction=_prediction(given, law, sizes, cost.with_error_bars if fineness else cost),
+        prediction=_prediction(given, law, gap, sizes, cost.with_error_bars if fineness else cost),
     )  # fmt: skip
 
 
@@ -152,18 +152,18 @@ def _warnings(given: Premises, law: ContactLaw, gap: str, formulation: str, size
     return (
         *warnings_of(body, material, given.tip, given.center, deepest, a, theory, formulation),
         *tip_warnings(given.tip, gap, deepest, a),
-        *contact_warnings(law, material, sizes, theory, deepest, a),
+        *contact_warnings(law, gap, material, sizes, theory, deepest, a),
         *(sizes.doubts(a, material.constants[1], law.method == "penalty") if deepest > 0 else ()),
         *shallow_doubts(sizes, material, given.deltas, given.radius),
     )
 
 
-def _prediction(given: Premises, law: ContactLaw, sizes: Sizes, cost: Cost) -> dict[str, float]:
+def _prediction(given: Premises, law: ContactLaw, gap: str, sizes: Sizes, cost: Cost) -> dict[str, float]:
     """What to expect of the results and of the run, in the user's units."""
     material, theory, last = given.material, given.theory, given.deltas[-1]
     expected = prediction_of(given.path, theory, given.tip, material, given.deepest, given.a, given.scales)
     truncation = {"truncation_error": given.truncation.error} if given.truncation else {}
-    error = stated_error(law, material, sizes, theory, last, given.radius(last))
+    error = stated_error(law, gap, material, sizes, theory, last, given.radius(last))
     effort = {"cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
               "seconds": float(f"{cost.seconds:.2g}")}  # fmt: skip
     return expected | truncation | {"force_error": error} | effort
