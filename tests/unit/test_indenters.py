@@ -95,6 +95,43 @@ def test_current_gap_vanishes_on_the_tip_and_is_a_length(tip: Indenter) -> None:
     assert np.all(np.asarray(tip.gap_current(x, y, z + 1e-3)) < 0)
 
 
+DEPTHS = np.linspace(-1.0, 8.0, 1801)
+
+
+@pytest.mark.parametrize("name", TIPS.keys() - {"sphere"})
+def test_the_gap_falls_with_the_depth(name: str) -> None:
+    """Wherever a point is, however deep the tip: what it has passed does not come free again. To rounding."""
+    gap = TIPS[name].gap_current(*(c[:, None] for c in 3 * POINTS), DEPTHS)
+    assert np.all(np.isfinite(gap)) and np.diff(gap).max() < 1e-12
+
+
+@pytest.mark.parametrize("edge", [1e-6, 0.3, 0.999999])
+def test_the_gap_of_a_punch_does_not_jump(edge: float) -> None:
+    """From under the flat to beside the wall, at any depth: it falls by the depth over half the edge, smoothly."""
+    r = np.concatenate([np.linspace(0, 1 - edge, 50), np.linspace(1 - edge, 1, 2000), np.linspace(1, 3, 50)])
+    for depth in (0.5 * edge, edge, 2 * edge, 1.0, 5.0):
+        gap = np.asarray(FlatPunch(1.0, edge).gap_current(r, 0.0, depth))
+        assert gap[0] == approx(-depth) and gap[-1] == approx(np.hypot(2.0 + edge, max(edge - depth, 0)) - edge)
+        steepest = 1 + 5 * depth / edge  # 2 in the mean
+        assert np.all(np.abs(np.diff(gap)) <= steepest * np.diff(r) + 1e-12)
+
+
+def test_a_ball_is_whole_but_for_its_stem() -> None:
+    """The distance to the ball outside the stem's cone; on the axis falling with the depth, through the centre too."""
+    ball, angle = Sphere(1.3), np.radians(np.linspace(31, 180, 50))
+    for distance in (0.7, 1.3, 2.0):
+        gap = ball.gap_current(distance * np.sin(angle), 0.0, 1.3 + distance * np.cos(angle))
+        assert gap == approx(distance - 1.3, abs=1e-12)
+    assert np.diff(ball.gap_current(0.0, 0.0, DEPTHS)) == approx(-np.diff(DEPTHS), rel=1e-4)  # the root's floor
+
+
+@pytest.mark.parametrize("name", ["sphere", "punch", "profile"])
+def test_the_end_of_a_tip_is_out_of_reach(name: str) -> None:
+    """Of one of a micrometre in a body of a metre too."""
+    small = {"sphere": Sphere(1e-6), "punch": FlatPunch(1e-6), "profile": Profile(((0.0, 0.0), (1e-6, 1e-6)))}[name]
+    assert small.height(2e-6, 0.0) > 1e6
+
+
 @pytest.mark.parametrize("name", ["sphere", "cone", "flat_punch", "pyramid", "triangle"])
 def test_current_gap_is_the_distance_to_the_surface(name: str) -> None:
     """Against the nearest of many points of the surface: their spacing of 0.004 makes 0.004^2/(8 distance) at most."""

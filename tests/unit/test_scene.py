@@ -75,6 +75,46 @@ class TestMesh:
         assert len(out.warnings) == 1
 
 
+class TestStrain:
+    """0.05 of characteristic strain is a ball at a = R/4, whose force differs by some per cent between the strains."""
+
+    def said(self, delta: float = 0.02, material: str = "linear_elastic", gap: str = "auto", **tip: Any) -> str:
+        linear = {"model": material, "E": 5.0, "nu": 0.3}
+        given = {"indenter": tip, "material": linear, "contact": {"method": "auto", "gap": gap}}
+        return " ".join(scene(loading={"delta": delta, "steps": 1}, **given).warnings)
+
+    @pytest.mark.parametrize(
+        ("sharp", "blunt"),
+        [({"shape": "cone", "half_angle": 75}, {"shape": "cone", "half_angle": 77}),
+         ({"shape": "pyramid", "half_angle": 74}, {"shape": "pyramid", "half_angle": 76}),
+         ({"shape": "profile", "points": [[0, 0], [1, 0.26]]}, {"shape": "profile", "points": [[0, 0], [1, 0.24]]}),
+         ({"shape": "sphere", "R": 0.2}, {"shape": "sphere", "R": 0.5}),
+         ({"shape": "flat_punch", "radius": 0.11}, {"shape": "flat_punch", "radius": 0.13})],
+        ids=["cone", "pyramid", "profile", "sphere", "flat_punch"],
+    )  # fmt: skip
+    def test_small_strain_ends_with_the_slope_at_the_edge_of_contact(self, sharp, blunt):
+        """cot 76 degrees = 0.25, pyramids a tenth flatter than their faces; a punch at a sixth of its radius."""
+        assert "small strain" in self.said(**sharp)
+        assert "small strain" not in self.said(**blunt)
+        assert "small strain" not in self.said(material="neo_hookean", **sharp)
+
+    def test_a_cone_has_the_same_strain_at_every_depth(self):
+        assert all("= 0.073" in self.said(delta, shape="cone", half_angle=70) for delta in (1e-4, 1e-2))
+
+    @pytest.mark.parametrize("gap", ["reference", "current"])
+    def test_a_tip_that_ends_inside_the_contact_says_so(self, gap):
+        for tip in ({"shape": "sphere", "R": 0.1}, {"shape": "profile", "points": [[0, 0], [0.1, 0.05]]}):
+            assert "deeper than the" not in self.said(0.01, gap=gap, **tip)
+            assert "deeper than the" in self.said(0.11, gap=gap, **tip)
+
+    def test_several_equilibria_are_stated(self):
+        method = {"method": "active_set", "gap": "current"}
+        several = scene(contact=method, material={"model": "neo_hookean", "E": 5.0, "nu": 0.3})
+        assert "several sets of nodes" in " ".join(several.warnings)
+        assert several.prediction["force_error"] == pytest.approx(0.002)
+        assert scene(contact=method | {"gap": "reference"}).prediction["force_error"] == 0
+
+
 @pytest.mark.parametrize("kinematics", BODIES)
 def test_kinematics_and_strain_are_two_choices(kinematics):
     why = {choice.key: choice for choice in scene(kinematics).choices}
