@@ -230,7 +230,8 @@ def _leading(points: list[Point], delta: float) -> list[Point]:
     for before, after in zip(points[-2::-1], points[:0:-1], strict=True):
         behind = after.delta - before.delta
         leads = behind != 0 and -1 < step / behind <= 2  # between the two, or not far out
-        if not leads or len(leading) == most:
+        been_there = any(point.delta == before.delta for point in leading)
+        if not leads or been_there or len(leading) == most:
             break
         leading = [before, *leading]
     return leading

@@ -62,6 +62,13 @@ def test_release_and_contact_again(name: str, solver: str) -> None:
     assert [out.force, at_zero.force] == pytest.approx([0.0, 0.0], abs=1e-20)
 
 
+def test_back_and_forth_in_small_steps() -> None:
+    """To a depth, a little back, there again, and between: the two equal depths do not predict a third."""
+    down, _, again, between = walk("augmented_lagrangian", "newton", [0.01, 0.0098, 0.01, 0.0099], h=0.03)
+    assert again.force == pytest.approx(down.force, rel=1e-8)
+    assert 0 < between.force < down.force
+
+
 @every_method
 def test_a_punch_back_where_it_began(name: str, solver: str) -> None:
     """Where every point of the surface is at the kink of the bracket: no force, to 1e-17 of the one before, found
