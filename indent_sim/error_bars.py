@@ -20,6 +20,7 @@ from indent_sim.accuracy import BLUNT, EASING, RATE, STEEPEST, fading
 from indent_sim.corners import POWER
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.scene import Scene
+from indent_sim.sizing import Sizes
 from indent_sim.state import State
 
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
@@ -137,6 +138,7 @@ class ErrorBars:
         self._truncation = scene.prediction.get("truncation_error", 0.0)
         self._sizes, self._scales = scene.sizes, scene.scales
         self._is_nitsche = isinstance(scene.contact, Nitsche)
+        self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
         self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
         self._finds_depths = scene.path.control == "force"
         self._dim, self._creases = scene.kinematics.dim, scene.indenter.creases()
@@ -225,9 +227,9 @@ class ErrorBars:
 
     def _differences(self, fine: Curve, coarse: Curve, state: State) -> list[float]:
         """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
-        F, step = abs(state.force), state.step
+        F, step, error = abs(state.force), state.step, self._error(state.a)
         beside = [
-            _difference(fine, coarse, k) * F / abs(fine[k].force) * self._error(state.a) / self._error(fine[k].a)
+            _difference(fine, coarse, k) * F / abs(fine[k].force) * min(error / self._error(fine[k].a), 1.0)
             for k in (step - 1, step + 1)
             if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
         ]
@@ -235,7 +237,7 @@ class ErrorBars:
 
     def _error(self, a: float, ratio: float = 1.0) -> float:
         """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
-        n, slow = self._elements(a) / ratio, self._slow_rate(a)
+        n, slow = self._elements(a, self._uncornered) / ratio, self._slow_rate(a)
         return n**-slow if slow and n > 0 else fading(n, self._sizes.order)
 
     def _slow_rate(self, a: float) -> float | None:
@@ -251,10 +253,10 @@ class ErrorBars:
         r = a / self._scales.length
         return any(0 < at <= r and width < self._sizes.at(np.array(at), np.array(0.0)) for at, width in self._creases)
 
-    def _elements(self, a: float) -> float:
+    def _elements(self, a: float, sizes: Sizes | None = None) -> float:
         """Elements in a contact radius."""
         r = np.array(a / self._scales.length)
-        return float(r / self._sizes.at(r, np.zeros(())))
+        return float(r / (sizes or self._sizes).at(r, np.zeros(())))
 
     def _from_theory(self, state: State) -> float:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""

@@ -53,7 +53,7 @@ ROOMS: dict[str, set[str]] = {
         *("premises", "reduction", "sizing", "state"),
     },
     "resolved": {"config", "scene", "sizing"},
-    "error_bars": {"accuracy", "corners", "model", "scene", "state"},
+    "error_bars": {"accuracy", "corners", "model", "scene", "sizing", "state"},
     "refinement": {"accuracy", "config", "error_bars", "scene", "state"},
     "geometry": {"model", "scene", "sizing"},
     "fe": {"costing", "geometry", "model", "scene", "state"},

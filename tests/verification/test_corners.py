@@ -17,7 +17,7 @@ from indent_sim.theory import layer, plane_strain
 from indent_sim.theory.solution import Solution
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
-SHARP, EDGE = 1e-3, 1e-6  # graded elements at corners (of the height, or of the gap beside the contact) and at a
+SHARP, EDGE = 1e-3, 1e-5  # graded elements at corners (of the height, or of the gap beside the contact) and at a
 # punch's edge: a corner then costs 1e-5 of the force, an edge less than 1e-4 where it nearly touches a wall
 TARGETS = (0.05, 0.01, 0.001)
 SEED = 12
