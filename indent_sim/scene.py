@@ -164,7 +164,7 @@ def _warnings(given: Premises, law: ContactLaw, gap: str, formulation: str, size
         *warnings_of(body, material, given.tip, given.center, deepest, a, theory, formulation),
         *tip_warnings(given.tip, gap, deepest, a),
         *contact_warnings(law, gap, material, sizes, theory, deepest, a),
-        *(sizes.doubts(a, material.constants[1], law.method == "penalty") if deepest > 0 else ()),
+        *(sizes.doubts(a, material.constants[1]) if deepest > 0 else ()),
         *shallow_doubts(sizes, material, given.deltas, given.radius),
     )
 

@@ -158,13 +158,6 @@ def penetration(body: Observed) -> float:
     return body.comm.allreduce(float((-gap).max(initial=0.0)), op=MPI.MAX)
 
 
-def penetration(body: Observed) -> float:
-    """The largest <-g> at the contact quadrature points and the nodes [length]."""
-    points = np.vstack([quadrature_points(body.trace.dim), body.trace.node_points()])
-    u = body.trace.values(body.nodal_displacement(), points)
-    gap = _gap(body, body.trace.positions(points), u)
-    return body.comm.allreduce(float((-gap).max(initial=0.0)), op=MPI.MAX)
-
 
 def _region(body: Observed, x: np.ndarray, p_hat: np.ndarray, simplices: np.ndarray) -> float:
     """Area (length in plane strain) of this rank's region with p_hat > 0."""
