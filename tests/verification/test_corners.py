@@ -206,12 +206,12 @@ def test_graded_meshes_converge_at_bonded_corners() -> None:
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("target", TARGETS)
-def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
-    """Twenty of sixty scenes for each target, against finer graded meshes or exact theory. The target holds without
+def test_scenes_drawn_at_random(tmp_path: Path) -> None:
+    """Sixty scenes, by turns at three targets, against finer graded meshes or exact theory. The target holds without
     exception; a bar that is wrong once in twenty is what 95 % means."""
     runs = []
-    for i, case in enumerate(drawn(60, SEED)[TARGETS.index(target) :: 3]):
+    for i, case in enumerate(drawn(60, SEED)):
+        target = TARGETS[i % 3]
         runs.append(found := judged(case.mapping(), target, tmp_path / str(i)))
         print(f"{target:g}  worst error {found.true.max():.1e}  worst bar {found.bar.max():.1e}  "
               f"{'' if found.inside.all() else 'OUTSIDE  '}{case}", flush=True)  # fmt: skip
@@ -219,5 +219,5 @@ def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
     rows, scenes = (float(np.mean(inside)) for inside in (np.concatenate([run_.inside for run_ in runs]),
                                                           [run_.inside.all() for run_ in runs]))  # fmt: skip
     over = float(np.median(np.concatenate([run_.bar / run_.true for run_ in runs])))
-    print(f"{target:g}: rows inside {rows:.3f}, scenes inside {scenes:.3f}, bar over error {over:.2f}", flush=True)
+    print(f"rows inside {rows:.3f}, scenes inside {scenes:.3f}, bar over error {over:.2f}", flush=True)
     assert rows >= 0.95 and scenes >= 0.95 and over <= 5
