@@ -18,7 +18,7 @@ import numpy as np
 
 from indent_sim.accuracy import BLUNT, EASING, RATE, STEEPEST, fading
 from indent_sim.corners import POWER
-from indent_sim.model.contact import Penalty
+from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.scene import Scene
 from indent_sim.sizing import Sizes
 from indent_sim.state import State
@@ -28,14 +28,17 @@ SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in t
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
+TELLTALE = 4.0  # elements in the contact radius that a second companion needs to know a radius and a pressure
+KINK = 1.8  # how the force converges where a tip's corner lies in an element, measured
+NITSCHE_AT_EDGE = 1.2  # and with Nitsche's method under a sharp edge, whose pressure no body's stress has, measured
 READING = 0.05  # of the element where the contact ends: so well is its radius read off
 FORCELESS = 1e-6  # of the largest force: a step with less has none that an accuracy could be asked of
 
 
 @dataclass(frozen=True)
 class Trend:
-    """How the error of a number falls with the elements in the contact radius, as n^-rate, and the safety of what a run
-    and its finest companion say of it: a coarser one only knows that few elements find no pressure."""
+    """How the error of a number falls with the elements in the contact radius, as n^-rate, and the safety of what two
+    meshes say of it."""
 
     rate: float
     safety: float
@@ -46,7 +49,7 @@ class Trend:
 
 
 # Measured like those of the force, on 260 random layers between frictionless walls at sizes of all kinds
-RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 1.5)
+RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 1.8)
 
 Curve = dict[int, State]
 
@@ -134,10 +137,11 @@ class ErrorBars:
         self.companions = companions
         self._truncation = scene.prediction.get("truncation_error", 0.0)
         self._sizes, self._scales = scene.sizes, scene.scales
+        self._is_nitsche = isinstance(scene.contact, Nitsche)
         self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
         self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
         self._finds_depths = scene.path.control == "force"
-        self._dim = scene.kinematics.dim
+        self._dim, self._creases = scene.kinematics.dim, scene.indenter.creases()
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
         beside = companions[0].scene or scene
@@ -189,10 +193,15 @@ class ErrorBars:
 
     def _said(self, state: State, name: str, trend: Trend) -> float:
         """What two meshes say of a number of this step, or of the steps beside it in proportion; the worst counts."""
-        n, ratio = self._elements(state.a), self.companions[0].ratio
-        share = max(trend.fading(n / ratio) / trend.fading(n) - 1, LEAST_GAIN)
-        found = _spread(self._run, self._coarser[0], state, name)
-        return trend.safety / share * (float("nan") if any(map(isnan, found)) else max(found))
+        n = self._elements(state.a)
+        curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
+        errors = [trend.fading(n / ratio) for ratio in ratios]
+        said = []
+        for k, (fine, coarse) in enumerate(pairwise(curves)):
+            share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
+            if k == 0 or n >= TELLTALE * ratios[k + 1]:
+                said += [trend.safety / share * found for found in _spread(fine, coarse, state, name)]
+        return float("nan") if any(map(isnan, said)) else max(said)
 
     def _soft_difference(self, step: int, name: str) -> float:
         """What a penalty takes from a number, which is as linear in 1/epsilon_n."""
@@ -228,8 +237,21 @@ class ErrorBars:
 
     def _error(self, a: float, ratio: float = 1.0) -> float:
         """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
-        n = self._elements(a, self._uncornered) / ratio
-        return n**-POWER if self._sizes.ruled_by_corners and n > 0 else fading(n, self._sizes.order)
+        n, slow = self._elements(a, self._uncornered) / ratio, self._slow_rate(a)
+        return n**-slow if slow and n > 0 else fading(n, self._sizes.order)
+
+    def _slow_rate(self, a: float) -> float | None:
+        """The rate at which the force converges where not the elements in the contact radius rule it; None: they do."""
+        if self._sizes.ruled_by_corners:
+            return POWER
+        if self._sizes.edge is not None:
+            return NITSCHE_AT_EDGE if self._is_nitsche else None
+        return KINK if self._is_kinked(a) else None
+
+    def _is_kinked(self, a: float) -> bool:
+        """Whether the pressure is infinite at a corner of the tip somewhere within the contact, inside an element."""
+        r = a / self._scales.length
+        return any(0 < at <= r and width < self._sizes.at(np.array(at), np.array(0.0)) for at, width in self._creases)
 
     def _elements(self, a: float, sizes: Sizes | None = None) -> float:
         """Elements in a contact radius."""

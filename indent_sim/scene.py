@@ -155,7 +155,7 @@ def _warnings(given: Premises, law: ContactLaw, formulation: str, sizes: Sizes) 
     return (
         *warnings_of(body, material, given.tip, given.center, deepest, a, theory, formulation),
         *contact_warnings(law, material, sizes, theory, deepest, a),
-        *(sizes.doubts(a, material.constants[1], law.method == "penalty") if deepest > 0 else ()),
+        *(sizes.doubts(a, material.constants[1]) if deepest > 0 else ()),
         *shallow_doubts(sizes, material, given.deltas, given.radius),
     )
 

@@ -104,13 +104,11 @@ class Sizes:
             return float(max(blunt, LINEAR if linear else 0.0))
         return float(linear) if linear else 0.0 if self.is_enough(a) else 0.07 / n**2
 
-    def doubts(self, a: float, nu: float, penalty: bool) -> list[str]:
+    def doubts(self, a: float, nu: float) -> list[str]:
         """What too few elements in the expected contact radius a will do to the results, in words.
 
         Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: the force is wrong by up to
-        25/n % with linear elements (too high); a by 3 % with quadratic and 8 % with linear elements, with penalty and
-        quadratic elements by 20 %. Penalty with linear elements finds an a that is too small: by 60 % (n = 1),
-        22 to 39 % (5), 12 to 25 % (10), 3 to 7 % (20).
+        25/n % with linear elements (too high); a by 5 % with quadratic and 11 % with linear elements.
         """
         likely, doubts = self.force_doubt(a, nu), []
         if self.corner_error >= TELLING:
@@ -126,7 +124,7 @@ class Sizes:
                 )
             return doubts
         if not self.is_enough(a):
-            of_a = 20 if penalty else {1: 8, 2: 3}[self.order]
+            of_a = {1: 11, 2: 5}[self.order]
             doubts.append(
                 f"only {a / self.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
                 f"{in_words(likely)}, a by up to {of_a} %; give h_contact at most {1 / ENOUGH[self.order]:.2g} of the "
@@ -134,11 +132,6 @@ class Sizes:
             )
         elif self.order == 1:
             doubts.append(f"linear elements: the force may be too high by {in_words(likely)}; order: 2 costs no more")
-        if penalty and self.order == 1:
-            doubts.append(
-                "penalty with linear elements underestimates a, here by up to "
-                f"{min(60, 250 * self.h_contact / a):.0f} %; use order: 2 or another contact method"
-            )
         return doubts
 
 

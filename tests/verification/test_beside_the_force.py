@@ -83,26 +83,27 @@ def table(runs: list[dict[str, Judged]]) -> dict[str, Judged]:
     return found
 
 
-SIZES: dict[str, dict[str, Any]] = {
-    "automatic": {},
-    "0.05": {"accuracy": 0.05},
-    "0.01": {"accuracy": 0.01},
-    "0.001": {"accuracy": 0.001},
-    "penalty": {"accuracy": 0.01, "contact": {"method": "penalty"}},
-    "uzawa": {"contact": {"method": "uzawa"}},
-    "active set": {"contact": {"method": "active_set"}},
+GROUPS: dict[str, list[dict[str, Any]]] = {
+    "sizes": [{}, {"accuracy": 0.05}, {"accuracy": 0.01}, {"accuracy": 0.001}],
+    "methods": [{"accuracy": 0.01, "contact": {"method": method}} for method in ("penalty", "uzawa", "active_set")],
 }
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("name", SIZES)
-def test_bars_hold_what_stands_beside_the_force(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("group", GROUPS)
+def test_bars_hold_what_stands_beside_the_force(group: str, tmp_path: Path) -> None:
     """Random scenes, none of which chose a constant: 95 % of the rows, and bars five times as wide as the error at
-    most, in the median."""
-    runs = [judged(case, tmp_path / str(i), **SIZES[name]) for i, case in enumerate(drawn(40, seed=12))]
+    most, in the median. Of some hundred rows of other methods, by threes and fours of one mesh, 95 % is uncertain by 2,
+    and where a penalty takes more than the mesh both are added."""
+    runs = []
+    for sections in GROUPS[group]:
+        print(sections)
+        runs += [judged(case, tmp_path / f"{len(runs)}-{i}", **sections) for i, case in enumerate(drawn(20, seed=12))]
+        table(runs[-20:])
+    print("all")
     for rows in table(runs).values():
-        assert rows.held >= 0.95
-        assert rows.width <= 5
+        assert rows.held >= (0.95 if group == "sizes" else 0.93)
+        assert rows.width <= (5 if group == "sizes" else 6)
 
 
 FEW = [Case("paraboloid", 0.1, 0.3), Case("sphere", 1.0, 0.4999, steps=3)]
