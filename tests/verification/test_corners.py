@@ -19,6 +19,7 @@ from indent_sim.theory.solution import Solution
 QUIET = {"fields": "none", "surface": "none", "plot": False}
 SHARP, EDGE = 1e-3, 1e-5  # graded elements at corners (of the height, or of the gap beside the contact) and at a
 # punch's edge: a corner then costs 1e-5 of the force, an edge less than 1e-4 where it nearly touches a wall
+KNOWN = 2e-5  # of the force, what graded meshes know
 TARGETS = (0.05, 0.01, 0.001)
 SEED = 12
 WALLS = {"one": ("fixed", "free")}  # the two sides of a strip, where they differ
@@ -90,8 +91,8 @@ def tips_of(module: Any) -> Any:
 def drawn(count: int, seed: int) -> list[Case]:
     """Scenes drawn at random, a third of them with a contact within 5 % of a side.
 
-    Where a smooth tip is pressed down onto the end of a fixed wall, the force has no bound and no mesh has it: in narrow
-    bodies, which are squeezed more than the theory of a roller wall says, contact stays away from one.
+    Where a smooth tip is pressed down onto the end of a fixed wall, the force has no bound and no mesh has it: in
+    narrow bodies, which are squeezed more than the theory of a roller wall says, contact stays away from one.
     """
     draw = np.random.default_rng(seed)
     found = []
@@ -143,8 +144,8 @@ class Judged:
 
     @property
     def inside(self) -> np.ndarray:
-        """Whether each bar holds its row's error."""
-        return self.true <= self.bar
+        """Whether each bar holds its row's error, as far as that is known."""
+        return self.true <= self.bar + KNOWN
 
 
 def judged(mapping: dict[str, Any], target: float, folder: Path, exact: np.ndarray | None = None) -> Judged:
