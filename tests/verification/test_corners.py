@@ -91,8 +91,8 @@ def tips_of(module: Any) -> Any:
 def drawn(count: int, seed: int) -> list[Case]:
     """Scenes drawn at random, a third of them with a contact within 5 % of a side.
 
-    Where a smooth tip is pressed down onto the end of a fixed wall, the force has no bound and no mesh has it: in
-    narrow bodies, which are squeezed more than the theory of a roller wall says, contact stays away from one.
+    Where a smooth tip is pressed down onto the end of a fixed wall, the force has no bound and no mesh has it
+    (exit code 6): contact stays away from one, the more in narrow bodies, which are squeezed more than theory says.
     """
     draw = np.random.default_rng(seed)
     found = []
@@ -104,9 +104,9 @@ def drawn(count: int, seed: int) -> list[Case]:
         tip = str(draw.choice(["paraboloid", "sphere", "cone", "flat_punch"], p=[0.3, 0.15, 0.15, 0.4]))
         wide = float(np.exp(draw.uniform(np.log(0.5), np.log(5.0))))
         reach = round(float(draw.uniform(0.95, 0.99) if near else draw.uniform(0.2, 0.95)), 4)
-        is_squeezed = sides in ("fixed", "one") and wide < 1 and tip != "flat_punch"
+        most = 1.0 if sides in ("roller", "free") or tip == "flat_punch" else 0.8 if wide < 1 else 0.9
         found.append(Case(
-            tip=tip, wide=wide, reach=min(reach, 0.8) if is_squeezed else reach,
+            tip=tip, wide=wide, reach=min(reach, most),
             nu=float(draw.choice([0.3, 0.45, 0.49, 0.4999])), sides=sides, shape=shape,
             base="fixed" if sides != "roller" or draw.random() < 0.7 else "roller", steps=int(draw.integers(1, 4)),
         ))  # fmt: skip
