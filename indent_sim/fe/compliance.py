@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from indent_sim.errors import NotConverged
 from indent_sim.fe.body import Body
 from indent_sim.fe.surface import Trace
 
@@ -57,9 +58,16 @@ class Condenser:
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
         self._pc.setUp()
+        self._refuse_singular()
         self._owned_nodes, self._owned_rows, self._rows = self._number_surface_nodes()
         self._surface = self._whole_surface()
         self._last: Compliance | None = None
+
+    def _refuse_singular(self) -> None:
+        """NotConverged where the factorisation failed; MUMPS keeps that to itself, and crashes at the first solve."""
+        if failure := self._pc.getFactorMatrix().getMumpsInfog(1):
+            why = "is singular to working precision" if failure == -10 else f"was not factored (MUMPS: {failure})"
+            raise NotConverged(f"the body's matrix {why}; with larger elements where they are smallest it may be")
 
     def _all_pins(self) -> list[int]:
         """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
