@@ -69,7 +69,7 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
     row |= {"newton_iterations": int(found["newton_iterations"].sum()) if len(found) else None} | _costs(report)
     if row["status"] != "done":  # numbers of a lesser depth are no answer
         return row
-    row |= {name: float(found[name][-1]) for name in ("force", "a", "p_max", "penetration")} | _said(found)
+    row |= {name: _known(found[name][-1]) for name in ("force", "a", "p_max", "penetration")} | _said(found)
     return row | (_errors(found, answer) if answer else {})
 
 
@@ -124,13 +124,18 @@ def _errors(found: Results, answer: Answer) -> Row:
     }
 
 
+def _known(value: float) -> float | None:
+    """A number of the table; None for one that there is none of."""
+    return float(value) if math.isfinite(value) else None
+
+
 def _part(force: float, largest: float) -> float:
     """A force that should be zero, as a part of the largest of its path."""
     return float(force / largest) if largest else 0.0
 
 
 def _relative(value: float, reference: float) -> float | None:
-    return float(value / reference - 1) if math.isfinite(reference) and reference != 0 else None
+    return _known(value / reference - 1) if math.isfinite(reference) and reference != 0 else None
 
 
 def _cell(value: Any) -> str:

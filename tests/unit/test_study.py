@@ -406,6 +406,13 @@ class TestRuns:
         assert rows_of(tmp_path / "killed") == rows_of(tmp_path / "whole")
         assert len(rows_of(tmp_path / "whole")) == 2 * len(sizes)
 
+    def test_a_pressure_without_bound_has_an_empty_cell(self, written, tmp_path):
+        cone = METHODS.replace("[0.06, 0.05, 0.04]", "[0.06]") + "set: {indenter: {shape: cone, half_angle: 80}}\n"
+        study.carry_out(written(cone), output=tmp_path / "cone")
+        assert all(
+            (row["p_max"], row["p_error_vs"], row["status"]) == ("", "", "done") for row in rows_of(tmp_path / "cone")
+        )
+
     def test_sigterm_leaves_a_table_of_what_is_there(self, written, tmp_path):
         path = written(METHODS.replace("theory", "finest") + "set: {loading.steps: 20000}\n")
         with subprocess.Popen(
