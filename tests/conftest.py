@@ -42,8 +42,8 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pat
     """The folder of a scene's run that nothing disturbs; each scene is run once."""
     from mpi4py import MPI  # only the tests that run something load it
 
-    from indent_sim.config import load
-    from indent_sim.run import run
+    from indent_sim.config.file import load
+    from indent_sim.run.chain import simulate
 
     done: dict[str, Path] = {}
 
@@ -51,7 +51,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Pat
         if scene not in done:
             place = tmp_path_factory.mktemp("undisturbed")
             (place / "scene.yaml").write_text(scene)
-            run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out")
+            simulate(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out")
             done[scene] = place / "out"
         return done[scene]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from indent_sim import run
-from indent_sim.config import from_mapping
+from indent_sim.config.file import from_mapping
 from indent_sim.model.contact import Penalty
-from indent_sim.plausibility import contradiction
-from indent_sim.scene import Scene, resolve
-from indent_sim.state import State
+from indent_sim.model.state import State
+from indent_sim.run import chain
+from indent_sim.run.plausibility import contradiction
+from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "fixed", "sides": "free"}
 WALLED = CYLINDER | {"radius": 2.0, "sides": "roller"}  # a layer in a frictionless cylinder, W = 2
@@ -37,7 +37,7 @@ def with_penalty(base: Scene, epsilon_n: float) -> Scene:
 
 def solve(base: Scene) -> list[State]:
     """All states of a scene, every one converged, audited and possible, in the user's units."""
-    states = list(run.states(base))
+    states = list(chain.states(base))
     assert len(states) == len(base.deltas)
     largest = max(abs(state.force) for state in states)
     for k, state in enumerate(states):

@@ -240,4 +240,4 @@ def test_imports_are_found_wherever_they_stand() -> None:
     assert "indent_sim.fe.solver" in set(imports(PACKAGE / "simulation.py"))  # inside a function
     assert "mpi4py" in set(imports(PACKAGE / "run.py"))
     assert "indent_sim.theory.solution" in set(imports(PACKAGE / "theory" / "layer.py"))  # relative
-    assert "indent_sim.sizing" in set(imports(PACKAGE / "scene.py"))  # from indent_sim import sizing
+    assert "indent_sim.scene.sizing" in set(imports(PACKAGE / "scene.py"))  # from indent_sim import sizing

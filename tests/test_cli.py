@@ -16,17 +16,10 @@ import pytest
 from click.testing import CliRunner, Result
 from unit.test_malformed import MALFORMED
 
-from indent_sim import cli, doctor
-from indent_sim.errors import (
-    BackendError,
-    ConfigError,
-    MeshError,
-    NotConverged,
-    UsageError,
-    VerificationError,
-)
-from indent_sim.results import read
-from indent_sim.stopping import Stopped
+from indent_sim.cli import commands, doctor
+from indent_sim.process.errors import BackendError, ConfigError, MeshError, NotConverged, UsageError, VerificationError
+from indent_sim.process.signals import Stopped
+from indent_sim.results.reader import read
 
 SCENE = """\
 title: A coarse one
@@ -46,7 +39,7 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run a command in this process, in an empty directory that holds scene.yaml."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
-    return lambda *words: CliRunner().invoke(cli.program, [str(word) for word in words])
+    return lambda *words: CliRunner().invoke(commands.program, [str(word) for word in words])
 
 
 def left(folder: Path) -> set[str]:
@@ -55,7 +48,7 @@ def left(folder: Path) -> set[str]:
 
 
 def command(*words: str | Path) -> list[str]:
-    return [sys.executable, "-m", "indent_sim.cli", *map(str, words)]
+    return [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
 
 
 def environment() -> dict[str, str]:
@@ -84,7 +77,7 @@ def long_run(folder: Path, rows: int) -> Iterator[subprocess.Popen[str]]:
 class TestWithoutARun:
     def test_start_up_is_lean(self):
         heavy = "{'numpy', 'rich', 'mpi4py', 'pydantic', 'matplotlib', 'dolfinx'}"
-        script = f"import sys, indent_sim.cli; sys.exit(bool({heavy} & set(sys.modules)))"
+        script = f"import sys, indent_sim.cli.commands; sys.exit(bool({heavy} & set(sys.modules)))"
         assert subprocess.run([sys.executable, "-c", script], env=environment()).returncode == 0
 
     def test_help_names_every_command(self, indent_sim):
@@ -264,7 +257,7 @@ class TestJson:
         def fails(*args, **options):
             raise error
 
-        monkeypatch.setattr("indent_sim.run.run", fails)
+        monkeypatch.setattr("indent_sim.run.chain.simulate", fails)
         ended = indent_sim("run", "scene.yaml", "--json")
         told = json.loads(ended.stdout)
         assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, status)
@@ -303,7 +296,7 @@ class TestEndings:
         def fail(*args, **options):
             raise error
 
-        monkeypatch.setattr("indent_sim.run.run", fail)
+        monkeypatch.setattr("indent_sim.run.chain.simulate", fail)
         done = indent_sim("run", "scene.yaml")
         assert done.exit_code == code and done.stdout == "" and done.stderr
         assert ("Traceback" in done.stderr) == (code == 1)
@@ -318,7 +311,7 @@ class TestEndings:
             except BaseException as error:
                 raise ImportError("initialization failed") from error
 
-        monkeypatch.setattr("indent_sim.run.run", swallow)
+        monkeypatch.setattr("indent_sim.run.chain.simulate", swallow)
         assert indent_sim("run", "scene.yaml").exit_code == 143
 
     @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
@@ -432,7 +425,7 @@ with cli.together(comm):
 class TestRanks:
     def test_a_config_error_is_told_once_and_ends_all(self, mpirun, tmp_path):
         (tmp_path / "scene.yaml").write_text(SCENE.replace("R: 1.0", "r: 1.0"))
-        done = mpirun(3, "-m", "indent_sim.cli", "run", "scene.yaml")
+        done = mpirun(3, "-m", "indent_sim.cli.commands", "run", "scene.yaml")
         assert done.returncode == 3 and done.stderr.count("did you mean 'R'") == 1
         assert done.stdout == "" and left(tmp_path) == set()
 
@@ -446,7 +439,7 @@ class TestRanks:
 
     def test_the_folder_is_printed_once(self, mpirun, tmp_path):
         (tmp_path / "scene.yaml").write_text(SCENE)
-        done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml")
+        done = mpirun(2, "-m", "indent_sim.cli.commands", "run", "scene.yaml")
         assert done.returncode == 0 and done.stdout == "results/scene\n"
         assert done.stderr.count("step 1/3") == 1 and read(tmp_path / "results" / "scene").report["ranks"] == 2
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from indent_sim import simulation
-from indent_sim.config import load
-from indent_sim.errors import VerificationError
-from indent_sim.results import read
-from indent_sim.run import run
+from indent_sim.config.file import load
+from indent_sim.process.errors import VerificationError
+from indent_sim.results.reader import read
+from indent_sim.run import simulation
+from indent_sim.run.chain import simulate
 
 SCENE = """\
 body: {shape: cylinder, radius: 2.0, height: 3.0}
@@ -32,7 +32,7 @@ def scene(tmp_path: Path) -> Path:
 def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
     monkeypatch.setattr(simulation, "contradiction", lambda scene, state, earlier: "so to say" if earlier else None)
     with pytest.raises(VerificationError, match=r"step 2, at delta = 0.2, is a row that cannot be true: so to say"):
-        run(load(scene), directory=tmp_path / "out")
+        simulate(load(scene), directory=tmp_path / "out")
     found = read(tmp_path / "out")
     assert list(found["step"]) == [1] and (found.report["status"], found.report["exit_code"]) == ("failed", 6)
 
@@ -41,4 +41,4 @@ def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
 def test_a_contact_between_two_points_of_the_mesh(scene, tmp_path, method):
     with pytest.raises(VerificationError, match="finds no force"):
         overrides = ("loading={delta: 1.0e-6, steps: 1}", f"contact={{method: {method}, gap: reference}}")
-        run(load(scene, overrides), directory=tmp_path / "out")
+        simulate(load(scene, overrides), directory=tmp_path / "out")

@@ -39,7 +39,7 @@ def indent_sim(tmp_path_factory):
     }
 
     def start() -> subprocess.CompletedProcess[str]:
-        words = [sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml"]
+        words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml"]
         return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
     return start, folder / "cache" / "fenics"
@@ -179,7 +179,7 @@ class TestAnotherProgramsEntry:
 def test_twenty_cold_runs_at_once(tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
-    words = [sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output"]
+    words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output"]
     runs = [subprocess.Popen([*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
             for k in range(20)]  # fmt: skip
     told = [run.communicate(timeout=900)[1] for run in runs]

@@ -19,13 +19,13 @@ from conftest import MPI_ENVIRONMENT
 from test_cli import environment
 from test_resume import CONDENSED, HYPERELASTIC, same_numbers
 
-from indent_sim.config import load
-from indent_sim.results import Results, read
-from indent_sim.run import run
-from indent_sim.state import State
-from indent_sim.stopping import Stopped, stoppable
+from indent_sim.config.file import load
+from indent_sim.model.state import State
+from indent_sim.process.signals import Stopped, stoppable
+from indent_sim.results.reader import Results, read
+from indent_sim.run.chain import simulate
 
-RUN = (sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out")
+RUN = (sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out")
 SCENES = {"newton": HYPERELASTIC, "condensed": CONDENSED.replace("steps: 15", "steps: 60")}
 PATIENCE = 180  # s
 
@@ -85,7 +85,7 @@ class TestSignals:
 
         (tmp_path / "scene.yaml").write_text(CONDENSED)
         with pytest.raises(Stopped), stoppable():
-            run(load(tmp_path / "scene.yaml"), directory=tmp_path / "out", progress=hide)
+            simulate(load(tmp_path / "scene.yaml"), directory=tmp_path / "out", progress=hide)
         report = read(tmp_path / "out").report
         assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 1)
 

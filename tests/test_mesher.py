@@ -16,12 +16,14 @@ import numpy as np
 import pytest
 from test_cli import environment
 
-from indent_sim import geometry, run, usage
-from indent_sim.config import loads
-from indent_sim.errors import ConfigError, MeshError
-from indent_sim.forked import Crash, Forked
-from indent_sim.geometry import Grid
-from indent_sim.scene import Scene, resolve
+from indent_sim.config.file import loads
+from indent_sim.mesh import gmsh
+from indent_sim.mesh.grid import Grid
+from indent_sim.process import usage
+from indent_sim.process.errors import ConfigError, MeshError
+from indent_sim.process.forked import Crash, Forked
+from indent_sim.run import chain
+from indent_sim.scene.scene import Scene, resolve
 
 SCENE = """\
 body: {body}
@@ -62,13 +64,13 @@ def test_a_split_near_a_corner_is_meshed(kind):
     chance = random.Random(kind)
     for power in range(-13, -5):
         d, width = chance.uniform(1, 10) * 10.0**power, chance.choice([1.0, chance.uniform(0.3, 5)])
-        size = areas(geometry.build(near_a_corner(kind, d, width, chance.choice([0.1, 0.02]))))
+        size = areas(gmsh.build(near_a_corner(kind, d, width, chance.choice([0.1, 0.02]))))
         assert size.sum() == pytest.approx(width, rel=1e-9) and (size > 0).all()
 
 
 def test_a_dropped_split_does_not_change_the_force():
     """A punch 5e-9 narrower than the body presses like one as wide; the force grows with the radius, not faster."""
-    (wide,), (narrow,) = (run.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (0.0, 5e-9))
+    (wide,), (narrow,) = (chain.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (0.0, 5e-9))
     assert narrow.force == pytest.approx(wide.force, rel=1e-8)
 
 
@@ -261,16 +263,16 @@ class TestRun:
 
     def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
         scene = resolve(loads(SMALL))
-        expected = geometry.build(scene)
+        expected = gmsh.build(scene)
 
         def refuse() -> int:
             raise BlockingIOError("no room")
 
-        geometry._mesher.stop()
+        gmsh._mesher.stop()
         monkeypatch.setattr(os, "fork", refuse)
-        assert geometry.build(scene).hash == expected.hash
+        assert gmsh.build(scene).hash == expected.hash
 
     def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
-        geometry._mesher.stop()
+        gmsh._mesher.stop()
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert len(geometry.build(resolve(loads(SMALL))).cells) > 0 and not geometry._mesher.is_up
+        assert len(gmsh.build(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_up

@@ -16,7 +16,7 @@ import pytest
 from conftest import MPI_ENVIRONMENT, ROOT, Mpirun
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 
-from indent_sim.config import from_mapping, to_yaml
+from indent_sim.config.file import from_mapping, to_yaml
 
 # Round-off: sums in another order and another elimination order, seen through a matrix whose condition is below 1e6
 SAME = 1e-9
@@ -156,7 +156,7 @@ def test_files_are_written_once(mpirun: Mpirun, tmp_path: Path) -> None:
     """Two ranks leave the folder that one leaves, one row a step, and speak with one voice."""
     config = tmp_path / "scene.yaml"
     config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
-    finished = mpirun(2, "-m", "indent_sim.cli", "run", config, "--output", tmp_path / "two")
+    finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.split() == [str(tmp_path / "two")]
     rows = (tmp_path / "two" / "force_indentation.csv").read_text().splitlines()
@@ -171,7 +171,7 @@ def test_config_error_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path:
     """Exit 3 of every rank is exit 3 of mpirun; nothing hangs, nothing is made."""
     config = tmp_path / "scene.yaml"
     config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))).replace("R: 1.0", "r: 1.0"))
-    finished = mpirun(3, "-m", "indent_sim.cli", "run", config, "--output", tmp_path / "three")
+    finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "three")
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("did you mean 'R'") == 1
     assert "Traceback" not in finished.stderr
@@ -183,7 +183,7 @@ def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path)
     """Found only when the scene is resolved, on every rank at once."""
     config = tmp_path / "scene.yaml"
     config.write_text(to_yaml(from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}})))
-    finished = mpirun(2, "-m", "indent_sim.cli", "run", config, "--output", tmp_path / "two")
+    finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("beyond the body's thickness") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]

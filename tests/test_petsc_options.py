@@ -9,12 +9,14 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from indent_sim.config import from_mapping
-from indent_sim.errors import ConfigError, NotConverged
-from indent_sim.fe import condensed, condensed_path, enforce, options, path
-from indent_sim.fe.newton import Newton
+from indent_sim.config.file import from_mapping
+from indent_sim.fe.condensed import contact
+from indent_sim.fe.path import condensed_walk, walk
 from indent_sim.fe.problem import Problem
-from indent_sim.run import Outcome, run
+from indent_sim.fe.solve import linear, uzawa
+from indent_sim.fe.solve.newton import Newton
+from indent_sim.process.errors import ConfigError, NotConverged
+from indent_sim.run.chain import Outcome, simulate
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
@@ -32,7 +34,7 @@ FORCE = 1.6e-3
 def solved(folder: Path, petsc: dict[str, Any], **sections: Any) -> Outcome:
     """A run with these PETSc options."""
     config = from_mapping(SCENE | sections | {"solver": {"method": "newton", "petsc": petsc}})
-    return run(config, MPI.COMM_SELF, directory=folder / "out")
+    return simulate(config, MPI.COMM_SELF, directory=folder / "out")
 
 
 @pytest.mark.parametrize(
@@ -86,7 +88,7 @@ def test_what_petsc_refuses_is_a_config_error_in_its_words(tmp_path, petsc, said
 
 
 def test_without_options_of_the_user_petsc_keeps_its_error(tmp_path, monkeypatch):
-    monkeypatch.setitem(options.FACTORISATION, "ksp_type", "gmrs")
+    monkeypatch.setitem(linear.FACTORISATION, "ksp_type", "gmrs")
     with pytest.raises(PETSc.Error):
         solved(tmp_path, {})
 
@@ -124,29 +126,29 @@ def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, 
 
 def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
     """Here because MUMPS is given a hundredth of the memory that it wants."""
-    install, tried = options.install, []
+    install, tried = linear.install, []
 
     def starved(user, *, symmetric):
         install(user, symmetric=symmetric)
         tried.append(symmetric)
         if symmetric:
-            PETSc.Options(options.PREFIX).setValue("mat_mumps_icntl_14", -99)
+            PETSc.Options(linear.PREFIX).setValue("mat_mumps_icntl_14", -99)
 
-    monkeypatch.setattr(options, "install", starved)
+    monkeypatch.setattr(linear, "install", starved)
     assert solved(tmp_path, {}).states[-1].force == pytest.approx(FORCE, rel=0.02)
     assert tried == [True, False]
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
-    for module in (enforce, condensed):
+    for module in (uzawa, contact):
         monkeypatch.setattr(module, "UZAWA_LOOPS", 3)
-    for module in (path, condensed_path):
+    for module in (walk, condensed_walk):
         monkeypatch.setattr(module, "SMALLEST_CUT", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     config = from_mapping(SCENE | {"contact": contact, "solver": {"method": method}})
     with pytest.raises(NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0") as caught:
-        run(config, MPI.COMM_SELF, directory=tmp_path / "out")
+        simulate(config, MPI.COMM_SELF, directory=tmp_path / "out")
     assert "Newton" not in str(caught.value)
 
 

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
-from indent_sim import accuracy, run
-from indent_sim.config import from_mapping, load
-from indent_sim.errors import ConfigError, VerificationError
-from indent_sim.refinement import AccuracyNotReached
-from indent_sim.results import read
-from indent_sim.scene import resolve
+from indent_sim.config.file import from_mapping, load
+from indent_sim.process.errors import ConfigError, VerificationError
+from indent_sim.results.reader import read
+from indent_sim.run import chain, simulation
+from indent_sim.run.accuracy import AccuracyNotReached
+from indent_sim.scene import fineness
+from indent_sim.scene.scene import resolve
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
@@ -27,8 +28,8 @@ SCENE: dict[str, Any] = {
 }
 
 
-def simulate(folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any) -> run.Outcome:
-    return run.run(from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume)
+def simulate(folder: Path, error_bars: bool = False, resume: bool = False, **sections: Any) -> chain.Outcome:
+    return chain.simulate(from_mapping(SCENE | sections), directory=folder, error_bars=error_bars, resume=resume)
 
 
 def test_error_bars_are_a_column_and_a_budget(tmp_path: Path) -> None:
@@ -53,16 +54,16 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
         first = simulate(tmp_path / tip["shape"], indenter=tip, accuracy=0.01)
         written = load(tmp_path / tip["shape"] / "config.yaml")
         assert written.accuracy is None
-        again = run.run(written, directory=tmp_path / "again")
+        again = chain.simulate(written, directory=tmp_path / "again")
         assert [state.force for state in again.states] == [state.force for state in first.states]
 
 
 def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(tmp_path: Path, monkeypatch: Any, caplog: Any) -> None:
     """With a trade that promises too much the first mesh is too coarse; the estimate notices."""
-    monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setitem(fineness.CONSTANT, (2, 2), 0.02)
     caplog.set_level("INFO", logger="indent_sim")
     outcome = simulate(tmp_path / "run", accuracy=0.001)
-    first = accuracy.elements_for(0.001, 2, 2)
+    first = fineness.elements_for(0.001, 2, 2)
     assert "refining" in caplog.text and outcome.report["accuracy"]["elements"] > 1.2 * first
     found = read(tmp_path / "run")
     assert np.all(found["force_error"] <= 0.001 * found["force"]) and len(found) == 5
@@ -80,8 +81,8 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 
 
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
-    monkeypatch.setattr("indent_sim.refinement.ATTEMPTS", 1)
-    monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setattr("indent_sim.run.accuracy.ATTEMPTS", 1)
+    monkeypatch.setitem(fineness.CONSTANT, (2, 2), 0.02)
     with pytest.raises(AccuracyNotReached, match="1 attempts were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
     assert len(read(tmp_path / "run")) == 5
@@ -101,7 +102,7 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
     whole = simulate(tmp_path / "whole", error_bars=bars, **sections)
     config = from_mapping(SCENE | sections)
     with pytest.raises(Stop):
-        run.run(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
+        chain.simulate(config, directory=tmp_path / "run", error_bars=bars, progress=stop)
     assert len(read(tmp_path / "run")) == 3
     resumed = simulate(tmp_path / "run", resume=True, error_bars=bars, **sections)
     assert resumed.resumed_after == 3
@@ -120,8 +121,8 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
 ) -> None:
     """Its companions are the attempts before, whatever the process that computed them. Five rows an attempt, three
     attempts; forces agree to 1e-12 or so, hence their differences to 1e-6."""
-    monkeypatch.setitem(accuracy.CONSTANT, (2, 2), 0.02)
-    monkeypatch.setattr("indent_sim.refinement.GREATEST", 1.3)  # in small steps
+    monkeypatch.setitem(fineness.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setattr("indent_sim.run.accuracy.GREATEST", 1.3)  # in small steps
     told: list[int] = []
 
     def stop(state: Any, step: int, total: int) -> None:
@@ -133,7 +134,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     whole = simulate(tmp_path / "whole", **sections)
     assert len(whole.report["accuracy"]["tried"]) >= 2
     with pytest.raises(Stop):
-        run.run(from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop)
+        chain.simulate(from_mapping(SCENE | sections), directory=tmp_path / "run", progress=stop)
     resumed = simulate(tmp_path / "run", resume=True, **sections)
     tried, same = (outcome.report["accuracy"]["tried"] for outcome in (resumed, whole))
     assert tried == pytest.approx(same, rel=1e-6)
@@ -202,7 +203,7 @@ def test_a_step_without_force_to_speak_of_is_said_not_to_be_judged(tmp_path: Pat
 def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monkeypatch: Any) -> None:
     import time
 
-    load = run.backend
+    load = simulation.backend
     loaded: list[float] = []
 
     def slow() -> Any:
@@ -211,7 +212,7 @@ def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monk
             loaded.append(time.perf_counter())
         return load()
 
-    monkeypatch.setattr(run, "backend", slow)
+    monkeypatch.setattr(chain, "backend", slow)
     timings = simulate(tmp_path / "run", error_bars=True).report["timings"]
     assert timings["imports"] >= 0.5
 
@@ -219,10 +220,10 @@ def test_loading_the_libraries_is_no_cost_of_the_companions(tmp_path: Path, monk
 def test_plan_says_what_accuracy_chose(tmp_path: Path) -> None:
     from click.testing import CliRunner
 
-    from indent_sim import cli
+    from indent_sim.cli import commands
 
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(SCENE | {"accuracy": "balanced"}))
-    result = CliRunner().invoke(cli.program, ["plan", str(tmp_path / "scene.yaml"), "--json"])
+    result = CliRunner().invoke(commands.program, ["plan", str(tmp_path / "scene.yaml"), "--json"])
     choices = {choice["key"]: choice for choice in json.loads(result.stdout)["choices"]}
     assert choices["accuracy"]["value"] == 0.01 and "elements in the contact radius" in choices["accuracy"]["why"]
     assert "mesh.h_axis" in choices

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from mpi4py import MPI
 
-from indent_sim.config import from_mapping, load, to_mapping
-from indent_sim.results import read
-from indent_sim.run import run
+from indent_sim.config.file import from_mapping, load, to_mapping
+from indent_sim.results.reader import read
+from indent_sim.run.chain import simulate
 
 ELASTIC = {"model": "linear_elastic", "E": 3.7, "nu": 0.3}
 SOFT = {"model": "linear_elastic", "mu": 0.013, "nu": 0.495}
@@ -59,10 +59,10 @@ def words(value: Any) -> set[Any]:
 @pytest.mark.parametrize("name", SCENES)
 def test_the_written_config_reproduces_the_run(tmp_path, name):
     given = {"material": ELASTIC, "indenter": BALL, "loading": LOADING, "output": {"plot": False}} | SCENES[name]
-    run(from_mapping(given), MPI.COMM_SELF, directory=tmp_path / "A")
+    simulate(from_mapping(given), MPI.COMM_SELF, directory=tmp_path / "A")
     config = load(tmp_path / "A" / "config.yaml")
     assert "auto" not in words(to_mapping(config))
-    run(config, MPI.COMM_SELF, directory=tmp_path / "B")
+    simulate(config, MPI.COMM_SELF, directory=tmp_path / "B")
     A, B = read(tmp_path / "A"), read(tmp_path / "B")
     assert A.report["mesh"]["hash"] == B.report["mesh"]["hash"]
     for column in ("delta", "force", "a", "p_max", "energy"):
@@ -73,7 +73,7 @@ def test_the_written_config_reproduces_the_run(tmp_path, name):
 def test_what_was_auto_stays_visible(tmp_path: Path):
     given = {"body": {"shape": "cylinder", "radius": 13.0, "height": 7.3}, "material": ELASTIC, "indenter": BALL}
     sections = {"loading": {"delta": 0.1, "steps": 1}, "mesh": {"h_contact": 0.5}, "output": {"plot": False}}
-    run(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "A")
+    simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "A")
     auto = json.loads((tmp_path / "A" / "run.json").read_text())["plan"]["auto"]
     assert {"contact.method", "contact.gap", "mesh.h_far", "mesh.symmetry", "solver.method"} <= set(auto)
     assert "mesh.h_contact" not in auto and "material.E" not in auto

@@ -19,12 +19,14 @@ import pytest
 from click.testing import CliRunner, Result
 from mpi4py import MPI
 
-from indent_sim import cli, folder, run
-from indent_sim.config import load
-from indent_sim.fe.path import Walk
+from indent_sim.cli import commands
+from indent_sim.config.file import load
+from indent_sim.fe.path.walk import Walk
 from indent_sim.model.loading import LoadPath
-from indent_sim.results import read
-from indent_sim.xdmf import FieldWriter
+from indent_sim.results import folder
+from indent_sim.results.reader import read
+from indent_sim.results.xdmf import FieldWriter
+from indent_sim.run import chain, simulation
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = """\
@@ -69,7 +71,7 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resume:
     """`run scene.yaml --output out` with more words, in this process."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
-    return lambda *words: CliRunner().invoke(cli.program, ["run", "scene.yaml", "--output", "out", *words])
+    return lambda *words: CliRunner().invoke(commands.program, ["run", "scene.yaml", "--output", "out", *words])
 
 
 def interrupt(place: Path, rows: int = SOME, error: type[BaseException] = KeyboardInterrupt) -> list[bytes]:
@@ -80,7 +82,7 @@ def interrupt(place: Path, rows: int = SOME, error: type[BaseException] = Keyboa
             raise error
 
     with pytest.raises(error):
-        run.run(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop)
+        chain.simulate(load(place / "scene.yaml"), MPI.COMM_SELF, directory=place / "out", progress=stop)
     lines = (place / "out" / "force_indentation.csv").read_bytes().splitlines(keepends=True)
     assert len(lines) == rows + 1
     return lines
@@ -183,7 +185,7 @@ class TestCheckpoint:
     def test_without_it_the_way_is_found_again(self, indent_sim, undisturbed, tmp_path, monkeypatch, harm):
         file = tmp_path / "out" / "checkpoint.h5"
         if harm == "old":  # as after a kill: the one written at the first row
-            monkeypatch.setattr(run.Simulation, "_save_checkpoint", lambda *_, **__: None)
+            monkeypatch.setattr(simulation.Simulation, "_save_checkpoint", lambda *_, **__: None)
             interrupt(tmp_path, 3)
             monkeypatch.undo()
             monkeypatch.chdir(tmp_path)
@@ -246,8 +248,8 @@ class TestStopped:
 
         interrupt(tmp_path)
         with monkeypatch.context() as patch:
-            patch.setattr("indent_sim.results.append_whole", full)
-            patch.setattr("indent_sim.checkpoint.write_atomically", full)
+            patch.setattr("indent_sim.results.folder.append_whole", full)
+            patch.setattr("indent_sim.results.folder.write_atomically", full)
             failed = indent_sim("--resume")
         assert failed.exit_code == 5 and "No space left" in failed.stderr and len(read(tmp_path / "out")) == SOME
         assert indent_sim("--resume").exit_code == 0
@@ -284,7 +286,7 @@ class TestStopped:
     def test_on_two_ranks(self, mpirun, undisturbed, tmp_path):
         (tmp_path / "scene.yaml").write_text(HYPERELASTIC)
         interrupt(tmp_path)
-        done = mpirun(2, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out", "--resume")
+        done = mpirun(2, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out", "--resume")
         assert done.returncode == 0, done.stderr
         found, expected = read(tmp_path / "out"), read(undisturbed(HYPERELASTIC))
         for column in ("step", "delta", "force", "a", "p_max", "energy"):
@@ -327,7 +329,7 @@ class TestTheDeepestAndTheLast:
 
     def test_a_path_that_only_goes_in_keeps_one(self, tmp_path):
         (tmp_path / "scene.yaml").write_text(self.scene.replace(UP_AND_DOWN, "delta: 0.08, steps: 3"))
-        run.run(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
+        chain.simulate(load(tmp_path / "scene.yaml"), MPI.COMM_SELF, directory=tmp_path / "out")
         assert set(kept_fields(tmp_path / "out")) == set(read(tmp_path / "out").surface["step"]) == {3}
 
     def test_a_slot_that_is_named_is_never_written(self, tmp_path):

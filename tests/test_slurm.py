@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from conftest import MPI_ENVIRONMENT, ROOT
 
-from indent_sim.results import read
+from indent_sim.results.reader import read
 
 SLURM = ROOT / "scripts" / "slurm"
 SCENE = """\
@@ -48,7 +48,7 @@ def call(tmp_path: Path) -> Call:
         written = (ROOT / "tests" / "stand_in_slurm.py").read_text().split("\n", 1)[1]
         (programs / name).write_text(f"#!{sys.executable}\n{written}")
         (programs / name).chmod(0o755)
-    (programs / "indent-sim").write_text(f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli "$@"\n')
+    (programs / "indent-sim").write_text(f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli.commands "$@"\n')
     (programs / "indent-sim").chmod(0o755)
     environment = os.environ | MPI_ENVIRONMENT | {
         "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",

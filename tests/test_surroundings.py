@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from test_cli import ROOT, environment
 
-from indent_sim.results import Results, read
+from indent_sim.results.reader import Results, read
 
 SCENE = """\
 title: "Größe ν 漢字"
@@ -26,7 +26,7 @@ loading: {delta: 0.01, steps: 2}
 mesh: {h_contact: 0.05, h_far: 0.5}
 output: {plot: false}
 """
-PROGRAM = shlex.join([sys.executable, "-m", "indent_sim.cli"])
+PROGRAM = shlex.join([sys.executable, "-m", "indent_sim.cli.commands"])
 NUMBERS = ("delta", "force", "a", "p_max", "energy")
 SAME = 1e-9  # round-off: another order of sums, seen through a matrix whose condition is below 1e6
 
@@ -141,7 +141,7 @@ class TestHome:
     def test_an_interrupted_compilation_takes_its_claim_back(self, place, plain):
         """Otherwise the next run would wait for it: half a minute, before it compiled itself."""
         cold = {"XDG_CACHE_HOME": str(place / "cache")}
-        words = [sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out"]
+        words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out"]
         with subprocess.Popen(words, cwd=place, env=environment() | cold, stderr=subprocess.PIPE, text=True) as process:
             assert process.stderr
             while "compiling kernels" not in process.stderr.readline():
@@ -179,7 +179,7 @@ class TestLimits:
 
 def test_two_runs_at_once_into_one_folder(place, plain):
     """One does it, the other is refused; which one is the kernel's choice."""
-    words = [sys.executable, "-m", "indent_sim.cli", "run", "scene.yaml", "--output", "out"]
+    words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out"]
     pair = [subprocess.Popen(words, cwd=place, env=environment(), stderr=subprocess.PIPE, text=True) for _ in "ab"]
     told = [process.communicate(timeout=120)[1] for process in pair]
     codes = [process.returncode for process in pair]

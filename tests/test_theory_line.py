@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from mpi4py import MPI
 
-from indent_sim import terminal
-from indent_sim.config import from_mapping
-from indent_sim.results import read
-from indent_sim.run import Outcome, run
+from indent_sim.cli import terminal
+from indent_sim.config.file import from_mapping
+from indent_sim.results.reader import read
+from indent_sim.run.chain import Outcome, simulate
 
 WALLED = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
 
@@ -28,7 +28,7 @@ def outcome(tmp_path):
             "mesh": {"h_contact": 0.03, "h_far": 0.5},
             "output": {"plot": False},
         }
-        return run(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "out")
+        return simulate(from_mapping(given | sections), MPI.COMM_SELF, directory=tmp_path / "out")
 
     return start
 

@@ -1,8 +1,9 @@
-"""The body alone: unknown fields, how they are held, strain energy and what its supports feel. Contact comes on top."""
+"""The body: unknown fields, how they are held, what its supports feel."""
 
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,12 +16,81 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.failure import Crushed
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.surface import Trace, facet_nodes
-from indent_sim.fe.unknowns import Unknowns
-from indent_sim.fe.variation import variations
-from indent_sim.scene import Scene
+from indent_sim.fe.observe.surface import Trace, facet_nodes
+from indent_sim.fe.terms.variation import variations
+from indent_sim.scene.scene import Scene
+
+
+class Unknowns:
+    """Space, solution and dof numbering; `fields` maps the name of each unknown to its UFL expression.
+
+    u has the displacement's order, q (mixed formulation) one less, lam (on the whole body, but constrained to zero
+    off the contact surface) the order given by `multiplier`, 0 for none.
+    """
+
+    def __init__(self, mesh: Any, order: int, *, body_pressure: bool, multiplier: int):
+        dim = mesh.geometry.dim
+        elements = {"u": compat.lagrange(dim, order, dim)}
+        if body_pressure:
+            elements["q"] = compat.lagrange(dim, 1)
+        if multiplier:
+            elements["lam"] = compat.lagrange(dim, multiplier)
+        self.names = tuple(elements)
+        self.dim = dim
+        alone = len(elements) == 1
+        element = elements["u"] if alone else compat.mixed(*elements.values())
+        self.space = compat.function_space(mesh, element)
+        self.solution = fem.Function(self.space)
+        self.x = compat.vector(self.solution)
+        parts = (self.solution,) if alone else ufl.split(self.solution)
+        self.fields = dict(zip(self.names, parts, strict=True))
+
+    def subspace(self, name: str, component: int | None = None) -> Any:
+        """The part of the space that holds a field, or one component of it."""
+        space = self.space if len(self.names) == 1 else self.space.sub(self.names.index(name))
+        return space if component is None else space.sub(component)
+
+    @cached_property
+    def _collapsed(self) -> dict[str, tuple[Any, np.ndarray]]:
+        """For each field a space of its own, and the place of its dofs in the solution's local array."""
+        if len(self.names) == 1:
+            size = len(self.solution.x.array)
+            return {"u": (self.space, np.arange(size))}
+        found = {name: self.subspace(name).collapse() for name in self.names}
+        return {name: (space, np.asarray(places)) for name, (space, places) in found.items()}
+
+    def own_space(self, name: str) -> Any:
+        """A space of the field alone."""
+        return self._collapsed[name][0]
+
+    def places(self, name: str) -> np.ndarray:
+        """Where the dofs of the field's own space stand in the solution's local array."""
+        return self._collapsed[name][1]
+
+    def displacement_places(self, nodes: np.ndarray) -> np.ndarray:
+        """Indices (..., dim) into the local array of the displacement components at nodes of u's own space."""
+        return self.places("u")[nodes[..., None] * self.dim + np.arange(self.dim)]
+
+    @property
+    def owned(self) -> int:
+        """Number of dofs that this rank owns; they come first in its local array."""
+        dofmap = self.space.dofmap
+        return dofmap.index_map.size_local * dofmap.index_map_bs
+
+    @property
+    def total(self) -> int:
+        """Number of dofs on all ranks."""
+        dofmap = self.space.dofmap
+        return dofmap.index_map.size_global * dofmap.index_map_bs
+
+    def facet_dofs(self, name: str, component: int | None, facet_dim: int, facets: np.ndarray) -> np.ndarray:
+        """Local dofs of a field on facets, of whatever rank the facets are (collective)."""
+        return fem.locate_dofs_topological(self.subspace(name, component), facet_dim, facets)
+
+    def zero(self, name: str, component: int | None, dofs: np.ndarray) -> Any:
+        """Hold dofs of a field at zero."""
+        return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), self.subspace(name, component))
 
 CONTACT, WALL = 1, 2  # facet tags: the top surface, the curved wall of a cylinder in three dimensions
 
@@ -202,3 +272,16 @@ def _owned(groups: list[np.ndarray], owned: int) -> np.ndarray:
         return np.empty(0, dtype=np.int64)
     dofs = np.unique(np.concatenate(groups))
     return dofs[dofs < owned]
+
+
+@dataclass(frozen=True)
+class Crushed:
+    """The smallest volume ratio J in the body, and the undeformed point that has it [length]."""
+
+    J: float
+    X: tuple[float, ...]
+
+    def words(self, scene: Scene) -> str:
+        """J and the place, in the user's lengths."""
+        place = ", ".join(f"{x * scene.scales.length:.4g}" for x in self.X)
+        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.kinematics.axes)}) = ({place})"

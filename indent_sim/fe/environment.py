@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from indent_sim.errors import BackendError
+from indent_sim.process.errors import BackendError
 
 KERNELS = "fenics"  # dolfinx keeps its compiled kernels there, below XDG_CACHE_HOME [~/.cache]
 logger = logging.getLogger("indent_sim")

@@ -23,7 +23,7 @@ from typing import Any
 from cffi import VerificationError
 from ffcx.codegeneration import jit
 
-from indent_sim.errors import BackendError
+from indent_sim.process.errors import BackendError
 
 STALE = 30.0  # s without a change in an unfinished entry that nobody has locked; compiling one takes a few
 PAUSE = 0.1  # s between two looks at an entry that is waited for

@@ -10,9 +10,9 @@ import dolfinx
 import numpy as np
 
 from indent_sim.fe import compat
-from indent_sim.geometry import Grid
+from indent_sim.mesh.grid import Grid
 from indent_sim.model.body import Cylinder
-from indent_sim.scene import Scene
+from indent_sim.scene.scene import Scene
 
 ON_PLANE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
 OF_ELEMENT = 1e-3  # the smallest: less than what lies between a plane and the next nodes

@@ -18,13 +18,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.active_set import NodalContact
 from indent_sim.fe.body import CONTACT, Body, symbolic
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.projection import Projection
-from indent_sim.fe.surface import QUADRATURE_DEGREE, facet_nodes, from_midpoints
-from indent_sim.model.indenters import gap_current, gap_reference
-from indent_sim.scene import Scene
+from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, facet_nodes, from_midpoints
+from indent_sim.fe.terms.nodal import NodalContact
+from indent_sim.fe.terms.projection import Projection
+from indent_sim.model.tips import gap_current, gap_reference
+from indent_sim.scene.scene import Scene
 
 
 class Problem(Body):

@@ -8,14 +8,14 @@ from petsc4py import PETSc
 
 from indent_sim.fe.body import Body
 from indent_sim.fe.compat import versions
-from indent_sim.fe.condensed_path import CondensedWalk
-from indent_sim.fe.enforce import enforcement
-from indent_sim.fe.fields import Fields
 from indent_sim.fe.kernels import compiling, watch_the_cache
 from indent_sim.fe.mesh import BodyMesh, distribute
-from indent_sim.fe.path import Walk
+from indent_sim.fe.observe.fields import Fields
+from indent_sim.fe.path.condensed_walk import CondensedWalk
+from indent_sim.fe.path.walk import Walk
 from indent_sim.fe.problem import Problem
-from indent_sim.scene import Scene
+from indent_sim.fe.solve.uzawa import enforcement
+from indent_sim.scene.scene import Scene
 
 __all__ = ["Fields", "distribute", "release", "versions", "walk"]
 

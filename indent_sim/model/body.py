@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Len
 
-from indent_sim.model.quantities import LENGTH, Length
+from indent_sim.model.units import LENGTH, Length
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from indent_sim.model.algebra import macaulay
-from indent_sim.model.quantities import Auto, ContactStiffness
+from indent_sim.model.units import Auto, ContactStiffness
 
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Len
 
-from indent_sim.model.quantities import LENGTH, Coordinate, Length
+from indent_sim.model.units import LENGTH, Coordinate, Length
 
 MOST_STEPS = 100_000
 

@@ -5,6 +5,8 @@
 `carry_out` walks the whole chain.
 """
 
+from __future__ import annotations
+
 from indent_sim.study.conduct import Study, as_json, carry_out
 from indent_sim.study.file import StudyFile, read
 

@@ -8,13 +8,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from indent_sim.config import Config, located, varied
-from indent_sim.errors import ConfigError, ConfigErrors
-from indent_sim.results import to_json
-from indent_sim.scene import Scene, resolve
+from indent_sim.config.file import located, varied
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import inline
+from indent_sim.process.errors import ConfigError, ConfigErrors
+from indent_sim.results.writer import to_json
+from indent_sim.scene.scene import Scene, resolve
 from indent_sim.study.file import StudyFile
 from indent_sim.study.grid import Multiple, Point, Setting
-from indent_sim.yaml_strict import inline
 
 SPOKEN = ("title", "units", "oracle", "choices", "warnings", "prediction")  # what a scene says beside its physics
 MOST_TOLD = 20  # errors

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim import results
-from indent_sim.errors import NotConverged
+from indent_sim.process.errors import NotConverged
+from indent_sim.results import reader
 from indent_sim.study import cases as case_list
 from indent_sim.study import file, folder, picture, table, verdict
 from indent_sim.study.cases import Case, Refusal
 from indent_sim.study.file import StudyFile
 from indent_sim.study.folder import StudyFolder
-from indent_sim.study.reference import Comparison
 from indent_sim.study.table import Row
+from indent_sim.study.truth import Comparison
 from indent_sim.study.worker import Ending, Run, Worker
 
 Tell = Callable[[str], None]
@@ -107,7 +107,7 @@ class _Conduct:
         code, reason = ending
         if code:
             return f"failed ({code}): {reason}"
-        found = results.read_run(self.place.run(case.id))
+        found = reader.read_run(self.place.run(case.id))
         seconds = sum(found.report.get("cpu_timings", {}).values())
         return f"force {found['force'][-1]:.6g}  {seconds:.2f} s"
 
@@ -115,7 +115,7 @@ class _Conduct:
 def _rows(study: StudyFile, cases: Sequence[Case], refusals: Sequence[Refusal], against: Comparison,
           place: StudyFolder) -> list[Row]:  # fmt: skip
     ended = [case.id for case in case_list.unique(cases) if place.has_ended(case.id)]
-    done = {name: results.read_run(place.run(name)) for name in ended}
+    done = {name: reader.read_run(place.run(name)) for name in ended}
     return table.rows(cases, study.keys, done, against, refusals, study.tolerance)
 
 

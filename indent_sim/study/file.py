@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config import OF_A_STUDY, Place, Source, read_document
-from indent_sim.config_errors import closest
-from indent_sim.errors import ConfigError, ConfigErrors, UsageError
-from indent_sim.schema import keys_at, outside
+from indent_sim.config.file import OF_A_STUDY, Place, read_document
+from indent_sim.config.messages import closest
+from indent_sim.config.schema import Source, keys_at, outside
+from indent_sim.config.strict_yaml import Path as Keys
+from indent_sim.config.strict_yaml import key_path, key_text
+from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.study.grid import LARGEST, MOST, Block, Point, points, read_block
-from indent_sim.yaml_strict import Path as Keys
-from indent_sim.yaml_strict import key_path, key_text
 
 KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
 SCENE_FILES = (".yaml", ".yml", ".json")

@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from indent_sim import __version__
-from indent_sim.errors import UsageError
-from indent_sim.folder import PROGRAM, REPORT, contents, discard, is_ours, read_report, write_atomically
-from indent_sim.folder import content as content_of
-from indent_sim.results import read_run, to_json
+from indent_sim.process.errors import UsageError
+from indent_sim.results.folder import PROGRAM, REPORT, contents, discard, is_ours, read_report, write_atomically
+from indent_sim.results.folder import content as content_of
+from indent_sim.results.reader import read_run
+from indent_sim.results.writer import to_json
 
 RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
 RUNS, OLD_RUNS, LOCK = "runs", ".runs.old", ".lock"

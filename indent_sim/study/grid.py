@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config import Place, Source
-from indent_sim.errors import ConfigError
-from indent_sim.yaml_strict import Path as Keys
-from indent_sim.yaml_strict import key_text
+from indent_sim.config.file import Place
+from indent_sim.config.schema import Source
+from indent_sim.config.strict_yaml import Path as Keys
+from indent_sim.config.strict_yaml import key_text
+from indent_sim.process.errors import ConfigError
 
 RANGE = ("from", "to", "count", "spacing", "unit")
 STIFFNESS_UNIT = "E*/h_contact"

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.results import Results
+from indent_sim.config.strict_yaml import inline
+from indent_sim.results.reader import Results
 from indent_sim.study.cases import Case, Refusal, short
 from indent_sim.study.grid import STIFFNESS_UNIT, Multiple
-from indent_sim.study.reference import Answer, Comparison
+from indent_sim.study.truth import Answer, Comparison
 from indent_sim.study.verdict import verdict
-from indent_sim.yaml_strict import inline
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
 COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")

@@ -16,11 +16,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from indent_sim import run as chain
-from indent_sim.config import Config
-from indent_sim.errors import BackendError, ConfigError, IndentSimError, UsageError
-from indent_sim.stopping import SIGNALS, die_with
-from indent_sim.usage import forget_peak_memory
+from indent_sim.config.schema import Config
+from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.process.signals import SIGNALS, die_with
+from indent_sim.process.usage import forget_peak_memory
+from indent_sim.run import chain
 
 LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
@@ -126,9 +126,9 @@ def _run(config: Config, directory: Path) -> None:
     """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew."""
     if directory.exists():
         with suppress(ConfigError, UsageError):
-            chain.run(config, directory=directory, resume=True)
+            chain.simulate(config, directory=directory, resume=True)
             return
-    chain.run(config, directory=directory)
+    chain.simulate(config, directory=directory)
 
 
 def _warm_up() -> None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .compliance import gauss
+from indent_sim.theory.hankel import gauss
 
 MAX_PANELS = 40
 Profile = Callable[[np.ndarray], np.ndarray]

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from .solution import require_positive
+from indent_sim.theory.solution import require_positive
 
 PYRAMID_CONSTANT = 0.73762  # +- 2e-5; the often quoted 0.7453 is 1 % high
 

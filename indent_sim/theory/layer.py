@@ -21,12 +21,12 @@ from functools import partial
 
 import numpy as np
 
-from .abel import contact_nodes, tip_pressure
-from .compliance import Kernel, axisymmetric_kernel, gauss
-from .half_space import E_star
-from .march import march
-from .solution import MAX_SLENDERNESS, Solution, check_body, wall_distance
-from .tips import Tip
+from indent_sim.theory.abel import contact_nodes, tip_pressure
+from indent_sim.theory.half_space import E_star
+from indent_sim.theory.hankel import Kernel, axisymmetric_kernel, gauss
+from indent_sim.theory.march import march
+from indent_sim.theory.profiles import Tip
+from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_body, wall_distance
 
 
 def indent(

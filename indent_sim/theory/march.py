@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from .roots import first_guess, increasing_root, next_guess
-from .solution import Solution, check_contact, no_contact
+from indent_sim.theory.roots import first_guess, increasing_root, next_guess
+from indent_sim.theory.solution import Solution, check_contact, no_contact
 
 
 class Touching(Protocol):

@@ -29,7 +29,7 @@ import sweeps  # noqa: E402
 from markdown import number, table  # noqa: E402
 
 from indent_sim import __version__  # noqa: E402
-from indent_sim.results import read_report  # noqa: E402
+from indent_sim.results.folder import read_report  # noqa: E402
 from indent_sim.study import Study  # noqa: E402
 
 PAGE = ROOT / "docs" / "accuracy.md"

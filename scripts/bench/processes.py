@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config import load
-from indent_sim.model.indenters import Paraboloid
-from indent_sim.results import read
-from indent_sim.run import condense
-from indent_sim.scene import resolve
+from indent_sim.config.file import load
+from indent_sim.model.tips import Paraboloid
+from indent_sim.results.reader import read
+from indent_sim.run.chain import condense
+from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "indent_sim.cli"]
+PROGRAM = [sys.executable, "-m", "indent_sim.cli.commands"]
 LEAN = ("output.plot=false", "output.fields=none")
 MPI = {
     "OMPI_ALLOW_RUN_AS_ROOT": "1",

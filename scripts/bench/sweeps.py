@@ -10,7 +10,7 @@ from markdown import number, percent, size, table
 from processes import ROOT
 
 from indent_sim import study
-from indent_sim.results import read
+from indent_sim.results.reader import read
 from indent_sim.study import Study
 
 STUDIES = ROOT / "configs" / "studies" / "accuracy"

@@ -8,10 +8,11 @@ from typing import Any
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from indent_sim import schema
-from indent_sim.config import Config, from_mapping, load, loads, to_mapping, to_yaml
-from indent_sim.errors import ConfigError
-from indent_sim.yaml_strict import dump, parse
+from indent_sim.config import schema
+from indent_sim.config.file import from_mapping, load, loads, to_mapping, to_yaml
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import dump, parse
+from indent_sim.process.errors import ConfigError
 
 BRIEF = settings(
     max_examples=200,

@@ -24,14 +24,15 @@ import pytest
 from click.testing import CliRunner, Result
 from test_plan_fuzz import within
 
-from indent_sim import cli, petsc_options
-from indent_sim.config import from_mapping, to_yaml
-from indent_sim.errors import ConfigError, UsageError, printable
-from indent_sim.resolved import resolved
-from indent_sim.scene import resolve
+from indent_sim.cli import commands
+from indent_sim.config import petsc_options
+from indent_sim.config.file import from_mapping, to_yaml
+from indent_sim.config.strict_yaml import dump
+from indent_sim.process.errors import ConfigError, UsageError, printable
+from indent_sim.run.resolved import resolved
+from indent_sim.scene.scene import resolve
 from indent_sim.study import file as study_file
 from indent_sim.study.folder import StudyFolder
-from indent_sim.yaml_strict import dump
 
 EXAMPLES = 300  # in `make test`; 10 000 in `make stress`
 RUNS = 4  # real runs in `make test`; 60 in `make stress`
@@ -274,7 +275,7 @@ def retyped(rng: random.Random, lines: list[str]) -> list[str]:
 def said(*words: str | Path) -> Result:
     """A command in this process: one of the table's exit codes, in words, and no bug."""
     with within(WAIT):
-        done = CliRunner().invoke(cli.program, [str(word) for word in words])
+        done = CliRunner().invoke(commands.program, [str(word) for word in words])
     assert done.exit_code in (0, 2, 3, 5, 6), (words, done.stderr)
     assert "Traceback" not in done.stderr and (done.exit_code == 0 or done.stderr), (words, done.stderr)
     assert printable(done.stderr, line_breaks=True) == done.stderr
@@ -393,7 +394,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("good")
     (place / "scene.yaml").write_text(dump(SCENE))
     assert (
-        CliRunner().invoke(cli.program, ["run", str(place / "scene.yaml"), "--output", str(place / "out")]).exit_code
+        CliRunner().invoke(commands.program, ["run", str(place / "scene.yaml"), "--output", str(place / "out")]).exit_code
         == 0
     )
     config = from_mapping(SCENE)

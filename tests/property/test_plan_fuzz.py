@@ -18,13 +18,14 @@ from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from indent_sim import cli, schema
-from indent_sim.config import from_mapping
-from indent_sim.errors import ConfigError, UsageError
-from indent_sim.hints import hints, kinds_of
-from indent_sim.scene import resolve
+from indent_sim.cli import commands
+from indent_sim.config import schema
+from indent_sim.config.file import from_mapping
+from indent_sim.config.key_types import hints, kinds_of
+from indent_sim.config.strict_yaml import dump, parse
+from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.scene.scene import resolve
 from indent_sim.study import file as study_file
-from indent_sim.yaml_strict import dump, parse
 
 ROOT = Path(__file__).resolve().parents[2]
 WAIT = 20.0  # s of wall time for one plan: the slowest takes 1 s, on a machine that may be busy
@@ -174,7 +175,7 @@ def ended(verb: str, document: dict[str, Any], *words: str, codes: tuple[int, ..
         warnings.simplefilter("error", RuntimeWarning)  # arithmetic gone wrong
         scene = Path(place, "scene.yaml")
         scene.write_text(dump(document), encoding="utf-8", errors="surrogatepass")
-        done = CliRunner().invoke(cli.program, [verb, str(scene), *words])
+        done = CliRunner().invoke(commands.program, [verb, str(scene), *words])
         left = set(os.listdir(place)) - {"scene.yaml"}
     assert done.exit_code in codes and "Traceback" not in done.stderr, done.stderr
     assert done.stderr or done.exit_code == 0

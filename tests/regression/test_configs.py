@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from indent_sim.config import load
-from indent_sim.run import run
+from indent_sim.config.file import load
+from indent_sim.run.chain import simulate
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 EXPECTED = json.loads(Path(__file__).with_name("expected.json").read_text())["scenes"]
@@ -52,7 +52,7 @@ COARSER = {
 def deviations(name: str, directory: Path, *overrides: str) -> np.ndarray:
     """Relative difference of what was found (the force, or the depth where forces are prescribed) to what is
     expected, at every prescribed value where that is known."""
-    run(load(CONFIGS / name, ("output.plot=false", *overrides)), MPI.COMM_SELF, directory=directory)
+    simulate(load(CONFIGS / name, ("output.plot=false", *overrides)), MPI.COMM_SELF, directory=directory)
     assert json.loads((directory / "run.json").read_text())["status"] == "done"
     with open(directory / "force_indentation.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 import yaml
 
-from indent_sim.config import Config, from_mapping, load, loads, located, to_mapping, to_yaml
-from indent_sim.errors import ConfigError, ConfigErrors, UsageError
+from indent_sim.config.file import from_mapping, load, loads, located, to_mapping, to_yaml
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import parse
 from indent_sim.model.body import Box, BoxSides, Cylinder
 from indent_sim.model.contact import AutoContact, Penalty
-from indent_sim.model.indenters import Cone, Paraboloid
 from indent_sim.model.loading import Loading, LoadPath
-from indent_sim.model.materials import LinearElastic
-from indent_sim.yaml_strict import parse
+from indent_sim.model.materials.law import LinearElastic
+from indent_sim.model.tips import Cone, Paraboloid
+from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 SCENE = """\
 title: Rigid paraboloid on an elastic cylinder
@@ -294,7 +295,7 @@ def test_bytes_that_are_no_scene(tmp_path):
 
 def test_reading_a_config_stays_cheap():
     heavy = ["ufl", "scipy", "matplotlib", "dolfinx", "gmsh", "rich", "petsc4py", "mpi4py"]
-    code = f"import sys, indent_sim.config; print([m for m in {heavy} if m in sys.modules])"
+    code = f"import sys, indent_sim.config.file; print([m for m in {heavy} if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
 
 

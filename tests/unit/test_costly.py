@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from indent_sim import cli
+from indent_sim.cli import commands
 
 SCENE = """\
 body: {shape: cylinder, radius: 1.0, height: 1.0}
@@ -76,14 +76,14 @@ STUDIES = {
 def _imports_are_done(tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("first") / "scene.yaml"
     path.write_text(SCENE)
-    assert CliRunner().invoke(cli.program, ["plan", str(path)]).exit_code == 0
+    assert CliRunner().invoke(commands.program, ["plan", str(path)]).exit_code == 0
 
 
 def refused(verb: str, path: Path) -> str:
     """What stderr says of a file that is refused at once, with nothing made."""
     before = sorted(path.parent.iterdir())
     begin = time.process_time()
-    done = CliRunner().invoke(cli.program, [verb, str(path)])
+    done = CliRunner().invoke(commands.program, [verb, str(path)])
     assert time.process_time() - begin < LIMIT
     assert done.exit_code == 3 and done.stdout == "" and "Traceback" not in done.stderr, done.stderr
     assert sorted(path.parent.iterdir()) == before

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.accuracy import PRESETS, RATE, elements_for
-from indent_sim.config import from_mapping
-from indent_sim.error_bars import RATIOS, READING, Companion, ErrorBars, coarser
-from indent_sim.errors import ConfigError
+from indent_sim.config.file import from_mapping
 from indent_sim.model.contact import Penalty
-from indent_sim.scene import Scene, resolve
-from indent_sim.state import State
+from indent_sim.model.state import State
+from indent_sim.process.errors import ConfigError
+from indent_sim.run.error_bars import RATIOS, READING, Companion, ErrorBars, coarser
+from indent_sim.scene.fineness import PRESETS, RATE, elements_for
+from indent_sim.scene.scene import Scene, resolve
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, STRIP, WALLED, scene
 
-from indent_sim.config import from_mapping
-from indent_sim.error_bars import coarser
-from indent_sim.errors import ConfigError
-from indent_sim.geometry import size_formula
-from indent_sim.resolved import resolved
-from indent_sim.scene import resolve
+from indent_sim.config.file import from_mapping
+from indent_sim.mesh.sizes import size_formula
+from indent_sim.process.errors import ConfigError
+from indent_sim.run.error_bars import coarser
+from indent_sim.run.resolved import resolved
+from indent_sim.scene.scene import resolve
 
 SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}
 PLATE = {"shape": "flat_punch", "radius": 1.0}

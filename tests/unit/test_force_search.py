@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from indent_sim.fe.load_control import LoadControl, predicted
+from indent_sim.fe.path.load_control import LoadControl, predicted
 
 
 class Curve:

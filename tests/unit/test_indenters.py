@@ -11,8 +11,8 @@ from dolfinx.mesh import create_unit_cube
 from mpi4py import MPI
 from pytest import approx
 
-from indent_sim.model.indenters import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
-from indent_sim.oracle import layer_tip
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
+from indent_sim.scene.expected import layer_tip
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
 SMOOTH: dict[str, Indenter] = {

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from indent_sim.theory import half_space as hs
-from indent_sim.theory import layer, tips
-from indent_sim.theory.compliance import base_complement, bessel_j1_zeros
+from indent_sim.theory import layer, profiles
+from indent_sim.theory.hankel import base_complement, bessel_j1_zeros
 
 UNIT = {"E": 1.0, "h": 1.0}
-PARABOLOID = tips.paraboloid(1.0)
-CONE, SPHERE, PUNCH = tips.cone(70.0), tips.sphere(1.0), tips.flat_punch(0.5)
+PARABOLOID = profiles.paraboloid(1.0)
+CONE, SPHERE, PUNCH = profiles.cone(70.0), profiles.sphere(1.0), profiles.flat_punch(0.5)
 
 # E = 1, h = 1, R = 1: tip, delta, nu, base, wall, force, a, r/a, p(r); all digits are converged
 REFERENCE = [
@@ -77,7 +77,7 @@ def test_small_depth_series(nu, base, expected):
 
 @pytest.mark.parametrize(("a", "nu", "kappa"), KAPPA)
 def test_flat_punch_table(a, nu, kappa):
-    s = layer.indent(tips.flat_punch(a), 1e-3, nu=nu, **UNIT)
+    s = layer.indent(profiles.flat_punch(a), 1e-3, nu=nu, **UNIT)
     assert s.force / (2.0 * hs.E_star(1.0, nu) * a * 1e-3) == pytest.approx(kappa, abs=6e-6)
 
 
@@ -104,7 +104,7 @@ def test_confined_layer_tends_to_uniaxial_compression():
     # a flat punch that nearly fills its roller cylinder: F = M_c pi W^2 delta/h
     nu, W = 0.3, 1.0
     modulus = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    s = layer.indent(tips.flat_punch(0.9999 * W), 0.01, nu=nu, wall=W, **UNIT)
+    s = layer.indent(profiles.flat_punch(0.9999 * W), 0.01, nu=nu, wall=W, **UNIT)
     assert s.force == pytest.approx(modulus * math.pi * W**2 * 0.01, rel=1e-3)
 
 
@@ -115,7 +115,7 @@ def test_conservation_from_thick_to_very_thin(nu, ratio, walled):
     R = 100.0
     delta = ratio**2 / R
     body = {"nu": nu, "wall": 3.0 * ratio + 1.0 if walled else None, **UNIT}
-    less, s, more = layer.curve(tips.paraboloid(R), [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)], **body)
+    less, s, more = layer.curve(profiles.paraboloid(R), [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)], **body)
     assert ratio <= s.a < 2.0 * ratio
     assert disc_integral(s) == pytest.approx(s.force, rel=1e-8)
     assert np.all(s.pressure(np.linspace(0.0, 1.2 * s.a, 25)) >= 0.0)
@@ -127,7 +127,7 @@ def test_very_thin_incompressible_layer_follows_lubrication_theory():
     # flux -p' h^3/(3 mu) through a layer that slips at the top carries away delta - r^2/2R; p(a) = p'(a) = 0:
     # p = E (a^2 - r^2)^2/(32 R h^3), a^2 = 4 R delta, F = 2 pi/3 E R^2 (delta/h)^3
     R, delta = 1e4, 0.2
-    s = layer.indent(tips.paraboloid(R), delta, nu=0.5, **UNIT)
+    s = layer.indent(profiles.paraboloid(R), delta, nu=0.5, **UNIT)
     assert s.a == pytest.approx(math.sqrt(4.0 * R * delta), rel=0.02)
     assert s.force == pytest.approx(2.0 * math.pi / 3.0 * R**2 * delta**3, rel=0.01)
     assert s.pressure(0.0) == pytest.approx((4.0 * R * delta) ** 2 / (32.0 * R), rel=0.01)
@@ -135,7 +135,7 @@ def test_very_thin_incompressible_layer_follows_lubrication_theory():
 
 def test_units_only_scale():
     s = layer.indent(SPHERE, 0.1, nu=0.4, wall=2.0, **UNIT)
-    nano = layer.indent(tips.sphere(1e-9), 1e-10, E=1e12, nu=0.4, h=1e-9, wall=2e-9)
+    nano = layer.indent(profiles.sphere(1e-9), 1e-10, E=1e12, nu=0.4, h=1e-9, wall=2e-9)
     assert nano.force == pytest.approx(s.force * 1e12 * 1e-18, rel=1e-12)
     assert nano.a == pytest.approx(s.a * 1e-9, rel=1e-12)
     assert nano.pressure(0.0) == pytest.approx(s.pressure(0.0) * 1e12, rel=1e-11)
@@ -145,11 +145,11 @@ def test_units_only_scale():
 @pytest.mark.parametrize("wall", [None, 2.0])
 def test_numerical_profiles_agree_with_closed_ones(wall):
     pairs = [
-        (PARABOLOID, tips.profile(lambda r: r)),
-        (SPHERE, tips.profile(lambda r: r / np.sqrt(1.0 - r * r), reach=1.0)),
+        (PARABOLOID, profiles.profile(lambda r: r)),
+        (SPHERE, profiles.profile(lambda r: r / np.sqrt(1.0 - r * r), reach=1.0)),
         (
             CONE,
-            tips.piecewise_linear(
+            profiles.piecewise_linear(
                 [[0, 0], [0.05, 0.05 / math.tan(math.radians(70))], [2.0, 2.0 / math.tan(math.radians(70))]]
             ),
         ),
@@ -163,13 +163,13 @@ def test_numerical_profiles_agree_with_closed_ones(wall):
 
 def test_tips_with_corners():
     r = np.linspace(0.0, 1.0, 11)
-    s = layer.indent(tips.piecewise_linear(np.column_stack([r, r * r / 2])), 0.02, nu=0.3, **UNIT)
+    s = layer.indent(profiles.piecewise_linear(np.column_stack([r, r * r / 2])), 0.02, nu=0.3, **UNIT)
     assert disc_integral(s, [b for b in r[1:] if b < s.a]) == pytest.approx(s.force, rel=2e-6)
-    rounded = layer.indent(tips.cone(70.0, 1e-4), 0.1, nu=0.3, **UNIT)
+    rounded = layer.indent(profiles.cone(70.0, 1e-4), 0.1, nu=0.3, **UNIT)
     assert rounded.force == pytest.approx(layer.indent(CONE, 0.1, nu=0.3, **UNIT).force, rel=2e-4)
     assert math.isfinite(rounded.pressure(0.0))
     assert layer.indent(CONE, 0.1, nu=0.3, **UNIT).pressure(0.0) == math.inf
-    blunt = layer.indent(tips.flat_punch(0.5, 1e-3), 0.01, nu=0.3, **UNIT)
+    blunt = layer.indent(profiles.flat_punch(0.5, 1e-3), 0.01, nu=0.3, **UNIT)
     sharp = layer.indent(PUNCH, 0.01, nu=0.3, **UNIT)
     assert 0.499 < blunt.a < 0.5 and 0.997 < blunt.force / sharp.force < 1.0
     assert sharp.pressure(0.5) == math.inf
@@ -180,7 +180,7 @@ def test_many_points_converge_to_the_smooth_tip():
     errors = []
     for count in (20, 80):
         r = np.linspace(0.0, 1.0, count + 1)
-        chords = tips.piecewise_linear(np.column_stack([r, r * r / 2]))
+        chords = profiles.piecewise_linear(np.column_stack([r, r * r / 2]))
         errors.append(abs(layer.indent(chords, 0.02, nu=0.3, **UNIT).force / exact - 1.0))
     assert errors[1] < errors[0] / 8.0
 
@@ -222,8 +222,8 @@ def test_symbols():
         {"delta": math.nan},
         {"delta": 5.0, "wall": 1.0},
         {"tip": PUNCH, "wall": 0.5},
-        {"tip": tips.flat_punch(1e3)},
-        {"tip": tips.paraboloid(1e6), "delta": 1.0},
+        {"tip": profiles.flat_punch(1e3)},
+        {"tip": profiles.paraboloid(1e6), "delta": 1.0},
     ],
 )
 def test_nonsense_is_refused(change):
@@ -235,12 +235,12 @@ def test_nonsense_is_refused(change):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: tips.paraboloid(0.0),
-        lambda: tips.sphere(-1.0),
-        lambda: tips.cone(90.0),
-        lambda: tips.flat_punch(0.5, 0.5),
-        lambda: tips.piecewise_linear([[0, 0], [1, 1], [2, 1.5]]),
-        lambda: tips.piecewise_linear([[0.1, 0], [1, 1]]),
+        lambda: profiles.paraboloid(0.0),
+        lambda: profiles.sphere(-1.0),
+        lambda: profiles.cone(90.0),
+        lambda: profiles.flat_punch(0.5, 0.5),
+        lambda: profiles.piecewise_linear([[0, 0], [1, 1], [2, 1.5]]),
+        lambda: profiles.piecewise_linear([[0.1, 0], [1, 1]]),
     ],
 )
 def test_impossible_tips_are_refused(make):

@@ -9,9 +9,9 @@ import signal
 
 import pytest
 
-from indent_sim import limits
-from indent_sim.errors import BackendError, IndentSimError, NotConverged
-from indent_sim.stopping import Stopped, stoppable
+from indent_sim.process import limits
+from indent_sim.process.errors import BackendError, IndentSimError, NotConverged
+from indent_sim.process.signals import Stopped, stoppable
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,10 @@ import time
 
 import pytest
 
-from indent_sim.config import load
-from indent_sim.errors import ConfigError
-from indent_sim.hints import field_names, hints, kinds_of, listed
-from indent_sim.schema import Config, tags
+from indent_sim.config.file import load
+from indent_sim.config.key_types import field_names, hints, kinds_of, listed
+from indent_sim.config.schema import Config, tags
+from indent_sim.process.errors import ConfigError
 
 SCENE = """\
 title: Hertz

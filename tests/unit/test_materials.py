@@ -12,20 +12,12 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from indent_sim.config import from_mapping
-from indent_sim.errors import ConfigError
+from indent_sim.config.file import from_mapping
 from indent_sim.fe import compat
 from indent_sim.fe.body import symbolic
-from indent_sim.model.materials import (
-    ArrudaBoyce,
-    Gent,
-    LinearElastic,
-    MooneyRivlin,
-    NeoHookean,
-    Ogden,
-    Yeoh,
-)
-from indent_sim.scene import resolve
+from indent_sim.model.materials.law import ArrudaBoyce, Gent, LinearElastic, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import resolve
 
 I = np.eye(3)
 GRID = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from indent_sim.config import loads
-from indent_sim.errors import ConfigError
-from indent_sim.petsc_options import INNER, LISTS, NUMBERS, SWITCHES, WHOLE, WORDS
+from indent_sim.config.file import loads
+from indent_sim.config.petsc_options import INNER, LISTS, NUMBERS, SWITCHES, WHOLE, WORDS
+from indent_sim.process.errors import ConfigError
 
 SCENE = """\
 body: {shape: cylinder, radius: 1, height: 1}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from indent_sim.theory import half_space as hs
-from indent_sim.theory import plane_strain as ps
+from indent_sim.theory import strip as ps
 
 UNIT = {"E": 1.0, "h": 1.0}
 PARABOLOID = ps.paraboloid(1.0)

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config import from_mapping
-from indent_sim.plausibility import ALWAYS, PRESSED, contradiction
-from indent_sim.scene import Scene, resolve
-from indent_sim.state import State
+from indent_sim.config.file import from_mapping
+from indent_sim.model.state import State
+from indent_sim.run.plausibility import ALWAYS, PRESSED, contradiction
+from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {
     "layer": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},

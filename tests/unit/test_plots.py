@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim import plots
-from indent_sim.errors import UsageError
-from indent_sim.results import Results
+from indent_sim.process.errors import UsageError
+from indent_sim.results.pictures import forces
+from indent_sim.results.reader import Results
 
 
 def a_result(kind: str = "axisymmetric", steps: int = 5, error: bool = False, **report) -> Results:
@@ -47,7 +47,7 @@ def text_of(path: Path) -> str:
 @pytest.fixture
 def svg(tmp_path, monkeypatch):
     """Draw into an SVG whose words can be read."""
-    monkeypatch.setitem(plots.STYLE, "svg.fonttype", "none")
+    monkeypatch.setitem(forces.STYLE, "svg.fonttype", "none")
     return tmp_path / "picture.svg"
 
 
@@ -56,11 +56,11 @@ class TestOneRun:
     @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
     def test_every_kind_and_format(self, tmp_path, kind, suffix):
         path = tmp_path / f"picture{suffix}"
-        plots.force_indentation(a_result(kind, error=True), path)
+        forces.force_indentation(a_result(kind, error=True), path)
         assert path.stat().st_size > 5000 and list(tmp_path.iterdir()) == [path]
 
     def test_the_words_on_it(self, svg):
-        plots.force_indentation(a_result(error=True), svg)
+        forces.force_indentation(a_result(error=True), svg)
         words = (
             "A title",
             "undeformed point",
@@ -75,42 +75,42 @@ class TestOneRun:
 
     def test_the_error_of_a_single_step_is_drawn(self, svg):
         """A band needs two points: one has a bar, from 0.9 to 1.1 of the force here."""
-        plots.force_indentation(a_result(steps=1, error=True), svg)
+        forces.force_indentation(a_result(steps=1, error=True), svg)
         assert "LineCollection" in text_of(svg) and "estimated error" in text_of(svg)
 
     def test_plane_strain_forces_are_per_length(self, svg):
-        plots.force_indentation(a_result("plane_strain"), svg)
+        forces.force_indentation(a_result("plane_strain"), svg)
         assert "N/m]" in text_of(svg) and "half-width" in text_of(svg)
 
     def test_units_unknown_to_us_are_shown_as_they_are(self, svg):
-        plots.force_indentation(a_result(units={"length": "mm", "force": "mN"}), svg)
+        forces.force_indentation(a_result(units={"length": "mm", "force": "mN"}), svg)
         assert "[mm]" in text_of(svg) and "[mN/mm²]" in text_of(svg)
 
     def test_a_failed_run_says_so(self, svg):
-        plots.force_indentation(a_result(status="failed", reason="step 6: no"), svg)
+        forces.force_indentation(a_result(status="failed", reason="step 6: no"), svg)
         assert "failed: step 6: no" in text_of(svg)
 
     @pytest.mark.parametrize("steps", [1, 200])
     def test_few_and_many_steps(self, svg, steps):
-        plots.force_indentation(a_result(steps=steps), svg)
+        forces.force_indentation(a_result(steps=steps), svg)
 
     def test_a_bare_table_out_of_contact(self, svg):
         table = {"step": [1.0, 2.0], "delta": [-0.1, 0.0], "force": [0.0, 0.0], "a": [0.0, 0.0]}
         bare = Results(Path("a.csv"), {name: np.array(column) for name, column in table.items()})
-        plots.force_indentation(bare, svg)
+        forces.force_indentation(bare, svg)
 
     def test_no_rows_at_all(self, svg):
         empty = {name: np.array([]) for name in ("step", "delta", "force", "a")}
-        plots.force_indentation(Results(Path("a.csv"), empty), svg)
+        forces.force_indentation(Results(Path("a.csv"), empty), svg)
 
     def test_one_point_in_contact(self, svg):
         result = a_result("three_dimensional")
         result.surface["pressure"] = np.where(result.surface["pressure"] == 1, 1.0, 0.0)
-        plots.force_indentation(result, svg)
+        forces.force_indentation(result, svg)
 
     def test_two_drawings_are_the_same_file(self, tmp_path):
         for name in ("a.svg", "b.svg"):
-            plots.force_indentation(a_result(), tmp_path / name)
+            forces.force_indentation(a_result(), tmp_path / name)
         assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
@@ -120,10 +120,10 @@ class TestPressure:
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
         figures = []
-        monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+        monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
 
         def draw(result):
-            plots.force_indentation(result, tmp_path / "picture.png")
+            forces.force_indentation(result, tmp_path / "picture.png")
             return {axes.get_ylabel().split(" ")[0]: axes for axes in figures[-1].axes}
 
         return draw
@@ -194,25 +194,25 @@ class TestPressure:
 class TestSeveralRuns:
     def test_each_is_named(self, svg):
         runs = [a_result(title="soft"), a_result(title="stiff", steps=8)]
-        plots.overlay(runs, svg)
+        forces.overlay(runs, svg)
         assert "soft" in text_of(svg) and "stiff" in text_of(svg)
 
     def test_titles_that_do_not_tell_them_apart_give_way_to_folders(self, svg):
-        plots.overlay([a_result(), a_result()], svg)
+        forces.overlay([a_result(), a_result()], svg)
         assert "results/one" in text_of(svg)
 
     @pytest.mark.parametrize("units", [{"length": "mm", "force": "N"}, {"length": "m", "force": "mN"}])
     def test_units_that_differ_are_refused(self, tmp_path, units):
         with pytest.raises(UsageError, match="draw them apart"):
-            plots.overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
+            forces.overlay([a_result(), a_result(units=units)], tmp_path / "picture.png")
         assert not list(tmp_path.iterdir())
 
     def test_forces_per_length_beside_forces_are_refused(self, tmp_path):
         with pytest.raises(UsageError, match="per length"):
-            plots.overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
+            forces.overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
 
     def test_no_unit_is_claimed_for_a_curve_that_names_none(self, svg):
-        plots.overlay([a_result(), a_result(units={})], svg)
+        forces.overlay([a_result(), a_result(units={})], svg)
         assert "[" not in text_of(svg).split("<g")[-1]
 
     @pytest.fixture
@@ -220,7 +220,7 @@ class TestSeveralRuns:
         """The figure of runs in folders with configs, laid out."""
         figures = []
         monkeypatch.setattr(
-            plots, "save", lambda figure, path: (figure.draw_without_rendering(), figures.append(figure))
+            forces, "save", lambda figure, path: (figure.draw_without_rendering(), figures.append(figure))
         )
 
         def draw(settings, error=False):
@@ -234,7 +234,7 @@ class TestSeveralRuns:
                 result.report["plan"]["auto"] = ["contact.epsilon_n"]
                 runs.append(dataclasses.replace(result, path=place))
                 runs[-1].table["force"] = result["force"] * (1 + nu)
-            plots.overlay(runs, tmp_path / "picture.png")
+            forces.overlay(runs, tmp_path / "picture.png")
             return figures[-1]
 
         return draw
@@ -246,7 +246,7 @@ class TestSeveralRuns:
         force, radius, beside = figure.axes
         told = [text.get_text() for text in beside.get_legend().get_texts()]
         names = [f"nu {nu:.4g}" for nu in values]
-        assert [name for name in told if name != plots.ESTIMATED] == names and (plots.ESTIMATED in told) == error
+        assert [name for name in told if name != forces.ESTIMATED] == names and (forces.ESTIMATED in told) == error
         legend = beside.get_legend().get_window_extent()
         assert not any(legend.overlaps(axes.get_tightbbox()) for axes in (force, radius))
         assert figure.bbox.x0 <= legend.x0 and legend.x1 <= figure.bbox.x1 and figure.bbox.y0 <= legend.y0
@@ -267,15 +267,15 @@ class TestSeveralRuns:
         assert told == [f"nu {nu}, method {method}" for nu in (0.1, 0.3) for method in ("nitsche", "penalty")]
 
     def test_more_runs_than_colours(self, svg):
-        plots.overlay([a_result()] * 9, svg)
+        forces.overlay([a_result()] * 9, svg)
 
 
 def test_an_unknown_format_is_refused(tmp_path):
     with pytest.raises(UsageError, match="picture"):
-        plots.force_indentation(a_result(), tmp_path / "picture.bmp")
+        forces.force_indentation(a_result(), tmp_path / "picture.bmp")
     assert not list(tmp_path.iterdir())
 
 
 def test_matplotlib_waits_until_it_is_needed():
-    script = "import sys, indent_sim.plots; sys.exit('matplotlib' in sys.modules)"
+    script = "import sys, indent_sim.results.pictures.forces; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2]).returncode == 0

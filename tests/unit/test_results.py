@@ -17,12 +17,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim import folder, results
-from indent_sim.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
-from indent_sim.folder import uninterrupted, write_atomically
-from indent_sim.results import ResultFolder, compare, read, rows_of, to_json
-from indent_sim.state import COLUMNS, State, Surface
-from indent_sim.xdmf import FieldWriter
+from indent_sim.model.state import COLUMNS, State, Surface
+from indent_sim.process.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
+from indent_sim.process.signals import uninterrupted
+from indent_sim.results import folder, tables
+from indent_sim.results.compare import compare
+from indent_sim.results.folder import write_atomically
+from indent_sim.results.reader import read, rows_of
+from indent_sim.results.writer import ResultFolder, to_json
+from indent_sim.results.xdmf import FieldWriter
 
 THIRD = 1 / 3
 
@@ -105,7 +108,7 @@ class TestFiles:
     def test_the_surface_of_the_last_or_of_all_states(self, tmp_path, keep, steps):
         write_run(tmp_path / "run", surface=keep)
         surface = read(tmp_path / "run").surface
-        assert list(surface) == list(results.SURFACE_COLUMNS)
+        assert list(surface) == list(tables.SURFACE_COLUMNS)
         assert surface["step"].tolist() == steps
         assert surface["pressure"][0] == THIRD
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config import from_mapping
-from indent_sim.errors import ConfigError
-from indent_sim.scene import Scene, resolve
+from indent_sim.config.file import from_mapping
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, dict[str, Any]] = {
     "axisymmetric": {"shape": "cylinder", "radius": 2.0, "height": 2.0},

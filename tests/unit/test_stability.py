@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scenes import WALLED, scene
 
-from indent_sim.model.indenters import Sphere
-from indent_sim.model.materials import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from indent_sim.model.stability import MODES, doubts, losses, reach
+from indent_sim.model.materials.law import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.materials.stability import MODES, doubts, losses, reach
+from indent_sim.model.tips import Sphere
 
 STABLE = {
     "mooney_rivlin": MooneyRivlin(C10=0.3, C01=0.2, nu=0.5),

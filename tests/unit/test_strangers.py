@@ -13,13 +13,16 @@ from click.testing import CliRunner
 from test_plots import a_result
 from test_results import write_run
 
-from indent_sim import __version__, checkpoint, cli, plots, results
-from indent_sim.earlier import earlier_run
-from indent_sim.errors import UsageError, printable
-from indent_sim.folder import Claim
+from indent_sim import __version__
+from indent_sim.cli import commands
+from indent_sim.process.errors import UsageError, printable
+from indent_sim.results import checkpoint, reader, writer
+from indent_sim.results.folder import Claim
+from indent_sim.results.pictures import forces
+from indent_sim.results.reader import earlier_run
+from indent_sim.results.xdmf import FieldWriter
 from indent_sim.study import picture
 from indent_sim.study.folder import StudyFolder
-from indent_sim.xdmf import FieldWriter
 
 TITLES = ["[/x] [kPa]", "$\\frac{1$", "two $ signs $", r"\$", "_hidden", "\x1b[2J\x07", "a\nb", "\u202etfel", "ä 漢 🙂"]
 CONFIG = "title: x\n"  # of `write_run`
@@ -32,7 +35,7 @@ loading: {delta: 0.01, steps: 3}
 
 
 def said(*words: str | Path) -> Any:
-    return CliRunner().invoke(cli.program, [str(word) for word in words])
+    return CliRunner().invoke(commands.program, [str(word) for word in words])
 
 
 def content_of(place: Path) -> dict[str, Any]:
@@ -53,10 +56,10 @@ class TestText:
 
     @pytest.mark.parametrize("title", TITLES[:6])
     def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
-        monkeypatch.setitem(plots.STYLE, "svg.fonttype", "none")
+        monkeypatch.setitem(forces.STYLE, "svg.fonttype", "none")
         run = a_result(title=title, units={"length": title, "force": title})
-        plots.overlay([run, a_result(title="another")], tmp_path / "two.svg")
-        plots.force_indentation(run, tmp_path / "one.svg")
+        forces.overlay([run, a_result(title="another")], tmp_path / "two.svg")
+        forces.force_indentation(run, tmp_path / "one.svg")
         for name in ("one", "two"):
             text = (tmp_path / f"{name}.svg").read_text()
             escaped = printable(title).replace("&", "&amp;")
@@ -73,7 +76,7 @@ class TestText:
         import matplotlib
 
         with matplotlib.rc_context({"text.usetex": True}):
-            plots.force_indentation(a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png")
+            forces.force_indentation(a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png")
 
 
 class TestNotOurs:
@@ -161,7 +164,7 @@ class TestNotOurs:
         path.unlink(missing_ok=True)
         path.symlink_to(victim)
         with pytest.raises(UsageError):
-            results.ResultFolder(tmp_path / "out", CONFIG, resume=True).__enter__()
+            writer.ResultFolder(tmp_path / "out", CONFIG, resume=True).__enter__()
         assert victim.read_bytes() == before
 
 
@@ -199,17 +202,17 @@ class TestDamaged:
         write_run(tmp_path / "out")
         path = tmp_path / "out" / "run.json"
         path.write_text(json.dumps(json.loads(path.read_text()) | {entry: value}))
-        for refused in (results.read, results.read_run, lambda folder: earlier_run(folder, CONFIG)):
+        for refused in (reader.read, reader.read_run, lambda folder: earlier_run(folder, CONFIG)):
             with pytest.raises(UsageError, match=rf"run\.json is damaged: {entry}"):
                 refused(tmp_path / "out")
         for words in (("plot", "out"), ("compare", "out", "out")):
-            done = CliRunner().invoke(cli.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
+            done = CliRunner().invoke(commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
             assert done.exit_code == 2 and "Traceback" not in done.stderr
 
     def test_nothing_of_a_file_that_is_no_result_is_told(self, tmp_path):
         (tmp_path / "secret").write_text("step,delta,force,a\n1,2,3,password\n")
         with pytest.raises(UsageError, match="line 2, column 4 is not a number") as caught:
-            results.read(tmp_path / "secret")
+            reader.read(tmp_path / "secret")
         assert "password" not in str(caught.value)
 
     @pytest.mark.parametrize(

@@ -15,14 +15,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from indent_sim import cli, study
-from indent_sim.errors import ConfigError, NotConverged, UsageError
-from indent_sim.results import Results
-from indent_sim.run import warm_up
+from indent_sim import study
+from indent_sim.cli import commands
+from indent_sim.process.errors import ConfigError, NotConverged, UsageError
+from indent_sim.results.reader import Results
+from indent_sim.run.chain import warm_up
 from indent_sim.study import cases as case_list
 from indent_sim.study import table, verdict
 from indent_sim.study.grid import Multiple
-from indent_sim.study.reference import Comparison
+from indent_sim.study.truth import Comparison
 from indent_sim.study.worker import Worker
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,7 +78,7 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
 
 
 def command(*words: str | Path) -> list[str]:
-    return [sys.executable, "-m", "indent_sim.cli", "study", *map(str, words)]
+    return [sys.executable, "-m", "indent_sim.cli.commands", "study", *map(str, words)]
 
 
 def environment() -> dict[str, str]:
@@ -208,7 +209,7 @@ class TestRefusals:
     @pytest.mark.parametrize(("text", "line", "key", "fragment"), MALFORMED)
     def test_wrong_studies(self, written, tmp_path, text, line, key, fragment):
         """Exit code 3 with file, line and key, before anything is made."""
-        done = CliRunner().invoke(cli.program, ["study", str(written(text))])
+        done = CliRunner().invoke(commands.program, ["study", str(written(text))])
         place = "STUDY.yaml" if line is None else f"STUDY.yaml:{line}: {key}"
         assert done.exit_code == 3 and place in done.stderr and key in done.stderr and fragment in done.stderr
         assert {entry.name for entry in tmp_path.iterdir()} == {"scene.yaml", "STUDY.yaml"} and done.stdout == ""
@@ -223,7 +224,7 @@ class TestRefusals:
     )
     def test_usage(self, written, words):
         written(METHODS)
-        done = CliRunner().invoke(cli.program, ["study", *words])
+        done = CliRunner().invoke(commands.program, ["study", *words])
         assert done.exit_code == 2 and done.stderr and "Traceback" not in done.stderr
 
     def test_a_foreign_folder(self, written, tmp_path):
@@ -234,7 +235,7 @@ class TestRefusals:
 
     def test_several_ranks(self, written, monkeypatch):
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        done = CliRunner().invoke(cli.program, ["study", str(written(METHODS))])
+        done = CliRunner().invoke(commands.program, ["study", str(written(METHODS))])
         assert done.exit_code == 2 and "one rank" in done.stderr
 
     def test_a_study_in_use(self, written, tmp_path, monkeypatch):
@@ -248,7 +249,7 @@ class TestRefusals:
 class TestRuns:
     def test_the_table_the_picture_and_the_advice(self, written, tmp_path):
         path = written(METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]"))
-        done = CliRunner().invoke(cli.program, ["study", str(path), "--output", "out"])
+        done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
         assert done.exit_code == 0, done.stderr
         assert done.stdout == "out\n" and "for 1 %: contact.method=" in done.stderr
         rows = rows_of(tmp_path / "out")
@@ -271,9 +272,9 @@ class TestRuns:
         ],
     )
     def test_whatever_ends_a_run_ends_that_run_alone(self, written, tmp_path, monkeypatch, ending, exit_code, reason):
-        from indent_sim import run as chain
+        from indent_sim.run import chain
 
-        whole = chain.run
+        whole = chain.simulate
 
         def run(config, **options):
             if config.mesh.h_contact == 0.05:
@@ -290,9 +291,9 @@ class TestRuns:
 
     def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
         """Batch systems send SIGTERM to every process of a job; that the study's own one ends is enough."""
-        from indent_sim import run as chain
+        from indent_sim.run import chain
 
-        whole = chain.run
+        whole = chain.simulate
 
         def run(config, **options):
             os.kill(os.getpid(), signal.SIGTERM)
@@ -332,7 +333,7 @@ class TestRuns:
         def run(*args, **options):
             raise NotConverged("never")
 
-        monkeypatch.setattr("indent_sim.run.run", run)
+        monkeypatch.setattr("indent_sim.run.chain.simulate", run)
         with pytest.raises(NotConverged, match="never"):
             study.carry_out(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
@@ -362,7 +363,7 @@ class TestRuns:
     def test_shards_merge(self, written, tmp_path):
         path = written(METHODS)
         for i in (2, 1, 3):
-            part = CliRunner().invoke(cli.program, ["study", str(path), "--output", "parts", "--shard", f"{i}/3"])
+            part = CliRunner().invoke(commands.program, ["study", str(path), "--output", "parts", "--shard", f"{i}/3"])
             assert part.exit_code == 0 and part.stdout == "parts\n"
             assert part.stderr.count("force 0.00") == 2 and not (tmp_path / "parts" / "study.csv").exists()
         told: list[str] = []
@@ -438,19 +439,19 @@ class TestAnotherKindOfFile:
     @pytest.mark.parametrize("words", [("run",), ("plan",), ("plan", "--json"), ("run", "--set", "material.nu=0.2")])
     def test_a_study_is_no_scene(self, written, tmp_path, words):
         written(METHODS)
-        done = CliRunner().invoke(cli.program, [words[0], "STUDY.yaml", *words[1:]])
+        done = CliRunner().invoke(commands.program, [words[0], "STUDY.yaml", *words[1:]])
         assert done.exit_code == 3 and not (tmp_path / "results").exists()
         assert "STUDY.yaml:3: this is a study, not a scene; indent-sim study STUDY.yaml\n" in done.stderr
 
     @pytest.mark.parametrize("text", [SCENE, "title: ten\naccuracy: 0.01\n"])
     def test_a_scene_is_no_study(self, written, tmp_path, text):
-        done = CliRunner().invoke(cli.program, ["study", str(written(text))])
+        done = CliRunner().invoke(commands.program, ["study", str(written(text))])
         assert done.exit_code == 3 and not (tmp_path / "results").exists()
         assert f"STUDY.yaml:2: this is a scene, not a study; indent-sim run {tmp_path / 'STUDY.yaml'}\n" in done.stderr
 
     def test_a_scene_with_a_key_of_a_study_is_still_a_scene(self, written):
         """A stray key is what is wrong then, and it is named."""
-        done = CliRunner().invoke(cli.program, ["plan", str(written(SCENE + "vary: {}\n"))])
+        done = CliRunner().invoke(commands.program, ["plan", str(written(SCENE + "vary: {}\n"))])
         assert done.exit_code == 3 and "vary: unknown key" in done.stderr
 
 
@@ -458,7 +459,7 @@ class TestComparison:
     @pytest.mark.parametrize("wanted", ["theory", "finest", "1.6e-3", "result", "result/force_indentation.csv"])
     def test_every_form(self, written, tmp_path, wanted):
         if wanted.startswith("result"):
-            assert CliRunner().invoke(cli.program, ["run", "scene.yaml", "--output", "result"]).exit_code == 0
+            assert CliRunner().invoke(commands.program, ["run", "scene.yaml", "--output", "result"]).exit_code == 0
         text = f"base: scene.yaml\ncompare_to: {wanted}\nvary: {{mesh.h_contact: [0.06, 0.05]}}\n"
         rows = study.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
@@ -511,7 +512,7 @@ class TestComparison:
 
     def test_no_peak_where_theory_has_none(self, written):
         text = "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: {mesh.order: [1]}\n"
-        from indent_sim.study.reference import of_theory
+        from indent_sim.study.truth import of_theory
 
         answer = of_theory(case_list.of(study.read(written(text)))[0])
         assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
@@ -619,11 +620,11 @@ class TestPicture:
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
         """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front as it is listed."""
-        from indent_sim import plots
+        from indent_sim.results.pictures import forces
         from indent_sim.study import picture
 
         figures = []
-        monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+        monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
 
         def draw(rows):
             table = [

@@ -7,15 +7,15 @@ import json
 
 import pytest
 
-from indent_sim import schema
-from indent_sim.config import Config
-from indent_sim.hints import core, hints
-from indent_sim.model.quantities import unit_of
-from indent_sim.reference import DIMENSIONS, config_markdown, json_schema
-from indent_sim.results import SURFACE_COLUMNS
-from indent_sim.state import COLUMNS, State, Surface
+from indent_sim.config import schema
+from indent_sim.config.key_types import core, hints
+from indent_sim.config.reference import DIMENSIONS, config_markdown, json_schema
+from indent_sim.config.schema import Config
+from indent_sim.model.state import COLUMNS, State, Surface
+from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
+from indent_sim.model.units import unit_of
+from indent_sim.results.tables import SURFACE_COLUMNS
 from indent_sim.study import file, grid, table
-from indent_sim.symbols import GROUPS, SYMBOLS, lookup
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:

@@ -14,9 +14,10 @@ from scipy.optimize import brentq, least_squares
 from test_hertz import CUBE as CUBE_FORCE
 from test_hertz import FORCES
 
-from indent_sim.config import Config, from_mapping
-from indent_sim.run import run, states
-from indent_sim.scene import resolve
+from indent_sim.config.file import from_mapping
+from indent_sim.config.schema import Config
+from indent_sim.run.chain import simulate, states
+from indent_sim.scene.scene import resolve
 
 TARGETS = (0.05, 0.01, 0.001)
 QUIET = {"fields": "none", "surface": "none", "plot": False}
@@ -92,7 +93,7 @@ def exact_forces(config: Config) -> np.ndarray:
 
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
     config = from_mapping(case.mapping() | {"accuracy": target} | sections)
-    outcome = run(config, directory=folder)
+    outcome = simulate(config, directory=folder)
     exact = exact_forces(config)
     force = np.array([state.force for state in outcome.states])
     bar = np.array([budget.estimated for budget in outcome.report["error_budget"]])  # without the same theory's word
@@ -101,11 +102,11 @@ def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
 
 def statistics(runs: list[Judged]) -> dict[str, float]:
     """Shares of rows and of last rows inside their bars, and the median of bar over true error."""
-    inside = [run.true <= run.bar for run in runs]
+    inside = [simulate.true <= simulate.bar for simulate in runs]
     return {
         "rows": float(np.mean(np.concatenate(inside))),
         "last rows": float(np.mean([row[-1] for row in inside])),
-        "bar over error": float(np.median(np.concatenate([run.bar / run.true for run in runs]))),
+        "bar over error": float(np.median(np.concatenate([simulate.bar / simulate.true for simulate in runs]))),
     }
 
 
@@ -219,7 +220,7 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
     config = from_mapping(Case("sphere", 0.1, nu).mapping() | {
         "material": {"model": "neo_hookean", "E": 1.0, "nu": nu}, "indenter": {"shape": "sphere", "R": 1.0},
         "loading": {"deltas": list(SPHERE_ON_GEL[nu])}, "accuracy": target})  # fmt: skip
-    outcome = run(config, directory=tmp_path)
+    outcome = simulate(config, directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] - exact)
     bar = np.array([state.force_error for state in outcome.states])
     assert np.all(true <= target * exact)
@@ -262,7 +263,7 @@ def test_the_forces_on_a_finite_body_are_those_of_independent_computations() -> 
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_cube(target: float, tmp_path: Path) -> None:
     """Three dimensions, the quarter of a box: all ten steps keep the target and know their error."""
-    outcome = run(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
+    outcome = simulate(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
     bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
     print(f"{target:g}  {outcome.report['accuracy']['elements']:.3g} elements  worst error {true.max():.1e}  "
@@ -282,7 +283,7 @@ def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
         "indenter": {"shape": "flat_punch", "radius": radius},
         "loading": {"delta": 0.01 * radius, "steps": 1}, "output": QUIET, "accuracy": 0.01,
     })  # fmt: skip
-    (state,) = run(config, directory=tmp_path).states
+    (state,) = simulate(config, directory=tmp_path).states
     (exact,) = exact_forces(config)
     true, bar = abs(state.force / exact - 1), (state.force_error or 0.0) / exact
     print(f"radius {radius:g}, nu {nu:g}: error {true:.1e}  bar {bar:.1e}")
@@ -329,7 +330,7 @@ def test_corners_of_a_tip_and_edges(target: float, tmp_path: Path) -> None:
     for i, ((tip, depths, method), nu) in enumerate(itertools.product(SHARP, (0.3, 0.4999))):
         sections = {"indenter": tip, "loading": depths, "contact": {"method": method}}
         config = from_mapping(Case("paraboloid", 0.3, nu).mapping() | sections | {"accuracy": target})
-        outcome, exact = run(config, directory=tmp_path / str(i)), exact_forces(config)
+        outcome, exact = simulate(config, directory=tmp_path / str(i)), exact_forces(config)
         true = np.abs(np.array([state.force for state in outcome.states]) / exact - 1)
         bar = np.array([budget.estimated for budget in outcome.report["error_budget"]]) / exact
         runs.append(Judged(true, bar, outcome.report))

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from test_accuracy import Case, drawn
 
-from indent_sim.config import from_mapping
-from indent_sim.results import compare
-from indent_sim.run import run, states
-from indent_sim.scene import resolve
-from indent_sim.state import State
+from indent_sim.config.file import from_mapping
+from indent_sim.model.state import State
+from indent_sim.results.compare import compare
+from indent_sim.run.chain import simulate, states
+from indent_sim.scene.scene import resolve
 
 RADII = np.append(np.linspace(0, 1, 400, endpoint=False), 1 - np.geomspace(1e-6, 1e-2, 200))  # of a: where peaks are
 
@@ -60,11 +60,11 @@ def judged(case: Case, folder: Path, **sections: Any) -> dict[str, Judged]:
     mapping = case.mapping()
     exact = theory(case, mapping)
     bars = {} if "accuracy" in sections else {"error_bars": True}
-    pushed = run(from_mapping(mapping | sections), directory=folder / "depths", **bars).states
+    pushed = simulate(from_mapping(mapping | sections), directory=folder / "depths", **bars).states
     names = {"flat_punch": (), "cone": ("a",)}.get(case.tip, ("a", "p_max"))  # a punch's a is given, its edge sharp
     numbers = {name: found(pushed, name, exact[name]) for name in names}
     forces = {"forces": exact["force"].tolist()}
-    pressed = run(from_mapping(mapping | sections | {"loading": forces}), directory=folder / "forces", **bars).states
+    pressed = simulate(from_mapping(mapping | sections | {"loading": forces}), directory=folder / "forces", **bars).states
     return numbers | {"delta": found(pressed, "delta", exact["delta"])}
 
 
@@ -193,7 +193,7 @@ def test_a_pressure_without_bound_has_no_largest_value(name: str, tip: dict[str,
 def test_an_unbounded_pressure_is_an_empty_cell(tmp_path: Path) -> None:
     """Above the surface the cone feels nothing, and its pressure is 0."""
     mapping = Case("cone", 0.3, 0.3).mapping() | {"loading": {"deltas": [-0.01, 0.01]}, "accuracy": 0.05}
-    run(from_mapping(mapping), directory=tmp_path / "cone")
+    simulate(from_mapping(mapping), directory=tmp_path / "cone")
     header, above, inside = [line.split(",") for line in
                              (tmp_path / "cone" / "force_indentation.csv").read_text().splitlines()]  # fmt: skip
     p_max, p_error = header.index("p_max"), header.index("p_max_error")

@@ -13,12 +13,14 @@ import pytest
 from mpi4py import MPI
 from scenes import CYLINDER, E_STAR, WALLED, scene, solve
 
-from indent_sim import geometry
-from indent_sim.fe import active_set, condensed, solver
-from indent_sim.fe.condensed import complementary
-from indent_sim.run import condense
-from indent_sim.scene import Scene
-from indent_sim.state import Surface
+from indent_sim.fe import solver
+from indent_sim.fe.condensed import contact
+from indent_sim.fe.condensed.contact import complementary
+from indent_sim.fe.terms import nodal
+from indent_sim.mesh import gmsh
+from indent_sim.model.state import Surface
+from indent_sim.run.chain import condense
+from indent_sim.scene.scene import Scene
 
 DELTA, H = 0.01, 0.01
 PATH = {"deltas": [0.001, 0.004, 0.007, DELTA, 0.006, -0.001, 0.005]}
@@ -27,7 +29,7 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
-    walk = solver.walk(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
+    walk = solver.walk(base, solver.distribute(gmsh.build(base), base, MPI.COMM_SELF))
     for state in walk.states(base.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
         trace = walk.observed.trace
@@ -161,7 +163,7 @@ def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -
     """Forced on a real contact by calling every set a repetition: the same force to 1e-9, another algorithm."""
     base = scene(CYLINDER, contact={"method": "active_set"}, mesh={"h_contact": H})
     expected = solve(base)[-1]
-    real = condensed.complementary
+    real = contact.complementary
 
     def tired(A: np.ndarray, gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
         class Full(set):  # type: ignore[type-arg]
@@ -169,10 +171,10 @@ def test_least_squares_finds_the_same_contact(monkeypatch: pytest.MonkeyPatch) -
                 return True
 
         with monkeypatch.context() as patch:
-            patch.setattr(condensed, "set", Full, raising=False)
+            patch.setattr(contact, "set", Full, raising=False)
             return real(A, gap, active)
 
-    monkeypatch.setattr(condensed, "complementary", tired)
+    monkeypatch.setattr(contact, "complementary", tired)
     found = solve(base)[-1]
     assert found.force == pytest.approx(expected.force, rel=1e-9)
     assert found.surface.pressure == pytest.approx(expected.surface.pressure, abs=1e-8 * expected.p_max)
@@ -182,7 +184,7 @@ def test_one_node_at_a_time_finds_the_same_contact(monkeypatch: pytest.MonkeyPat
     """Forced on Newton from the first step on: more iterations, the same force to 1e-9."""
     base = scene(CYLINDER, contact={"method": "active_set"}, solver={"method": "newton"}, mesh={"h_contact": 0.004})
     expected = solve(base)
-    monkeypatch.setattr(active_set, "RETURNS", 0)
+    monkeypatch.setattr(nodal, "RETURNS", 0)
     found = solve(base)
     assert sum(s.newton_iterations for s in found) > sum(s.newton_iterations for s in expected)
     assert [s.force for s in found] == pytest.approx([s.force for s in expected], rel=1e-9)

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
-from indent_sim import choices
-from indent_sim.config import load
-from indent_sim.errors import ConfigError
-from indent_sim.fe import compliance, condensed_path
-from indent_sim.model.indenters import Paraboloid, Sphere
-from indent_sim.run import condense, states
-from indent_sim.scene import Scene, resolve
+from indent_sim.config.file import load
+from indent_sim.fe.condensed import compliance
+from indent_sim.fe.path import condensed_walk
+from indent_sim.model.tips import Paraboloid, Sphere
+from indent_sim.process.errors import ConfigError
+from indent_sim.run.chain import condense, states
+from indent_sim.scene import choices
+from indent_sim.scene.scene import Scene, resolve
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "penalty")
@@ -73,7 +74,7 @@ def test_no_number_knows_the_candidates(method: str, monkeypatch: pytest.MonkeyP
     base = scene(CYLINDER, contact={"method": method}, mesh={"h_contact": 0.02})
     (expected,) = solve(base)
     for margin in (-5.0, 1000.0):
-        monkeypatch.setattr(condensed_path, "MARGIN", margin)
+        monkeypatch.setattr(condensed_walk, "MARGIN", margin)
         (found,) = solve(base)
         assert found.force == pytest.approx(expected.force, rel=1e-12)
         assert np.abs(found.surface.pressure - expected.surface.pressure).max() <= 1e-11 * expected.p_max
@@ -151,9 +152,9 @@ def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
     loading: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its nodes hold the first row and not the second, which says so: no force of a contact that was cut off."""
-    monkeypatch.setattr(condensed_path, "MARGIN", -7.0)
+    monkeypatch.setattr(condensed_walk, "MARGIN", -7.0)
     base = scene(WALLED, loading=loading, mesh={"h_contact": 0.01})
-    monkeypatch.setattr(condensed_path, "MOST_CANDIDATES", 10)
+    monkeypatch.setattr(condensed_walk, "MOST_CANDIDATES", 10)
     first, second = states(base)
     assert first.converged
     assert not second.converged and np.isnan(second.force)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from indent_sim.config import Config, from_mapping
-from indent_sim.run import run, states
-from indent_sim.scene import Scene, resolve
-from indent_sim.theory import layer, plane_strain
+from indent_sim.config.file import from_mapping
+from indent_sim.config.schema import Config
+from indent_sim.run.chain import simulate, states
+from indent_sim.scene.scene import Scene, resolve
+from indent_sim.theory import layer, strip
 from indent_sim.theory.solution import Solution
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
@@ -68,7 +69,7 @@ class Case:
         if self.tip == "flat_punch":
             return 0.001 * min(1.0, a)
         own = dict(self.indenter)
-        module: Any = layer if self.shape == "cylinder" else plane_strain
+        module: Any = layer if self.shape == "cylinder" else strip
         tip = getattr(tips_of(module), own.pop("shape"))(*own.values())
 
         def excess(delta: float) -> float:
@@ -83,9 +84,9 @@ class Case:
 
 
 def tips_of(module: Any) -> Any:
-    from indent_sim.theory import tips
+    from indent_sim.theory import profiles
 
-    return tips if module is layer else plane_strain
+    return profiles if module is layer else strip
 
 
 def drawn(count: int, seed: int) -> list[Case]:
@@ -150,7 +151,7 @@ class Judged:
 
 def judged(mapping: dict[str, Any], target: float, folder: Path, exact: np.ndarray | None = None) -> Judged:
     config = from_mapping(mapping | {"accuracy": target})
-    outcome = run(config, directory=folder)
+    outcome = simulate(config, directory=folder)
     exact = true_forces(config) if exact is None else exact
     force = np.array([state.force for state in outcome.states])
     bar = np.array([budget.estimated for budget in outcome.report["error_budget"]])

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from scenes import ELASTIC, force, scene, solve
 
-from indent_sim.errors import ConfigError
-from indent_sim.scene import Scene
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import Scene
 
 TOLERANCE = 0.005
 WIDE = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}

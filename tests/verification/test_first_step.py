@@ -18,12 +18,12 @@ from typing import Any
 import pytest
 from scenes import E_STAR, ELASTIC, WALLED, force
 
-from indent_sim import run
-from indent_sim.config import from_mapping, load
-from indent_sim.errors import ConfigError
-from indent_sim.scene import Scene, resolve
-from indent_sim.sizing import TELLING
-from indent_sim.state import State
+from indent_sim.config.file import from_mapping, load
+from indent_sim.model.state import State
+from indent_sim.process.errors import ConfigError
+from indent_sim.run import chain
+from indent_sim.scene.expected import TELLING
+from indent_sim.scene.scene import Scene, resolve
 
 AGREE = 1e-6  # of the force: Newton stops at 1e-9 of it, and Uzawa's multiplier at 1e-8
 PER_RADIUS = {2: 4.0, 3: 2.0}  # elements in a contact radius, by dimension: both paths are on the same mesh
@@ -115,7 +115,7 @@ def coarse(config: dict[str, Any]) -> Scene:
 def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
     """The states of the same scene and mesh along another path."""
     path = tuple(delta / scene.scales.length for delta in deltas)
-    return list(run.states(replace(scene, deltas=path), with_surface=False))
+    return list(chain.states(replace(scene, deltas=path), with_surface=False))
 
 
 def judged(config: dict[str, Any]) -> Verdict:
@@ -194,7 +194,7 @@ def test_a_ball_beyond_its_diameter(gel: Scene) -> None:
 def test_the_depth_of_a_deep_ball_is_found() -> None:
     """Under force control, in one step: and at that depth there is that force."""
     pressed = resolve(load(GEL, ["loading={force: 20.66, steps: 1}"]))
-    (state,) = run.states(pressed, with_surface=False)
+    (state,) = chain.states(pressed, with_surface=False)
     assert state.converged and state.delta == pytest.approx(1.85, rel=2e-3)  # two meshes again
     (again,) = along(replace(pressed, forces=None), [state.delta])
     assert again.force == pytest.approx(state.force, rel=AGREE)
@@ -209,7 +209,7 @@ def test_a_linear_body_that_turns_inside_out_is_refused(steps: int) -> None:
         "indenter": {"shape": "flat_punch", "radius": 0.551, "edge_radius": 0.165},
         "loading": {"delta": 0.9, "steps": steps},
     }  # fmt: skip
-    *rows, last = run.states(resolve(from_mapping(config)), with_surface=False)
+    *rows, last = chain.states(resolve(from_mapping(config)), with_surface=False)
     assert all(before.force < after.force for before, after in pairwise(rows))
     assert not last.converged and "inside out" in last.reason and "hyperelastic" in last.reason
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from scenes import force, scene
 
-from indent_sim.errors import ConfigError
-from indent_sim.scene import Scene
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import Scene
 
 HALF_SPACE = {"shape": "half_space"}
 TIPS: dict[str, tuple[dict[str, Any], float, float]] = {  # tip, depth, what the force may be off by

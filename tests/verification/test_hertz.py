@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, force, scene, solve
 
-from indent_sim.state import State
+from indent_sim.model.state import State
 
 FORCES = [
     4.752808e-5, 1.3588647e-4, 2.5173546e-4, 3.9033719e-4, 5.4896469e-4,

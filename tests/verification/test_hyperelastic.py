@@ -11,10 +11,11 @@ from conftest import Mpirun
 from mpi4py import MPI
 from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, scene, solve
 
-from indent_sim import geometry, run
-from indent_sim.config import from_mapping
+from indent_sim.config.file import from_mapping
 from indent_sim.fe import solver
-from indent_sim.scene import Scene, resolve
+from indent_sim.mesh import gmsh
+from indent_sim.run import chain
+from indent_sim.scene.scene import Scene, resolve
 
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 SPHERE = {"shape": "sphere", "R": 1.0}
@@ -217,7 +218,7 @@ def test_a_hopeless_depth_is_given_up() -> None:
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
     base = ball(0.49, 0.1, indenter=punch, loading={"delta": 0.6, "steps": 1}, mesh={"h_contact": 0.1},
                 solver={"max_iterations": 4})  # fmt: skip
-    (state,) = run.states(base)
+    (state,) = chain.states(base)
     assert not state.converged
     assert state.newton_iterations <= (1 + 10) * 4 * 5  # ten cuts; two guesses, and through three softer contacts
     assert "the last equilibrium found is at delta = 0" in state.reason
@@ -352,7 +353,7 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float) -> None:
 def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     """u_z = -2 z makes J = -1; its residual is a number."""
     base = ball(nu, 0.2)
-    problem = solver.Problem(base, solver.distribute(geometry.build(base), base, MPI.COMM_SELF))
+    problem = solver.Problem(base, solver.distribute(gmsh.build(base), base, MPI.COMM_SELF))
     assert problem.is_admissible()
     z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
@@ -366,7 +367,7 @@ def test_gent_names_its_limit() -> None:
     base = ball(material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5}, h_contact=0.1,
                 loading={"delta": 0.3, "steps": 2}, solver={"max_iterations": 15})  # fmt: skip
     assert any("Gent's limit" in text for text in base.warnings)
-    *_, last = run.states(base)
+    *_, last = chain.states(base)
     assert not last.converged
     assert "I1 - 3 = Jm = 0.02" in last.reason
 

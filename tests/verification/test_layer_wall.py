@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from scenes import E_STAR, PARABOLOID, STRIP, WALLED, force, scene, solve, with_penalty
 
+from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import AugmentedLagrangian
-from indent_sim.scene import Scene
-from indent_sim.sizing import Sizes
-from indent_sim.state import State
+from indent_sim.model.state import State
+from indent_sim.scene.scene import Scene
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 
-from indent_sim import run
-from indent_sim.errors import ConfigError
-from indent_sim.scene import Scene
-from indent_sim.state import State
+from indent_sim.model.state import State
+from indent_sim.process.errors import ConfigError
+from indent_sim.run import chain
+from indent_sim.scene.scene import Scene
 
 COARSE = {"mesh": {"h_contact": 0.04}}
 UP_AND_DOWN = [0.004, 0.012, 0.02, 0.007, 0.012, 0.02]
@@ -88,7 +88,7 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
     """The states of equal forces are equal: nothing but the force decides. 0 is the first touch, without a force."""
     given = {"material": material} if material else {}
     path = [0.001, 0.003, 0.0, 0.003, 0.002, 0.001, 0.0]
-    states = list(run.states(scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given)))
+    states = list(chain.states(scene(CYLINDER, loading={"forces": path}, mesh={"h_contact": 0.02}, **given)))
     assert len(states) == len(path) and all(state.converged for state in states)
     # at the first touch the reactions are round-off of a finite strain, 1e-16 of E height^2
     assert all(abs(state.force - state.reaction) <= 1e-8 * state.force + 1e-15 for state in states)
@@ -138,7 +138,7 @@ def test_too_large_a_force() -> None:
         scene(WALLED, loading={"force": 1e3, "steps": 2})
     assert caught.value.key == "loading" and caught.value.exit_code == 3
     gent = {"model": "gent", "mu": 1.0, "Jm": 0.5, "nu": 0.3}
-    *_, last = run.states(scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.1}))
+    *_, last = chain.states(scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.1}))
     assert not last.converged and "force = 10000" in last.reason and "last equilibrium" in last.reason
 
 

@@ -16,9 +16,10 @@ from click.testing import CliRunner
 from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
 from test_hertz import CUBE, FORCES, RADII
 
-from indent_sim import cli, run
-from indent_sim.fe import condensed
-from indent_sim.state import State
+from indent_sim.cli import commands
+from indent_sim.fe.condensed import contact
+from indent_sim.model.state import State
+from indent_sim.run import chain
 
 METHODS = ("augmented_lagrangian", "uzawa", "active_set", "nitsche")
 SOLVERS = ("condensed", "newton")
@@ -174,8 +175,8 @@ def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: s
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
-    monkeypatch.setattr(condensed, "UZAWA_LOOPS", 15)
-    (state,) = run.states(scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05}))
+    monkeypatch.setattr(contact, "UZAWA_LOOPS", 15)
+    (state,) = chain.states(scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05}))
     assert not state.converged
     assert np.isnan(state.force)
     assert "uzawa did not converge" in state.reason and "does not settle" in state.reason
@@ -201,7 +202,7 @@ def test_active_set_has_no_parameter(tmp_path: Path) -> None:
         "indenter: {shape: paraboloid, R: 1.0}\nloading: {delta: 0.01}\n"
         "contact: {method: active_set, epsilon_n: 10.0}\n"
     )
-    result = CliRunner().invoke(cli.program, ["plan", str(config)])
+    result = CliRunner().invoke(commands.program, ["plan", str(config)])
     assert result.exit_code == 3
     assert "epsilon_n" in result.output + result.stderr
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from scenes import ELASTIC, WALLED, scene, solve
 
-from indent_sim.theory import layer, tips
+from indent_sim.theory import layer, profiles
 
 FORCE_4999, P0_4999 = 2.01567242556e-03, 8.855702682e-02  # nu = 0.4999, to the digits shown
 
@@ -21,7 +21,7 @@ def test_mixed_body_against_theory(nu: float, name: str, solver: str) -> None:
     are found, as with compressible bodies; displacements alone give 17 % of p(0)."""
     if (name, solver) == ("nitsche", "condensed"):
         pytest.skip("Nitsche's method needs the stress inside the body")
-    exact = layer.indent(tips.paraboloid(1.0), 0.01, E=1.0, nu=nu, h=1.0, wall=2.0)
+    exact = layer.indent(profiles.paraboloid(1.0), 0.01, E=1.0, nu=nu, h=1.0, wall=2.0)
     if nu == 0.4999:
         assert exact.force == pytest.approx(FORCE_4999, rel=1e-10)
         assert float(exact.pressure(0.0)) == pytest.approx(P0_4999, rel=1e-8)
@@ -37,7 +37,7 @@ def test_mixed_body_against_theory(nu: float, name: str, solver: str) -> None:
 @pytest.mark.parametrize("nu", [0.4999, 0.5])
 def test_penalty_on_a_mixed_body(nu: float) -> None:
     """Extrapolated in 1/epsilon_n: 0.05 %."""
-    exact = layer.indent(tips.paraboloid(1.0), 0.01, E=1.0, nu=nu, h=1.0, wall=2.0)
+    exact = layer.indent(profiles.paraboloid(1.0), 0.01, E=1.0, nu=nu, h=1.0, wall=2.0)
     base = {"material": ELASTIC | {"nu": nu}, "mesh": {"h_contact": 0.005}}
     soft, stiff = (
         solve(scene(WALLED, contact={"method": "penalty", "epsilon_n": epsilon_n}, **base))[-1].force

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from scenes import CYLINDER, PARABOLOID, WALLED, force, scene, solve
 
-from indent_sim.errors import ConfigError
+from indent_sim.process.errors import ConfigError
 
 DEEP = {"loading": {"delta": 0.09, "steps": 1}}
 COARSE = 0.1  # h_contact: three elements in the contact radius of 0.33

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 from scenes import PENALTY, scene, solve
 
-from indent_sim.model.indenters import FlatPunch
-from indent_sim.scene import Scene
+from indent_sim.model.tips import FlatPunch
+from indent_sim.scene.scene import Scene
 
 E, NU, H, DELTA, EPSILON_N = 3.0, 0.3, 2.0, 0.05, 7.0
 CONFINED = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))

@@ -12,7 +12,7 @@ import pytest
 from scenes import BOX, CYLINDER, PARABOLOID, STRIP, scene, solve
 from test_hertz import FORCES
 
-from indent_sim.state import State
+from indent_sim.model.state import State
 
 PAIRS = [
     (name, solver)

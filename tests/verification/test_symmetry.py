@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from scenes import BOX, PARABOLOID, STRIP, force, scene, solve
 
-from indent_sim import geometry
-from indent_sim.geometry import Grid
-from indent_sim.scene import Scene
-from indent_sim.state import State
+from indent_sim.mesh import gmsh
+from indent_sim.mesh.grid import Grid
+from indent_sim.model.state import State
+from indent_sim.scene.scene import Scene
 
 SAME = 1e-8  # of the force: Newton stops at 1e-10 of the reactions
 DEEP = {"loading": {"delta": 0.04, "steps": 2}}
@@ -36,7 +36,7 @@ def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
 def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
     """The states of a scene on a given grid."""
     with monkeypatch.context() as patch:
-        patch.setattr(geometry, "build", lambda scene: grid)
+        patch.setattr(gmsh, "build", lambda scene: grid)
         return solve(base)
 
 
@@ -55,7 +55,7 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
     half, full = (scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
                   for symmetry in ("half", "full"))  # fmt: skip
     assert (half.copies, full.copies) == (2, 1)
-    grid = geometry.build(half)
+    grid = gmsh.build(half)
     assert_same(on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch))
 
 
@@ -71,7 +71,7 @@ def test_box_by_its_quarter_and_half(
     quarter, half, full = (scene(body, contact=contact, mesh={"h_contact": 0.15, "symmetry": symmetry}, **DEEP)
                            for symmetry in ("quarter", "half", "full"))  # fmt: skip
     assert (quarter.copies, half.copies, full.copies) == (4, 2, 1)
-    grid = geometry.build(quarter)
+    grid = gmsh.build(quarter)
     by_quarter = on_grid(quarter, grid, monkeypatch)
     grid = mirrored(grid, 1, 1.0)
     assert_same(by_quarter, on_grid(half, grid, monkeypatch))
@@ -84,7 +84,7 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
     wide = scene(STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"})
     narrow = scene(STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]})
     narrow = dataclasses.replace(narrow, sizes=wide.sizes, contact=wide.contact)
-    grid = geometry.build(narrow)
+    grid = gmsh.build(narrow)
     whole = Grid(mirrored(grid, 0, 0.0).points + np.array([2.0, 0.0]), mirrored(grid, 0, 0.0).cells)
     beside, middle = on_grid(narrow, grid, monkeypatch)[-1], on_grid(wide, whole, monkeypatch)[-1]
     assert 2 * beside.force == pytest.approx(middle.force, rel=SAME)

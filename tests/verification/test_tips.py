@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from scenes import BOX, WALLED, force, scene, solve
 
-from indent_sim.model.indenters import Cone
-from indent_sim.scene import Scene
+from indent_sim.model.tips import Cone
+from indent_sim.scene.scene import Scene
 
 PROFILE = {"shape": "profile", "points": [[0, 0], [0.05, 0], [0.1, 0.01], [0.2, 0.04], [0.5, 0.16], [1.0, 0.42]]}
 TIPS: dict[str, dict[str, Any]] = {

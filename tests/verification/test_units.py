@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from scenes import ELASTIC, PARABOLOID, WALLED, force, scene, solve
 
-from indent_sim.scene import Scene
-from indent_sim.state import State
+from indent_sim.model.state import State
+from indent_sim.scene.scene import Scene
 
 SAME = 1e-9  # the same equations but for round-off, which their solution amplifies by less than 1e5
 METHODS = ("penalty", "augmented_lagrangian", "uzawa", "active_set", "nitsche")

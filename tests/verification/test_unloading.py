@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, STRIP, assert_audited, scene, solve
 
-from indent_sim.errors import ConfigError
-from indent_sim.state import State
+from indent_sim.model.state import State
+from indent_sim.process.errors import ConfigError
 
 PATH = [0.005, 0.01, 0.005, 0.0, -0.01, 0.01]
 BODIES = {"axisymmetric": (CYLINDER, 0.02), "plane_strain": (STRIP, 0.02), "box": (BOX, 0.1)}

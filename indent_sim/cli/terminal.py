@@ -1,0 +1,185 @@
+"""What a person reads: progress, plans, comparisons and lists as text."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from indent_sim.process.errors import printable
+
+if TYPE_CHECKING:
+    from indent_sim.model.state import State
+    from indent_sim.results.compare import Comparison
+    from indent_sim.run.chain import Outcome
+    from indent_sim.scene.scene import Scene
+
+
+LINES = 200  # most progress lines in a log
+
+Follow = Callable[["State", int, int], None]
+
+
+@contextmanager
+def progress(tell: Callable[[str], None]) -> Iterator[Follow]:
+    """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
+    if not sys.stderr.isatty():
+        yield lambda state, step, total: _log(tell, state, step, total)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("building the model", total=None)
+
+        def follow(state: State, step: int, total: int) -> None:
+            bar.update(task, completed=step, total=total, description=_numbers(state))
+
+        yield follow
+
+
+@contextmanager
+def silence(tell: Callable[[str], None]) -> Iterator[None]:
+    """Nothing to call: the ranks that do not speak."""
+    yield None
+
+
+def conclusion(outcome: Outcome) -> list[str]:
+    """The last lines of a run: its last row, theory beside it, the picture, and the warnings."""
+    report = outcome.report
+    lines = [f"step {state.step}: {_numbers(state)}" for state in outcome.states[-1:]]
+    if outcome.resumed_after:
+        lines.append(_resumed(outcome))
+    lines += _error(outcome.states)
+    theory = report.get("theory") or {}
+    if theory:
+        lines.append(_theory(theory))
+    if closed := theory.get("half_space"):
+        side = "below" if closed["deviation"] < 0 else "above"
+        given, asked = _given_and_asked(theory)
+        beside = f"{asked} {closed[asked]:.6g}, {abs(closed['deviation']):.2%} {side} this run"
+        lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
+    picture = outcome.directory / "force_indentation.png"
+    if picture.exists():
+        lines.append(f"picture: {picture}")
+    return lines + [f"warning: {warning}" for warning in report.get("warnings", [])]
+
+
+def plan(scene: Scene, width: int = 120) -> str:
+    """The plan of a scene: every choice with its reason, and what to expect."""
+    from rich.table import Table
+    from rich.text import Text  # rather than words, in which brackets are markup
+
+    title = Text(printable(scene.title)) if scene.title else None
+    choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
+    for choice in scene.choices:
+        choices.add_row(*(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why)))
+    expected = Table("expected", "", box=None)
+    for name, value in scene.prediction.items():
+        expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
+    return _rendered(width, choices, "", expected)
+
+
+def comparison(found: Comparison) -> str:
+    """Two results side by side, a row a step, and the largest relative difference of every column."""
+    names = list(found.pairs)
+    head = ["step", *(f"{name} {side}" for name in names for side in "AB")]
+    rows = [
+        [str(step), *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
+        for i, step in enumerate(found.steps)
+    ]
+    worst = ", ".join(f"{name} {value:.3g}" for name, value in found.worst.items())
+    return f"{_aligned([head, *rows])}\nlargest relative difference: {worst}"
+
+
+def alternatives(section: str) -> str:
+    """What may stand in a section of the scene file: names, first lines of docs, parameters, units."""
+    from indent_sim.config import schema
+    from indent_sim.config.key_types import hints, kinds_of
+
+    kinds = kinds_of(hints(schema.Config)[section], schema.tags()[section])
+    return "\n".join(
+        f"  {name}: {_first_line(kind)}\n{_parameters(section, kind)}".rstrip() for name, kind in kinds.items()
+    )
+
+
+def _parameters(section: str, kind: type) -> str:
+    from indent_sim.config import schema
+    from indent_sim.config.key_types import describe, hints
+    from indent_sim.model.symbols import lookup
+
+    rows = []
+    for name in schema.file_order(kind):
+        if name == schema.tags()[section]:
+            continue
+        symbol = lookup(name, section)
+        unit = f"[{symbol.dimension}]" if symbol and symbol.dimension not in ("word", "1") else ""
+        rows.append([f"      {name}", describe(hints(kind)[name]), unit, symbol.meaning if symbol else ""])
+    return _aligned(rows, "<")
+
+
+def _first_line(kind: type) -> str:
+    return inspect.cleandoc(kind.__doc__ or "").split("\n")[0]
+
+
+def _log(tell: Callable[[str], None], state: State, step: int, total: int) -> None:
+    every = -(-total // LINES)
+    if step % every == 0 or step in (1, total):
+        effort = f"{state.newton_iterations} iterations  {state.wall_s:.1f} s"
+        tell(f"step {step}/{total}  {_numbers(state)}  {effort}")
+
+
+def _numbers(state: State) -> str:
+    return f"delta {state.delta:.6g}  force {state.force:.6g}  a {state.a:.6g}"
+
+
+def _resumed(outcome: Outcome) -> str:
+    rows = len(outcome.states)
+    if outcome.resumed_after == rows:
+        return f"nothing left to compute: all {rows} rows were there"
+    return f"resumed: {outcome.resumed_after} of the {rows} rows were there"
+
+
+def _error(states: list[State]) -> list[str]:
+    """The widest error bar, relative to its force."""
+    bars = [(state.force_error / abs(state.force), state.step) for state in states if state.force_error and state.force]
+    if not bars:
+        return []
+    worst, step = max(bars)
+    return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"]
+
+
+def _theory(theory: dict[str, Any]) -> str:
+    exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
+    given, asked = _given_and_asked(theory)
+    beside = f"{asked} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
+    return f"{theory['name']} at {given} {theory[given]:.6g}: {beside}"
+
+
+def _given_and_asked(theory: dict[str, Any]) -> tuple[str, str]:
+    """What the path prescribes, and what theory was asked for beside the run."""
+    return ("force", "delta") if "delta_deviation" in theory else ("delta", "force")
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _aligned(rows: list[list[str]], side: str = ">") -> str:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ("  ".join(f"{cell:{side}{width}}" for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _rendered(width: int, *parts: Any) -> str:
+    from rich.console import Console
+
+    text = io.StringIO()
+    console = Console(file=text, width=width, force_terminal=sys.stdout.isatty(), highlight=False, emoji=False)
+    for part in parts:
+        console.print(part)
+    return "\n".join(line.rstrip() for line in text.getvalue().rstrip().splitlines())

@@ -1,0 +1,1 @@
+"""A scene file and the Config it describes."""

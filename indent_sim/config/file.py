@@ -1,0 +1,246 @@
+"""A scene file -> Config and back: strict YAML, overrides, errors that name file, line and key."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from indent_sim.config import key_types, schema, strict_yaml
+from indent_sim.config.messages import in_words
+from indent_sim.config.schema import Config, Source
+from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, Path, key_path, key_text
+from indent_sim.model.loading import Loading
+from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
+
+OF_A_STUDY = {"base", "vary"}  # sections that no scene has
+LISTS = {"deltas", "forces"}  # ways to say the load path that have no steps
+Place = tuple[str, int | None]  # file (or what stands for it) and line
+
+
+def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Config:
+    """The config of a scene file; each override "contact.method=penalty" replaces one key.
+
+    UsageError when the file cannot be read, ConfigError for anything wrong in it.
+    """
+    name = os.fspath(path)
+    return loads(_decoded(_content(name), name), name, overrides)
+
+
+def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
+    """The config of YAML text; `name` stands for it in errors."""
+    document, source = _document(text, name)
+    return _overridden(document, source, overrides)
+
+
+def read_document(path: str | os.PathLike[str]) -> tuple[dict[str, Any], Source]:
+    """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of `load`."""
+    name = os.fspath(path)
+    return _document(_decoded(_content(name), name), name)
+
+
+def _document(text: str, name: str) -> tuple[dict[str, Any], Source]:
+    document, lines = strict_yaml.parse(text, name)
+    if not isinstance(document, dict):
+        problem = "the file is empty" if document is None else "a scene is made of sections (key: value)"
+        raise ConfigError("", problem, "see docs/config.md", name, lines.get((), 1))
+    places: dict[Path, tuple[str, int | None]] = {path: (name, line) for path, line in lines.items()}
+    return document, Source(name, places)
+
+
+def from_mapping(data: Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
+    """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the file."""
+    document = _plain(data, ())
+    if not isinstance(document, dict):
+        raise ConfigError("", "a scene is made of sections")
+    return _overridden(document, Source(), overrides)
+
+
+def varied(document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, Place]]) -> Config:
+    """The config of a document in which some keys are replaced: (dotted key, value, where that was written).
+
+    The document and its source stay as they are; a key given twice takes the last value.
+    """
+    changed, where = copy.deepcopy(dict(document)), dataclasses.replace(source, places=dict(source.places))
+    for key, value, place in settings:
+        _replace(changed, where, key_path(key), copy.deepcopy(value), place)
+    return _validated(changed, where)
+
+
+def located(where: Config | Source, error: ConfigError) -> ConfigError:
+    """The same error with the file and line of its key, or of the nearest section around it."""
+    source = where.source if isinstance(where, Config) else where
+    if isinstance(error, ConfigErrors):
+        found = [located(source, one) for one in error.errors]
+        return ConfigErrors(sorted(found, key=lambda one: one.line or math.inf))
+    if error.file:
+        return error
+    file, line = source.place(key_path(error.key)) if error.key else (source.name, None)
+    return dataclasses.replace(error, file=file, line=line)
+
+
+def to_yaml(config: Config) -> str:
+    """The whole config, defaults included, as YAML that loads to an equal config, to the last digit."""
+    return strict_yaml.dump(to_mapping(config))
+
+
+def to_mapping(config: Config) -> dict[str, Any]:
+    """The whole config as nested mappings, shaped and ordered like the file."""
+    values = {name: getattr(config, name) for name in schema.keys_at((), {})}
+    data = {name: _given(value) for name, value in values.items() if value is not None}
+    if config.center is not None:
+        data["indenter"]["center"] = list(config.center)
+    return data
+
+
+def _section(item: Any) -> dict[str, Any]:
+    """A dataclass as the section of a file; what is not given is left out."""
+    unused = {"steps"} if isinstance(item, Loading) and LISTS & set(item.given) else set()
+    values = {name: getattr(item, name) for name in schema.file_order(type(item)) if name not in unused}
+    return {name: _given(value) for name, value in values.items() if value is not None}
+
+
+def _given(value: Any) -> Any:
+    """A field's value as a file gives it; equal walls are one word."""
+    if dataclasses.is_dataclass(value):
+        section = _section(value)
+        is_walls = not any(isinstance(value, kinds) for kinds in schema.sections().values())
+        return section if not is_walls or len(set(section.values())) > 1 else next(iter(section.values()))
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _content(name: str) -> bytes:
+    try:
+        with open(name, "rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise UsageError(f"cannot read the config {name}: {reason}") from None
+    if len(content) > MAX_BYTES:
+        raise ConfigError("", f"longer than {MAX_BYTES} bytes", "this is no scene", name)
+    return content
+
+
+def _decoded(content: bytes, name: str) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise ConfigError("", "not UTF-8 text", "save the file as UTF-8", name, line) from None
+
+
+def _overridden(document: dict[str, Any], source: Source, overrides: Sequence[str]) -> Config:
+    seen: set[Path] = set()
+    for text in overrides:
+        path = _override(document, source, text)
+        if path in seen:
+            raise ConfigError(key_text(path), "given twice with --set", "keep one")
+        seen.add(path)
+    return _validated(document, source)
+
+
+def _override(document: dict[str, Any], source: Source, text: str) -> Path:
+    """Sets one key of the document and notes where it came from."""
+    label = f"--set {text}"
+    key, equals, value = text.partition("=")
+    if not equals or not re.fullmatch(r"\w+(\.\w+)*", key.strip()):
+        raise ConfigError("", "is not key=value", "write for example --set contact.method=penalty", label)
+    path = key_path(key.strip())
+    try:
+        parsed, _ = strict_yaml.parse(value, label)
+    except ConfigError as error:
+        raise dataclasses.replace(error, key=key_text(path), line=None) from None
+    _replace(document, source, path, parsed, (label, None))
+    return path
+
+
+def _replace(document: dict[str, Any], source: Source, path: Path, value: Any, place: Place) -> None:
+    section = _section_of(document, source, path, place)
+    section[str(path[-1])] = value
+    for inside in [known for known in source.places if known[: len(path)] == path]:
+        del source.places[inside]
+    source.places[path] = place
+
+
+def _section_of(document: dict[str, Any], source: Source, path: Path, place: Place) -> dict[str, Any]:
+    section: Any = document
+    for depth, name in enumerate(path[:-1], start=1):
+        if name not in section:
+            source.places[path[:depth]] = place
+        section = section.setdefault(name, {})
+        if not isinstance(section, dict):
+            key = key_text(path[:depth])
+            rest = f"{key}={{{path[-1]}: ...}}"
+            raise ConfigError(key_text(path), f"{key} is not a section", f"set it whole: {rest}", *place)
+    return section
+
+
+def _validated(document: dict[str, Any], source: Source) -> Config:
+    if document.keys() >= OF_A_STUDY:
+        problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
+        raise ConfigError("", problem, remedy, *source.place(("vary",)))
+    try:
+        # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
+        config = Config.model_validate_json(json.dumps(_as_fields(document)))
+        if LISTS & set(config.loading.given) and "steps" in document["loading"]:
+            of, given = ("delta", "deltas") if config.loading.deltas is not None else ("force", "forces")
+            raise ConfigError("loading.steps", f"belongs to {of}, and {given} are given", "remove one of them")
+    except ValidationError as error:
+        raise located(source, in_words(error, document)) from None
+    except ConfigError as error:
+        raise located(source, error) from None
+    config._source = source
+    return config
+
+
+def _as_fields(document: dict[str, Any]) -> dict[str, Any]:
+    """The document in the shape of Config: `center` beside the tip, default tags and walls written out."""
+    if "center" in document:
+        raise ConfigError("center", "unknown key", "it belongs in indenter")
+    fields = {name: dict(part) if isinstance(part, dict) else part for name, part in document.items()}
+    if isinstance(fields.get("indenter"), dict) and "center" in fields["indenter"]:
+        fields["center"] = fields["indenter"].pop("center")
+    for section, tag in schema.tags().items():
+        default = schema.Config.model_fields[section].default
+        if hasattr(default, tag) and isinstance(fields.get(section), dict):
+            fields[section].setdefault(tag, getattr(default, tag))
+    kind = schema.kind_of("body", document)
+    if kind and isinstance(fields.get("body"), dict) and isinstance(fields["body"].get("sides"), str):
+        walls = key_types.core(key_types.hints(kind)["sides"])
+        if dataclasses.is_dataclass(walls):
+            fields["body"]["sides"] = dict.fromkeys(key_types.field_names(walls), fields["body"]["sides"])
+    return fields
+
+
+def _plain(value: Any, path: Path) -> Any:
+    """Anything a notebook may hand over, as the mappings, lists and scalars of a file."""
+    if len(path) > MAX_DEPTH:
+        raise ConfigError(key_text(path[:3]), f"nested deeper than {MAX_DEPTH} levels")
+    if hasattr(value, "tolist"):  # numpy
+        value = value.tolist()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = _section(value)
+    if isinstance(value, Mapping):
+        return {_word(key, path): _plain(part, (*path, key)) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part, (*path, index)) for index, part in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(key_text(path), f"{value} is not a finite number")
+    if isinstance(value, str) and strict_yaml.UNWRITABLE.search(value):
+        raise ConfigError(key_text(path), "text holds a character no file can hold")
+    if value is None or isinstance(value, (str, bool, int, float)):
+        return value
+    raise ConfigError(key_text(path), f"a {type(value).__name__} cannot stand in a scene")
+
+
+def _word(key: Any, path: Path) -> str:
+    if isinstance(key, str):
+        return key
+    raise ConfigError(key_text(path), f"a key must be a word, got {key!r}")

@@ -1,0 +1,200 @@
+"""What pydantic says about a scene file, in the words of the file: key, problem, remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+
+from indent_sim.config import key_types, schema
+from indent_sim.config.strict_yaml import Path, key_text
+from indent_sim.process.errors import ConfigError, ConfigErrors
+
+MOST = 20
+
+_MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}
+_UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
+_NO_SECTION = {"dict_type", "dataclass_type", "model_type", "dataclass_exact_type"}
+
+
+def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
+    """One ConfigError (ConfigErrors when there are several) for what pydantic found in the document."""
+    groups: dict[Path, list[Any]] = {}
+    for found in error.errors(include_url=False, include_input=False)[: 100 * MOST]:
+        groups.setdefault(document_path(found, document), []).append(found)
+    for path in list(_echoes(groups, document)):
+        groups.pop(path, None)
+    problems = [_in_words(path, found, document) for path, found in list(groups.items())[:MOST]]
+    if len(groups) > MOST:
+        problems.append(ConfigError("", "and more errors like these"))
+    return ConfigErrors(problems) if len(problems) > 1 else problems[0]
+
+
+def _echoes(groups: dict[Path, list[Any]], document: Mapping[str, Any]) -> Iterator[Path]:
+    """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items."""
+    for path, (found, *_) in groups.items():
+        if path and isinstance(path[-1], int):
+            yield path[:-1]
+        elif found["type"] in _UNKNOWN:
+            meant = closest(path[-1], schema.keys_at(path[:-1], document)) or ""
+            missing = (*path[:-1], meant)
+            if missing in groups and groups[missing][0]["type"] in _MISSING:
+                yield missing
+
+
+def document_path(found: Any, document: Mapping[str, Any]) -> Path:
+    """The key path in the file of one pydantic error: without union tags, `center` back in its section."""
+    location = found["loc"]
+    if location[:1] == ("center",):
+        location = ("indenter", *location)
+    elif location and location[0] in schema.tags():
+        location = location[:1] + location[2:]
+    path: Path = ()
+    value: Any = document
+    for part in location:
+        if not _holds(value, part):
+            is_key = found["type"] in _MISSING | _UNKNOWN and isinstance(value, Mapping)
+            return (*path, part) if is_key else path
+        path, value = (*path, part), value[part]
+    return path
+
+
+def closest(word: Any, choices: tuple[str, ...]) -> str | None:
+    """The choice that was probably meant."""
+    folded = {str(choice).lower(): str(choice) for choice in reversed(choices)}
+    match = get_close_matches(str(word).lower(), folded, n=1, cutoff=0.6)
+    return folded[match[0]] if match else None
+
+
+def shown(value: Any) -> str:
+    """A value as the file has it, shortened."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _holds(value: Any, part: str | int) -> bool:
+    if isinstance(value, list):
+        return isinstance(part, int) and part < len(value)
+    return isinstance(value, Mapping) and part in value
+
+
+def _in_words(path: Path, found: list[Any], document: Mapping[str, Any]) -> ConfigError:
+    types = {error["type"] for error in found}
+    if types & _UNKNOWN:
+        return _unknown_key(path, document)
+    if types & _MISSING:
+        return _missing_key(path, document)
+    if types & {"union_tag_invalid", "union_tag_not_found"}:
+        return _wrong_kind(path, document)
+    if types & _NO_SECTION:
+        return _no_section(path, document)
+    if "finite_number" in types:
+        return ConfigError(key_text(path), "is too large a number")
+    hint = schema.hint_at(path, document)
+    if hint is None:
+        return ConfigError(key_text(path), found[0]["msg"])
+    return _wrong_value(path, hint, _value_at(path, document))
+
+
+def _unknown_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
+    *parents, key = path
+    section: Path = tuple(parents)
+    valid = schema.keys_at(section, document)
+    if others := _variants_with(str(key), section, valid):
+        tag, chosen = _choice(section, document)
+        owners = key_types.listed(others, "and")
+        problem = f"the chosen {tag} '{chosen}' has no parameter '{key}' (it belongs to {owners})"
+        return ConfigError(key_text(path), problem, f"remove it; valid here: {', '.join(valid)}")
+    if match := closest(key, valid):
+        return ConfigError(key_text(path), f"unknown key, did you mean '{match}'?")
+    if homes := [name for name in schema.sections() if not section and key in _all_keys(name)]:
+        return ConfigError(key_text(path), "unknown key", f"it belongs in {' or '.join(homes)}")
+    return ConfigError(key_text(path), "unknown key", f"valid here: {', '.join(valid)}")
+
+
+def _missing_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
+    hint = schema.hint_at(path, document)
+    if len(path) == 1 and path[0] in schema.sections():
+        return ConfigError(key_text(path), "this section is missing", _give(path, document))
+    return ConfigError(key_text(path), "missing", f"give {key_types.describe(hint)}")
+
+
+def _wrong_kind(path: Path, document: Mapping[str, Any]) -> ConfigError:
+    tag, chosen = _choice(path, document)
+    kinds = tuple(key_types.kinds_of(key_types.hints(schema.Config)[str(path[0])], tag))
+    key, remedy = key_text((*path, tag)), f"choose one of {', '.join(kinds)}"
+    if chosen is None:
+        return ConfigError(key, "missing", remedy)
+    match = closest(chosen, kinds) if isinstance(chosen, str) else None
+    guess = f", did you mean '{match}'?" if match else ""
+    return ConfigError(key, f"there is no {path[0]} {shown(chosen)}{guess}", remedy)
+
+
+def _no_section(path: Path, document: Mapping[str, Any]) -> ConfigError:
+    value = _value_at(path, document)
+    hint = schema.hint_at(path, document)
+    words = key_types.words_of(hint)
+    if words and value is not None:
+        return _wrong_value(path, hint, value)
+    problem = "this section is empty" if value is None else f"must be a section of keys, got {shown(value)}"
+    return ConfigError(key_text(path), problem, _give(path, document))
+
+
+def _wrong_value(path: Path, hint: Any, value: Any) -> ConfigError:
+    allowed = key_types.describe(hint)
+    if type(value) in (int, float):
+        allowed = allowed.removeprefix("a number ")
+    if type(value) is int:
+        allowed = allowed.removeprefix("a whole number ")
+    remedy = _did_you_mean(value, key_types.words_of(hint))
+    return ConfigError(key_text(path), f"must be {allowed}, got {shown(value)}", remedy)
+
+
+def _did_you_mean(value: Any, words: tuple[str, ...]) -> str:
+    match = closest(value, words) if isinstance(value, str) else None
+    return f"did you mean '{match}'?" if match else ""
+
+
+def _give(path: Path, document: Mapping[str, Any]) -> str:
+    section = str(path[0])
+    if section in schema.tags() and len(path) == 1:
+        tag = schema.tags()[section]
+        return f"give {tag}: one of {', '.join(key_types.kinds_of(key_types.hints(schema.Config)[section], tag))}"
+    keys = schema.keys_at(path, document)
+    return f"its keys are {', '.join(keys)}" if keys else ""
+
+
+def _choice(section: Path, document: Mapping[str, Any]) -> tuple[str, Any]:
+    name = str(section[0])
+    tag = schema.tags()[name]
+    default = getattr(schema.Config.model_fields[name].default, tag, None)
+    return tag, document[name].get(tag, default)
+
+
+def _variants_with(key: str, section: Path, valid: tuple[str, ...]) -> list[str]:
+    """The other choices of a section that know this key."""
+    if len(section) != 1 or section[0] not in schema.tags() or key.lower() in map(str.lower, valid):
+        return []
+    name = str(section[0])
+    kinds = key_types.kinds_of(key_types.hints(schema.Config)[name], schema.tags()[name])
+    return [value for value, kind in kinds.items() if key in key_types.field_names(kind)]
+
+
+def _all_keys(section: str) -> set[str]:
+    if section == "units":
+        return set()
+    own = {name for kind in schema.sections()[section] for name in key_types.field_names(kind)}
+    return own | {"center"} if section == "indenter" else own
+
+
+def _value_at(path: Path, document: Mapping[str, Any]) -> Any:
+    value: Any = document
+    for part in path:
+        value = value[part]
+    return value

@@ -1,0 +1,292 @@
+"""What a scene file may say: the sections, their keys, types, ranges and defaults.
+
+The dataclasses of `model` are the schema of body, material, indenter, contact and loading; the settings below
+are that of the rest. Reader, error messages, JSON Schema and docs/config.md all take it from here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any, Literal, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt, MinLen
+from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
+
+from indent_sim.config import limits, petsc_options
+from indent_sim.config.key_types import TaggedBy, core, field_names, hints, kinds_of, members
+from indent_sim.config.strict_yaml import Path
+from indent_sim.model.body import AnyBody, HalfSpace, Strip
+from indent_sim.model.contact import AutoContact, Contact
+from indent_sim.model.loading import WAYS, Loading
+from indent_sim.model.materials.law import Material
+from indent_sim.model.tips import FlatPunch, Indenter, Profile
+from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
+from indent_sim.process.errors import ConfigError, ConfigErrors, printable
+
+LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
+
+# Every row's contact force must equal the reactions to 1e-8 (simulation.py). A looser residual would save an iteration,
+# and leave a row that fails that audit or an error of the force that nobody could state.
+LOOSEST = 1e-9
+When = Literal["none", "last", "all"]
+Preset = Literal["fast", "balanced", "accurate"]
+
+
+@dataclass(frozen=True)
+class Units:
+    """Labels of the units the numbers are meant in, for plots and provenance only."""
+
+    length: str = ""
+    force: str = ""
+
+
+@dataclass(frozen=True)
+class MeshSettings:
+    """Element sizes [length], order and the part of the body that is modelled."""
+
+    h_contact: Length | Auto = "auto"
+    h_axis: Length | None = None
+    h_edge: Length | None = None
+    h_corner: Length | None = None
+    h_far: Length | Auto = "auto"
+    grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
+    order: Annotated[int, Ge(1), Le(2)] = 2
+    symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
+
+    method: Literal["auto", "newton", "condensed"] = "auto"
+    rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
+    max_iterations: PositiveInt = 50
+    petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OutputSettings:
+    """What is written and where."""
+
+    directory: Annotated[str, MinLen(1)] | None = None
+    fields: When = "last"
+    surface: When = "last"
+    plot: bool = True
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where every key of a config was written: file and line, or the `--set` that gave it.
+
+    All sources are equal: two configs that say the same are the same, wherever they were written.
+    """
+
+    name: str = field(default="", compare=False)
+    places: dict[Path, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
+
+    def place(self, path: Path) -> tuple[str, int | None]:
+        """File and line of a key, or of the nearest section around it."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.places:
+                return self.places[path[:end]]
+        return self.name, None
+
+
+class Config(BaseModel):
+    """A scene as its file says it, checked, defaults filled in; every "auto" is still undecided."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, revalidate_instances="always"
+    )
+
+    title: str = ""
+    units: Units = Units()
+    body: Annotated[AnyBody, TaggedBy("shape")]
+    material: Annotated[Material, TaggedBy("model")]
+    indenter: Annotated[Indenter, TaggedBy("shape")]
+    center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
+    contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
+    loading: Loading
+    mesh: MeshSettings = MeshSettings()
+    accuracy: Annotated[float, Gt(0), Lt(1)] | Preset | None = None
+    solver: SolverSettings = SolverSettings()
+    output: OutputSettings = OutputSettings()
+
+    _source: Source = PrivateAttr(default_factory=Source)
+
+    @property
+    def source(self) -> Source:
+        """Where the keys were written."""
+        return self._source
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Config:
+        checks = (_constants, _path, _axis, _tip, _sizes, _petsc, _directory)
+        if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
+            raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
+        return self
+
+
+def _magnitudes(config: Config) -> list[ConfigError]:
+    return limits.beyond({name: getattr(config, name) for name in sections()})
+
+
+def _constants(config: Config) -> list[ConfigError]:
+    try:
+        if hasattr(config.material, "canonical"):
+            config.material.canonical()
+    except ArithmeticError:
+        return [ConfigError("material", "these constants belong to no stable material")]
+    except ValueError as error:
+        return [ConfigError("material", str(error))]
+    return []
+
+
+def _path(config: Config) -> list[ConfigError]:
+    given = config.loading.given
+    if not given:
+        return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
+    if len(given) > 1:
+        return [ConfigError(f"loading.{given[1]}", f"contradicts {given[0]}", f"give one of {', '.join(WAYS)}")]
+    if config.loading.forces is not None and not any(config.loading.forces):
+        return [ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")]
+    return []
+
+
+def _axis(config: Config) -> list[ConfigError]:
+    center, needed = config.center, len(config.body.centre)
+    if isinstance(config.body, HalfSpace) and center is not None and any(center):
+        return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
+    if center is None or len(center) == needed:
+        return []
+    form = "[x]" if needed == 1 else "[x, y]"
+    problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
+    return [ConfigError("indenter.center", problem, f"give {needed}")]
+
+
+def _tip(config: Config) -> list[ConfigError]:
+    tip = config.indenter
+    if isinstance(config.body, Strip) and not tip.of_revolution:
+        return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
+    if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
+        problem = "must be smaller than the punch's radius"
+        return [ConfigError("indenter.edge_radius", problem, f"below {tip.radius:g}")]
+    try:
+        if isinstance(tip, Profile):
+            tip.check()
+    except ValueError as error:
+        return [ConfigError("indenter.points", str(error))]
+    return []
+
+
+def _sizes(config: Config) -> list[ConfigError]:
+    """`accuracy` chooses the sizes itself."""
+    if config.accuracy is None:
+        return []
+    given = [name for name in ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
+             if getattr(config.mesh, name) not in (None, "auto")]  # fmt: skip
+    return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
+            for name in given]  # fmt: skip
+
+
+def _petsc(config: Config) -> list[ConfigError]:
+    return list(petsc_options.refused(config.solver.petsc))
+
+
+def _directory(config: Config) -> list[ConfigError]:
+    directory = config.output.directory
+    problem = directory and outside(directory)
+    return [ConfigError("output.directory", problem, "choose any other folder with --output")] if problem else []
+
+
+def outside(directory: str) -> str:
+    """What is wrong with a result folder that a file names: it must lie below the working directory; "" if nothing.
+
+    Scene and study files come from other people; where else results may go is for the command line to say.
+    """
+    parts = directory.split("/")
+    if directory.startswith("/") or ".." in parts:
+        return "must be below the working directory, not absolute and without .."
+    if any(part.startswith((".", "~")) and part != "." for part in parts):
+        return "may not begin with . or ~, nor any folder in it"
+    if printable(directory) != directory or "\\" in directory:
+        return "holds a character that does not belong in the name of a folder"
+    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(directory) > LONGEST_PATH:
+        return "is too long"
+    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+
+
+def _leads_out(directory: str) -> bool:
+    try:
+        here = os.path.realpath(".")
+        return os.path.commonpath([here, os.path.realpath(directory)]) != here
+    except OSError:  # the working directory was deleted: nothing can be written there
+        return False
+
+
+@cache
+def tags() -> dict[str, str]:
+    """The tag key of every section that has one: body -> shape."""
+    marks = {name: getattr(hint, "__metadata__", ()) for name, hint in hints(Config).items()}
+    return {name: mark.tag for name, found in marks.items() for mark in found if isinstance(mark, TaggedBy)}
+
+
+@cache
+def sections() -> dict[str, tuple[type, ...]]:
+    """The sections of the file in order, with the dataclasses each may be."""
+    found = {name: members(hint) for name, hint in hints(Config).items()}
+    return {name: kinds for name, kinds in found.items() if dataclasses.is_dataclass(kinds[0])}
+
+
+def kind_of(section: str, document: Mapping[str, Any]) -> type | None:
+    """The dataclass that the document's section chooses, None when it chooses none."""
+    kinds = sections().get(section, ())
+    if section not in tags():
+        return kinds[0] if kinds else None
+    tag = tags()[section]
+    default = getattr(Config.model_fields[section].default, tag, None)
+    body = document.get(section)
+    chosen = body.get(tag, default) if isinstance(body, Mapping) else default
+    return kinds_of(hints(Config)[section], tag).get(chosen) if isinstance(chosen, str) else None
+
+
+def hint_at(path: Path, document: Mapping[str, Any]) -> Any:
+    """The type that belongs at a key path of the document, None where there is none."""
+    if path[:2] == ("indenter", "center"):
+        path = ("center", *path[2:])
+    hint: Any = hints(Config).get(str(path[0])) if path else None
+    for depth, part in enumerate(path[1:]):
+        kind = kind_of(str(path[0]), document) if depth == 0 and path[0] in sections() else core(hint)
+        hint = _inside(kind, part)
+    return hint
+
+
+def keys_at(path: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
+    """The keys that may stand in a section of the document, the root's for ()."""
+    if not path:
+        return tuple(name for name in field_names(Config) if name != "center")
+    kind = kind_of(str(path[0]), document) if len(path) == 1 else core(hint_at(path, document))
+    names = file_order(kind) if dataclasses.is_dataclass(kind) else ()
+    return (*names, "center") if path == ("indenter",) else names
+
+
+def file_order(kind: Any) -> tuple[str, ...]:
+    """The fields of a dataclass as a file gives them: the tag first."""
+    names = field_names(kind)
+    return tuple(sorted(names, key=lambda name: not _is_tag(kind, name)))
+
+
+def _is_tag(kind: Any, name: str) -> bool:
+    return name in tags().values() and len(get_args(hints(kind)[name])) == 1
+
+
+def _inside(kind: Any, part: str | int) -> Any:
+    if dataclasses.is_dataclass(kind):
+        return hints(kind).get(str(part))  # type: ignore[arg-type]
+    if get_origin(kind) is tuple:
+        return get_args(kind)[0]
+    return get_args(kind)[1] if get_origin(kind) is dict else None

@@ -1,0 +1,224 @@
+"""YAML 1.2 core, read strictly: mappings, lists, words and finite numbers, with the line of each.
+
+`1e-6` is a number, `on` and `yes` are words, `010` is ten, a second equal key is an error; tags, anchors,
+aliases and further documents are refused, and so is anything too long or too deep, before it costs time.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from itertools import chain
+from typing import Any
+
+import yaml
+
+from indent_sim.process.errors import ConfigError
+
+Path = tuple[str | int, ...]
+Lines = dict[Path, int]
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 20
+MAX_DIGITS = 400
+MAX_VALUES = 200_000
+
+UNWRITABLE = re.compile("[\0\ud800-\udfff]")
+_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_CONSTANTS = {"": None, "~": None, "null": None, "Null": None, "NULL": None} | {
+    word: word.lower() == "true" for word in ("true", "True", "TRUE", "false", "False", "FALSE")
+}
+_INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NON_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+
+
+def parse(text: str, name: str = "") -> tuple[Any, Lines]:
+    """The value of a YAML document and the line of every key path; ConfigError when it is not strict YAML."""
+    _refuse_bytes(text, name)
+    reader = _Reader(name)
+    try:
+        return reader.document(yaml.parse(text, Loader=_LOADER)), reader.lines
+    except yaml.MarkedYAMLError as error:
+        raise _syntax_error(error, text, name) from None
+    except (yaml.YAMLError, UnicodeError) as error:
+        raise ConfigError("", f"not YAML: {' '.join(str(error).split())}", file=name) from None
+
+
+def key_text(path: Path) -> str:
+    """The dotted form of a key path: ("loading", "deltas", 2) -> loading.deltas[2]."""
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    return text.removeprefix(".")
+
+
+def key_path(text: str) -> Path:
+    """The key path of its dotted form."""
+    parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
+    return tuple(int(index) if index else word for index, word in parts)
+
+
+def dump(data: Mapping[str, Any], indent: str = "") -> str:
+    """YAML text of nested mappings, lists (in brackets) and scalars that `parse` reads back equal."""
+    lines = []
+    for key, value in data.items():
+        if isinstance(value, Mapping) and value and not indent:
+            lines.append(f"{_scalar(key)}:\n{dump(value, '  ')}")
+        else:
+            lines.append(f"{indent}{_scalar(key)}: {inline(value)}\n")
+    return "".join(lines)
+
+
+class _Reader:
+    """Turns the parser's events into plain data; remembers where everything stood."""
+
+    def __init__(self, name: str):
+        self.name = name
+        self.lines: Lines = {}
+
+    def document(self, events: Iterator[yaml.Event]) -> Any:
+        next(events)  # the stream starts
+        start = next(events)
+        if isinstance(start, yaml.StreamEndEvent):
+            return None
+        value = self.node(next(events), events, ())
+        next(events)  # the document ends
+        after = next(events)
+        if isinstance(after, yaml.DocumentStartEvent):
+            raise self.error(after, (), "a second document starts here", "one file is one scene")
+        return value
+
+    def node(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
+        self.lines.setdefault(path, event.start_mark.line + 1)
+        if len(self.lines) > MAX_VALUES:
+            raise self.error(event, path[:1], f"more than {MAX_VALUES} values")
+        if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
+            raise self.error(event, path, "anchors and aliases (&, *) are not allowed", "write the value out")
+        if event.tag is not None:
+            raise self.error(event, path, f"tags ({event.tag}) are not allowed", "write the plain value")
+        if isinstance(event, yaml.ScalarEvent):
+            return self.scalar(event, path)
+        if len(path) >= MAX_DEPTH:
+            raise self.error(event, path[:3], f"nested deeper than {MAX_DEPTH} levels")
+        if isinstance(event, yaml.SequenceStartEvent):
+            return self.sequence(events, path)
+        return self.mapping(events, path)
+
+    def sequence(self, events: Iterator[yaml.Event], path: Path) -> list[Any]:
+        values: list[Any] = []
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            values.append(self.node(event, events, (*path, len(values))))
+        return values
+
+    def mapping(self, events: Iterator[yaml.Event], path: Path) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            key = self.key(event, path)
+            here = (*path, key)
+            if key in values:
+                raise self.error(event, here, f"given twice, first in line {self.lines[here]}", "keep one")
+            self.lines[here] = event.start_mark.line + 1
+            values[key] = self.node(next(events), events, here)
+        return values
+
+    def key(self, event: Any, path: Path) -> str:
+        word = self.node(event, iter(()), path) if isinstance(event, yaml.ScalarEvent) else None
+        if not isinstance(word, str):
+            raise self.error(event, path, "a key must be a word")
+        return word
+
+    def scalar(self, event: yaml.ScalarEvent, path: Path) -> Any:
+        text = event.value
+        if not event.implicit[0]:  # quoted or a block
+            if UNWRITABLE.search(text):
+                raise self.error(event, path, "text holds a character no file can hold")
+            return text
+        if _NON_FINITE.fullmatch(text):
+            raise self.error(event, path, f"{text} is not a finite number")
+        try:
+            return plain_scalar(text)
+        except OverflowError as error:
+            raise self.error(event, path, str(error)) from None
+
+    def error(self, event: Any, path: Path, problem: str, remedy: str = "") -> ConfigError:
+        return ConfigError(key_text(path), problem, remedy, self.name, event.start_mark.line + 1)
+
+
+def plain_scalar(text: str) -> Any:
+    """What an unquoted YAML 1.2 scalar stands for; OverflowError when it is too large a number."""
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    whole = _INTEGER.fullmatch(text)
+    if not (whole or _FLOAT.fullmatch(text)):
+        return text
+    if len(text) > MAX_DIGITS:
+        raise OverflowError(f"a number of {len(text)} characters is too long")
+    if whole:
+        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    if math.isinf(float(text)):
+        raise OverflowError(f"{text} is too large a number")
+    return float(text)
+
+
+def _refuse_bytes(text: str, name: str) -> None:
+    if len(text) > MAX_BYTES:
+        raise ConfigError("", f"longer than {MAX_BYTES} characters", "this is no scene", name)
+    if bad := _UNPRINTABLE.search(text.removeprefix("\ufeff")):
+        line = text.count("\n", 0, bad.start()) + 1
+        raise ConfigError("", f"character U+{ord(bad.group()):04X} is not allowed", "", name, line)
+
+
+def _syntax_error(error: yaml.MarkedYAMLError, text: str, name: str) -> ConfigError:
+    mark = error.problem_mark or error.context_mark
+    problem = " ".join(part for part in (error.context, error.problem) if part)
+    lines = text.splitlines()
+    line = min(mark.line + 1, len(lines)) if mark else None
+    remedy = "indent with spaces, not tabs" if line and re.match(r" *\t", lines[line - 1]) else ""
+    return ConfigError("", f"not YAML: {problem}", remedy, name, line)
+
+
+def inline(value: Any) -> str:
+    """YAML text of any value on one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_scalar(k)}: {inline(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return _scalar(value)
+
+
+def _scalar(value: Any) -> str:
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, float):
+        # a YAML 1.1 reader knows 1.0e-06 as a number, 1e-06 not
+        return re.sub(r"^(-?\d+)e", r"\1.0e", repr(value))
+    if isinstance(value, int):
+        return str(value)
+    return value if _is_plain(value) else _quoted(value)
+
+
+# words that a YAML 1.1 reader would take for something else
+_TRAPS = re.compile("y|yes|n|no|on|off|true|false|null", re.IGNORECASE)
+
+
+_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
+
+
+def _is_plain(text: str) -> bool:
+    return bool(_WORDS.fullmatch(text)) and not _TRAPS.fullmatch(text)
+
+
+def _quoted(text: str) -> str:
+    return "".join(chain('"', map(_escaped, text), '"'))
+
+
+def _escaped(character: str) -> str:
+    if character in '"\\\n\t':
+        return json.dumps(character)[1:-1]
+    if character == " " or character.isprintable():
+        return character
+    return f"\\U{ord(character):08x}"
+
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -1,0 +1,1 @@
+"""A linear body condensed to the compliance of its contact surface."""

@@ -1,0 +1,350 @@
+"""Contact on a condensed body: the enforcement laws of `enforce`, on a small dense compliance.
+
+With nodal forces F (pushing down) the gap at a quadrature point is g = f - delta + N C F, and every law with a
+stiffness is one equation in F alone,
+
+    F = int <p_hat> N,   p_hat = lam - epsilon_n g,   lam = L2 projection of <p_hat> = M^-1 F   (or given, or zero):
+
+the full problem's equations with displacement and multiplier eliminated, so both paths give the same numbers. Forces
+act on the candidates alone; M and lam are those of the whole contact surface, so no number knows the candidates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from math import isclose
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import nnls
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.linalg import splu
+
+from indent_sim.fe.condensed.compliance import Compliance
+from indent_sim.fe.observe.surface import (
+    Trace,
+    contact_quadrature,
+    from_midpoints,
+    pressure_functions,
+    shapes,
+    split_quadrature,
+)
+from indent_sim.fe.solve.mixing import Mixing
+from indent_sim.fe.solve.newton import softer
+from indent_sim.fe.solve.uzawa import UZAWA_LOOPS, settled
+from indent_sim.scene.scene import Scene
+
+TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
+NOTHING = 1e-20  # of the nodal forces of the states before: less is none, as under a punch back where it began
+ITERATIONS = 100
+
+
+class CondensedContact:
+    """A tip on a condensed body: finds the nodal forces and pressures at any depth."""
+
+    def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
+        self.compliance = compliance
+        self.law = scene.contact
+        self.nodes = compliance.trace.nodes
+        self.places = compliance.places
+        self.iterations = iterations
+        self.failure = ""  # why the last solve did not converge
+        self.F: np.ndarray = np.zeros(compliance.size)
+        # multiplier at the nodes of the whole surface (active set: nodal pressures)
+        self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
+        self._scene = scene
+        self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
+        self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
+
+    @property
+    def depth(self) -> float:
+        """The depth of the last equilibrium found [length]."""
+        return self._path[-1][0]
+
+    def solve(self, delta: float) -> bool:
+        """Find the equilibrium at a depth; on failure the state is as it was."""
+        before = self.F, self.lam
+        for F, lam in self._guesses(delta):
+            self.F, self.lam = F, lam
+            if self._solve(delta):
+                self._path = [*self._path[-1:], (delta, self.F, self.lam)]
+                return True
+        self.F, self.lam = before
+        return False
+
+    def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
+        """NOTHING of the largest size of the nodal forces in the last states."""
+        return NOTHING * max(float(size(F)) for _, F, _ in self._path)
+
+    def _guesses(self, delta: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Where to begin: on the line through the last two states, if it leads on, and at the last one."""
+        if len(self._path) < 2:
+            return [(self.F, self.lam)]
+        (first, F_0, lam_0), (last, F_1, lam_1) = self._path
+        ratio = (delta - last) / (last - first) if last != first else 0.0
+        onward = (F_1 + ratio * (F_1 - F_0), lam_1 + ratio * (lam_1 - lam_0))
+        return [onward, (F_1, lam_1)] if -1 < ratio <= 2 else [(F_1, lam_1)]
+
+    # ---- the surface ---------------------------------------------------------------------------------------------
+
+    def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted areas (facets, points) and the tip's height (facets, points) there."""
+        trace, scene = self.compliance.trace, self._scene
+        x = np.moveaxis(trace.positions(points), -1, 0)
+        horizontal = scene.kinematics.horizontal(x, scene.center)
+        return self._areas(trace, points, weights), scene.indenter.height(*horizontal)
+
+    def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Areas (facets, points) of quadrature points, times the kinematics' weight."""
+        tangents = trace.tangents(trace.X, points)
+        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
+        return area * weights * self._scene.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
+
+    @cached_property
+    def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        points, weights = contact_quadrature(self.compliance.trace.dim)
+        return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
+
+    @cached_property
+    def _mass(self) -> Any:
+        """The factored mass matrix M [area] of the whole contact surface."""
+        surface = self.compliance.surface
+        points, weights = contact_quadrature(surface.dim)
+        N, W, nodes = shapes(points, surface.order), self._areas(surface, points, weights), surface.nodes
+        local = np.einsum("fp,pn,pm->fnm", W, N, N)
+        rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+        return splu(csc_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2))
+
+    def _projected(self, F: np.ndarray) -> np.ndarray:
+        """M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
+        whole = np.zeros((len(self.lam), *F.shape[1:]))
+        whole[self.places] = F
+        return self._mass.solve(whole)
+
+    @cached_property
+    def _inverse_mass(self) -> np.ndarray:
+        """M^-1 (n, n) [1/area] between the candidates: their lam = M^-1 F."""
+        return self._projected(np.eye(self.compliance.size))[self.places]
+
+    def _matrix(self, local: np.ndarray) -> np.ndarray:
+        """Sum facet matrices (facets, n, n) into a dense one over the nodes."""
+        size, n = self.compliance.size, self.nodes.shape[1]
+        places = self.nodes[:, :, None] * size + self.nodes[:, None, :]
+        return np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size) if n else np.zeros((0, 0))
+
+    def _vector(self, local: np.ndarray) -> np.ndarray:
+        return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
+
+    # ---- laws with a stiffness -----------------------------------------------------------------------------------
+
+    def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero.
+
+        From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
+        own; if that is too far, through softer contact to the law's own.
+        """
+        start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
+        unit = self._scene.material.E_star / self._scene.sizes.h_contact
+        is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
+        first = [unit / epsilon_n, 1.0] if is_other else [1.0]
+        for factors in (first, softer(self.law, self._scene)):
+            self.F = start
+            if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
+                return True
+        self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
+        return False
+
+    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
+        N, W, height = self._quadrature
+        C = self.compliance.C
+        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
+        offset = -epsilon_n * (height - delta)
+        if frozen is not None:
+            offset = offset + frozen[self.places][self.nodes] @ N.T
+        F: np.ndarray = self.F.copy()
+        before: np.ndarray | None = None
+        nothing = self.nothing(lambda F: np.abs(F).max(initial=0.0))
+        seen: set[bytes] = set()
+        for _ in range(ITERATIONS):
+            p_hat = (D @ F)[self.nodes] @ N.T + offset
+            active = p_hat > 0
+            load = self._vector((W * np.where(active, p_hat, 0.0)) @ N)
+            residual = F - load
+            # between two Newton steps with the same active points the problem is linear: the first was exact
+            settled = before is not None and np.array_equal(active, before)
+            if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0) + nothing:
+                self.F = load
+                return True
+            if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
+                return False
+            before = active
+            seen.add(active.tobytes())
+            F = F + self._newton_step(residual, W * active, N, D)
+            self.iterations += 1
+        return False
+
+    def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
+        """-(I - M_A D)^-1 residual; rows without an active point are those of the identity."""
+        touched = np.flatnonzero(weights.any(axis=1))
+        n = N.shape[1]
+        pairs = (N[:, :, None] * N[:, None, :]).reshape(len(N), n * n)
+        local = (weights[touched] @ pairs).reshape(-1, n, n)
+        rows = np.unique(self.nodes[touched])
+        place = np.zeros(self.compliance.size, dtype=np.int64)
+        place[rows] = np.arange(len(rows))
+        inner, m = place[self.nodes[touched]], len(rows)
+        i, j = np.broadcast_arrays(inner[:, :, None], inner[:, None, :])
+        M_A = csr_matrix((local.ravel(), (i.ravel(), j.ravel())), shape=(m, m))  # a node has few neighbours
+        among = D[np.ix_(rows, rows)]
+        step = -residual
+        step[rows] += M_A @ (D[rows] @ step - among @ step[rows])
+        step[rows] = np.linalg.solve(np.eye(m) - M_A @ among, step[rows])
+        return step
+
+    # ---- the active set ------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps.
+
+        Nodes that carry no pressure have no area.
+        """
+        order = self.compliance.trace.order
+        points, weights = split_quadrature(self.compliance.trace.dim, order)
+        W, height = self.rule(points, weights)
+        N, psi = shapes(points, order), pressure_functions(points, order)
+        Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
+        heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
+        return Q, heights, areas, Q.T @ self.compliance.C @ Q
+
+    def active_set(self, delta: float) -> bool:
+        """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
+        Q, heights, areas, A = self._weighted
+        carriers = np.flatnonzero(areas > 0)
+        open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
+        scale = self._scene.material.E_star / self._scene.sizes.h_contact
+        p = self.lam[self.places[carriers]]
+        p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
+        self.iterations += solves
+        self.lam = np.zeros(len(self.lam))
+        self.lam[self.places[carriers]] = p
+        self.F = Q[:, carriers] @ p
+        return True
+
+    # ---- what is observed ----------------------------------------------------------------------------------------
+
+    @property
+    def multiplier(self) -> np.ndarray:
+        """lam at the nodes of the whole surface [pressure]; of a law without one the projection of its <p_hat>."""
+        return self._projected(self.F) if self.law.multiplier == "none" else self.lam
+
+    def energy(self, delta: float) -> float:
+        """Strain plus contact energy of the modelled part."""
+        strain = 0.5 * float(self.F @ self.compliance.C @ self.F)
+        if self.law.multiplier == "nodal":
+            return strain
+        N, W, height = self._quadrature
+        lam = self.lam[self.places][self.nodes] @ N.T
+        gap = height - delta + (self.compliance.C @ self.F)[self.nodes] @ N.T
+        return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
+
+
+def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
+    """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the number of solves.
+
+    Primal-dual active sets, beginning with `active`; when a set comes back they go round in a circle, and the same
+    problem is solved as one of non-negative least squares, which cannot (Lawson & Hanson 1974).
+    """
+    seen: set[bytes] = set()
+    while active.tobytes() not in seen:
+        seen.add(active.tobytes())
+        p, on = np.zeros(len(A)), np.flatnonzero(active)
+        p[on] = np.linalg.solve(A[np.ix_(on, on)], -open_gap[on])
+        now = np.where(active, p, -(open_gap + A @ p)) > 0
+        if np.array_equal(now, active):
+            return p, len(seen)
+        active = now
+    L = cholesky(A, lower=True)
+    p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
+    return p, len(seen) + 1
+
+
+def _penalty(contact: CondensedContact) -> Callable[[float], bool]:
+    return lambda delta: contact.newton(delta, with_multiplier=False)
+
+
+def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
+    def solve(delta: float) -> bool:
+        if not contact.newton(delta, with_multiplier=True):
+            return False
+        contact.lam = contact._projected(contact.F)
+        return True
+
+    return solve
+
+
+def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
+    def solve(delta: float) -> bool:
+        mixing, nothing = Mixing(MPI.COMM_SELF), contact.nothing(lambda F: np.linalg.norm(contact._projected(F)))
+        for _ in range(UZAWA_LOOPS):
+            if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
+                return False
+            before, image = contact.lam, contact._projected(contact.F)
+            size = max(np.linalg.norm(before), np.linalg.norm(image))
+            change = np.linalg.norm(image - before)
+            contact.lam = mixing(before, image)
+            if change <= settled(contact._scene) * size + nothing:
+                return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+            contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
+        return False
+
+    return solve
+
+
+ALGORITHMS: dict[str, Callable[[CondensedContact], Callable[[float], bool]]] = {
+    "none": _penalty,
+    "unknown": _augmented_lagrangian,
+    "frozen": _uzawa,
+    "nodal": lambda contact: contact.active_set,
+}
+
+
+class CondensedState:
+    """The present state of a condensed contact, as `observe` wants to see it; the same on every rank."""
+
+    def __init__(self, contact: CondensedContact, scene: Scene, comm: Any, depth: float = 0.0):
+        self.contact, self.scene, self.comm = contact, scene, comm
+        self.trace = contact.compliance.trace
+        self.depth = depth
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
+        u = np.zeros(self.trace.X.shape)
+        u[..., -1] = -(self.contact.compliance.C @ self.contact.F)[self.trace.nodes]
+        return u
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) [pressure]."""
+        return self.contact.multiplier[self.contact.places][self.trace.nodes] @ self.basis(points).T
+
+    def basis(self, points: np.ndarray) -> np.ndarray:
+        """The multiplier's functions (points, nodes) on the reference facet."""
+        order = self.trace.order
+        nodal = self.scene.contact.multiplier == "nodal"
+        return pressure_functions(points, order) if nodal else shapes(points, order)
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""
+        return self.nodal_pressure()[self.contact.places][self.trace.nodes] @ self.basis(points).T
+
+    def nodal_pressure(self) -> np.ndarray:
+        """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
+        lam, nodes = self.contact.multiplier, self.contact.compliance.surface.nodes
+        if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
+            return lam
+        pressure = lam.copy()
+        pressure[nodes] = from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])
+        return pressure

@@ -1,0 +1,1 @@
+"""What is read off a solution: the contact surface, contact radius and pressure, fields."""

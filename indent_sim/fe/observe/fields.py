@@ -1,0 +1,73 @@
+"""Fields for ParaView: values at the vertices and cells of the grid, gathered on rank 0 in the grid's own order."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+
+from indent_sim.fe import compat
+from indent_sim.fe.observe import measure
+from indent_sim.fe.problem import Problem
+
+
+class Fields:
+    """Displacement (points, dim) [length], stress (cells, 3, 3) and contact pressure (points,) of a solution.
+
+    A quadratic displacement is shown by its values at the vertices; stress is that of the cells' centroids.
+    """
+
+    def __init__(self, problem: Problem):
+        self.problem = problem
+
+    @cached_property
+    def _stress(self) -> tuple[fem.Function, fem.Expression]:
+        mesh, dim = self.problem.mesh, self.problem.body_mesh.dim
+        space = compat.function_space(mesh, compat.piecewise_constant_tensor(dim))
+        expression = fem.Expression(self.problem.stress, compat.interpolation_points(space.element))
+        return fem.Function(space), expression
+
+    def gather(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """(displacement, stress, pressure) on rank 0, None on the others."""
+        problem = self.problem
+        mesh = problem.mesh
+        nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
+        parts: Any = problem.comm.gather((nodes, self._at_nodes(), cells, self._in_cells()), root=0)
+        if parts is None:
+            return None
+        points = _in_order([(p[0], p[1]) for p in parts])
+        return points[:, :-1], _in_order([(p[2], p[3]) for p in parts]).reshape(-1, 3, 3), points[:, -1]
+
+    def _at_nodes(self) -> np.ndarray:
+        """Displacement and pressure at the geometry nodes of this rank."""
+        problem = self.problem
+        dim = problem.body_mesh.dim
+        geometry = compat.geometry_dofs(problem.mesh)
+        values = np.zeros((len(problem.mesh.geometry.x), dim + 1))
+        vertices = compat.cell_dofs(problem.unknowns.own_space("u").dofmap)[
+            :, : dim + 1
+        ]  # vertices come first in a cell
+        values[geometry, :dim] = problem.local_array()[problem.unknowns.displacement_places(vertices)]
+        pressure = np.zeros(vertices.max(initial=0) + 1)
+        corners = problem.trace.node_points()[:dim]
+        # the true pressure is each facet's own: of those that meet the largest, as where ranks meet
+        np.maximum.at(pressure, problem.trace.nodes[:, :dim], measure.sample(problem, corners).pressure)
+        values[geometry, dim] = pressure[vertices]
+        return values
+
+    def _in_cells(self) -> np.ndarray:
+        function, expression = self._stress
+        function.interpolate(expression)
+        return function.x.array.reshape(-1, 9)[compat.cell_dofs(function.function_space.dofmap).ravel()]
+
+
+def _in_order(parts: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Rows of all ranks at their original places; a node shared by ranks takes the value with contact."""
+    index = np.concatenate([numbers for numbers, _ in parts])
+    rows = np.concatenate([values[: len(numbers)] for numbers, values in parts])
+    table = np.zeros((index.max() + 1, rows.shape[1]))
+    by_pressure = np.argsort(rows[:, -1], kind="stable")  # the largest last, so that it stays
+    table[index[by_pressure]] = rows[by_pressure]
+    return table

@@ -1,0 +1,1 @@
+"""The load path: steps, cutbacks, load control and its failures."""

@@ -1,0 +1,1 @@
+"""How one equilibrium is found: Newton, Uzawa, the linear solver and its options."""

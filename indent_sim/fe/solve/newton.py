@@ -1,0 +1,198 @@
+"""One equilibrium by PETSc's SNES: built once, reused for every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, log10
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.solve import linear
+
+SOFT = 0.1  # E*/h_contact: from here every contact has been found
+STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out (test_extremes.py)
+START = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
+CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
+ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
+BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
+ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
+
+
+class Newton:
+    """Semismooth Newton on a Problem; the residual is measured against the supports' reactions.
+
+    Converged when |residual of free dofs| <= rtol * |reactions of the constrained dofs| + what is round-off.
+    """
+
+    def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
+        self.problem = problem
+        self.rtol = self._tolerance = rtol
+        self.max_iterations = max_iterations
+        self.iterations = 0
+        self._largest_reaction = 0.0
+        self._solved_at = 0.0  # depth of the last solution
+        self._reaction = 0.0
+        self._residual = 0.0
+        self.failure = ""  # why the last solve did not converge
+        self._user_options = petsc
+        self.snes = self._create(symmetric=problem.has_symmetric_tangent)
+
+    def _create(self, *, symmetric: bool) -> PETSc.SNES:
+        self._halved = linear.halves(self._user_options, symmetric)
+        linear.install(self._user_options, symmetric=symmetric)
+        snes = PETSc.SNES().create(self.problem.comm)
+        snes.setOptionsPrefix(linear.PREFIX)
+        snes.setFunction(self._function, self.problem.b.duplicate())
+        snes.setJacobian(self._jacobian, self.problem.A)
+        snes.setTolerances(max_it=self.max_iterations)
+        snes.setConvergenceTest(self._converged)
+        with linear.blamed(self._user_options):
+            snes.setFromOptions()
+        return snes
+
+    def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        problem = self.problem
+        problem.set_solution(x)
+        problem.assemble_residual(problem.b)
+        values = problem.b.array
+        held = values[problem.supports]
+        self._reaction = _norm(problem.comm, held)
+        values[problem.constrained] = 0.0  # the constrained dofs are zero and stay zero
+        self._residual = _norm(problem.comm, values * problem.row_weights)
+        problem.b.copy(f)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.problem.assemble_tangent(P)
+
+    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
+        residual = self._residual
+        reasons = PETSc.SNES.ConvergedReason
+        if not np.isfinite(residual):
+            return reasons.DIVERGED_FNORM_NAN
+        if residual <= self._tolerance * self._reaction + ROUNDOFF * self._largest_reaction:
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return reasons.ITERATING
+
+    def solve(self, rtol: float | None = None) -> bool:
+        """Find the equilibrium at the problem's delta from its current solution, to `rtol` [its own]; True when done.
+
+        Full steps first: at the kinks of contact a line search stalls where they get through. If they do not, through
+        softer contact to the law's own. On failure the solution is left as it was before.
+        """
+        solved = self._solve(rtol) or self._solve_from_softer_contact()
+        if solved:
+            self._solved_at = self.problem.depth
+        return solved
+
+    def approach(self, between: Callable[[], object] = lambda: None) -> bool:
+        """Come near the equilibrium of a stiff contact through softer ones, each found roughly; True when there.
+
+        Fewer iterations than at once: a contact that is 100 E*/h_contact stiff is sought point by point. `between` is
+        called after each. On failure the solution is left as it was before.
+        """
+        problem, start, found = self.problem, self.problem.x.copy(), True
+        is_close = abs(problem.depth - self._solved_at) <= CLOSE * abs(problem.depth)
+        for factor in [] if is_close else stages(problem.law, problem.scene):
+            problem.soften(factor)
+            found = self._solve(ROUGHLY)
+            if not found:
+                problem.set_solution(start)
+                break
+            between()
+        problem.soften(1.0)
+        return found
+
+    def _solve(self, rtol: float | None = None) -> bool:
+        self._tolerance = self.rtol if rtol is None else rtol
+        start = self.problem.x.copy()
+        guess = self.problem.x.copy()
+        self.problem.begin_solve()
+        if not self._runs(guess):
+            self.problem.set_solution(start)
+            self.failure = "the linear solver failed"
+            return False
+        self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
+        reason = self.snes.getConvergedReason()
+        if self._halved and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+            self.problem.set_solution(start)
+            self.snes = self._create(symmetric=False)  # L U pivots more freely: from here on that
+            return self._solve(rtol)
+        converged = reason > 0
+        self.failure = "" if converged else self._why_not()
+        self.problem.set_solution(guess if converged else start)
+        if converged:
+            self._largest_reaction = max(self._largest_reaction, self._reaction)
+        return converged
+
+    def _runs(self, guess: PETSc.Vec) -> bool:
+        """Let SNES go to its end; False where the factorisation itself breaks down, as it may on a wild iterate."""
+        try:
+            with linear.blamed(self._user_options):
+                self.snes.solve(None, guess)
+        except PETSc.Error as error:
+            if error.ierr != BROKEN_LIBRARY:
+                raise
+            self.snes = self._create(symmetric=False)  # the old one keeps what is left of the factors
+            return False
+        return True
+
+    def _solve_from_softer_contact(self) -> bool:
+        """A stiffness that is too much for Newton is within reach from the solution for a tenth of it, and so on."""
+        problem, failure = self.problem, self.failure
+        reason, reasons = self.snes.getConvergedReason(), PETSc.SNES.ConvergedReason
+        is_thrown_out = reason == reasons.DIVERGED_FNORM_NAN and is_stiff(problem.law, problem.scene)
+        if reason != reasons.DIVERGED_MAX_IT and not is_thrown_out:
+            return False
+        start, solved = problem.x.copy(), False
+        for factor in softer(problem.law, problem.scene):
+            problem.soften(factor)
+            solved = self._solve()
+            if not solved:
+                break
+        else:
+            return solved
+        problem.soften(1.0)
+        problem.set_solution(start)
+        self.failure = failure
+        return False
+
+    def _why_not(self) -> str:
+        """What ended the last solve, in words."""
+        reasons, reason = PETSc.SNES.ConvergedReason, self.snes.getConvergedReason()
+        if reason == reasons.DIVERGED_LINEAR_SOLVE:
+            of = " (solver.petsc chose it)" if self._user_options else ""
+            return f"the linear solver failed{of}"
+        if reason == reasons.DIVERGED_MAX_IT:
+            return f"no equilibrium within {self.max_iterations} iterations"
+        if reason == reasons.DIVERGED_FNORM_NAN:
+            return "the residual is not a number"
+        return f"SNES reason {reason}"
+
+
+def stages(law: Any, scene: Any) -> list[float]:
+    """Factors for the stiffness of a contact law, by half decades from START to below its own; none if it is soft."""
+    excess = law.stiffness * scene.sizes.h_contact / scene.material.E_star / START
+    steps = max(1, round(2 * log10(excess))) if excess > 1 else 0
+    return [excess ** (k / steps - 1) for k in range(steps)]
+
+
+def is_stiff(law: Any, scene: Any) -> bool:
+    """Whether a first step may throw the body out of all bounds for the stiffness of contact alone."""
+    return getattr(law, "stiffness", 0.0) > STIFF * scene.material.E_star / scene.sizes.h_contact
+
+
+def softer(law: Any, scene: Any) -> list[float]:
+    """Factors for the stiffness of a contact law, by decades from a soft contact to its own; none if it has none."""
+    stiffness = getattr(law, "stiffness", None)
+    if stiffness is None:
+        return []
+    soft = SOFT * scene.material.E_star / scene.sizes.h_contact
+    decades = max(1, ceil(log10(stiffness / soft) - 1e-9))  # a rounding is no decade
+    return [10.0**-k for k in range(decades, -1, -1)]
+
+
+def _norm(comm: Any, values: np.ndarray) -> float:
+    return float(np.sqrt(comm.allreduce(float(values @ values))))

@@ -1,0 +1,1 @@
+"""Parts of the virtual work: strain, wall, contact."""

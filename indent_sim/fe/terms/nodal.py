@@ -1,0 +1,179 @@
+"""The primal-dual active set: nodal pressures that are never negative, weighted gaps that are never negative.
+
+The pressure p_h = sum p_i psi_i uses hat functions psi_i of the contact surface's nodes (in two dimensions vertices
+and midpoints, in three vertices alone), so p_i >= 0 means p_h >= 0 everywhere. Each node carries one condition,
+
+    weighted gap G_i = int psi_i g dGamma >= 0,   p_i >= 0,   p_i G_i = 0,
+
+and the active set {p_i - c G_i / int psi_i > 0} makes it one equation a node: G_i = 0 or p_i = 0. Newton on these
+equations is the primal-dual active set method (Hintermueller, Ito & Kunisch 2002); c steers it and changes nothing.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from indent_sim.fe.observe.surface import FacetValues, facet_nodes, pressure_functions, shapes, split_quadrature
+
+if TYPE_CHECKING:
+    from indent_sim.fe.problem import Problem
+
+
+RETURNS = 2  # active sets that came back before the nodes change one by one; a nonlinear body may need the first
+
+
+class NodalContact:
+    """The contact term of a problem whose multiplier lives at the nodes, assembled in numpy."""
+
+    def __init__(self, problem: Problem, gap: Any, normal: Any, slope: Any):
+        """gap, normal = dg/dx and slope = d2g/dx2 are UFL expressions at the contact surface."""
+        self.problem = problem
+        facets = problem.body_mesh.surfaces["top"]
+        dim, order = problem.body_mesh.dim, problem.scene.sizes.order
+        self._points, reference_weights = split_quadrature(dim, order)
+        self._N = shapes(self._points, order)
+        fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
+        self._fields = FacetValues(problem.mesh, facets, fields, self._points)
+        nodes = facet_nodes(problem.mesh, problem.unknowns.own_space("lam"), facets)
+        self.lam_places = problem.unknowns.places("lam")[nodes]
+        self._psi = self.basis(self._points)
+        self._u_places = problem.trace.dofs
+        self._weights = self._measures() * reference_weights
+        self._active = np.zeros(0, dtype=bool)
+        index_map, places = problem.unknowns.space.dofmap.index_map, self.lam_places.astype(np.int32)
+        self._numbers = np.asarray(index_map.local_to_global(places.ravel())).reshape(places.shape)
+        self.begin_solve()
+        self._work = problem.x.duplicate()
+        self._unit_weights = self._gathered(np.einsum("fp,pn->fn", self._weights, self._psi))
+
+    def begin_solve(self) -> None:
+        """Forget the active sets that have been."""
+        self._visited: list[tuple[int, ...]] = []
+        self._returns = 0
+        self._settled: np.ndarray | None = None  # the set of the last Newton step
+
+    def basis(self, points: np.ndarray) -> np.ndarray:
+        """The nodal pressures' functions (points, nodes) on the reference facet."""
+        return pressure_functions(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
+
+    def _measures(self) -> np.ndarray:
+        """Area (facets, points) per reference-facet area, times the kinematics' weight."""
+        trace = self.problem.trace
+        tangents = trace.tangents(trace.X, self._points)
+        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
+        x = np.moveaxis(trace.positions(self._points), -1, 0)
+        return area * self.problem.scene.kinematics.weight(x)
+
+    def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
+        dim, values = self.problem.body_mesh.dim, self._fields()
+        return values[..., 0], values[..., 1 : 1 + dim], values[..., 1 + dim :].reshape(*values.shape[:2], dim, dim)
+
+    def _gathered(self, nodal: np.ndarray) -> np.ndarray:
+        """Sum contributions (facets, nodes) over facets and ranks, laid out as the solution's local array."""
+        with self._work.localForm() as local:
+            local.set(0.0)
+            np.add.at(local.array, self.lam_places, nodal)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with self._work.localForm() as local:
+            return local.array.copy()
+
+    def nodal_pressures(self) -> np.ndarray:
+        """p_i (facets, nodes) at the present solution."""
+        return self.problem.local_array()[self.lam_places]
+
+    def add_residual(self, b: PETSc.Vec) -> None:
+        """Add -int p_h dg to the displacement rows; -G_i or -p_i int psi_i / c to the nodes' own rows."""
+        g, normal, _ = self._evaluate()
+        p = self.nodal_pressures()
+        p_h = p @ self._psi.T
+        traction = np.einsum("fp,fpd,pn->fnd", -self._weights * p_h, normal, self._N)
+        weighted_gap = self._gathered(np.einsum("fp,fp,pn->fn", self._weights, g, self._psi))[self.lam_places]
+        share = np.einsum("fp,pn->fn", self._weights, self._psi)
+        whole = self._unit_weights[self.lam_places]
+        c = self.problem.stiffness_scale
+        self._active = self._chosen(p - c * weighted_gap / whole > 0)
+        gap_part = np.einsum("fp,fp,pn->fn", self._weights, g, self._psi)
+        rows = np.where(self._active, -gap_part, -p * share / c)
+        with self._work.localForm() as local:
+            local.set(0.0)
+            np.add.at(local.array, self._u_places, traction)
+            np.add.at(local.array, self.lam_places, rows)
+        self._work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        b.axpy(1.0, self._work)
+
+    def add_tangent(self, A: PETSc.Mat) -> None:
+        """Add the derivative of `add_residual`, for the active set found there; constrained rows stay identity."""
+        self._visit()
+        _, normal, slope = self._evaluate()
+        weights, p_h = self._weights, self.nodal_pressures() @ self._psi.T
+        coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
+        size = int(np.prod(self._u_places.shape[1:]))  # a rank may have no facet: numpy cannot infer sizes there
+        coupling = coupling.reshape(len(coupling), size, self._psi.shape[1])
+        mass = -np.einsum("fp,pn->fn", weights, self._psi) / self.problem.stiffness_scale
+        uu = -np.einsum("fp,fpde,pn,pm->fndme", weights * p_h, slope, self._N, self._N)
+        uu = uu.reshape(len(uu), size, size)
+        u_places = self._u_places.reshape(len(uu), size)
+        held = self._held
+        for f in range(len(uu)):
+            u, lam, active = self._masked(u_places[f], held), self.lam_places[f].astype(np.int32), self._active[f]
+            add = PETSc.InsertMode.ADD
+            A.setValuesLocal(u, u, uu[f], addv=add)
+            A.setValuesLocal(u, lam, coupling[f], addv=add)
+            A.setValuesLocal(np.where(active, lam, np.int32(-1)), u, np.ascontiguousarray(coupling[f].T), addv=add)
+            A.setValuesLocal(lam, lam, np.diag(np.where(active, 0.0, mass[f])), addv=add)
+
+    def _visit(self) -> None:
+        """Remember the set of this Newton step, and how often one has come back after others."""
+        mine = hash(np.unique(self._numbers[self._active]).tobytes())
+        visit = tuple(self.problem.comm.allgather(mine))
+        if self._visited and visit != self._visited[-1] and visit in self._visited:
+            self._returns += 1
+        self._visited.append(visit)
+        self._settled = self._active
+
+    def _chosen(self, wanted: np.ndarray) -> np.ndarray:
+        """The wanted active set; once sets come back, the last one with a single node changed.
+
+        Changing the node of least number alone cannot go round in a circle (Murty 1974).
+        """
+        if self._returns < RETURNS or self._settled is None:
+            return wanted
+        changed = self._numbers[wanted != self._settled]
+        first = self.problem.comm.allreduce(int(changed.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN)
+        return np.where(self._numbers == first, wanted, self._settled)
+
+    @cached_property
+    def _held(self) -> np.ndarray:
+        """Marks the local dofs (ghosts included) whose rows and columns are those of the identity."""
+        with self._work.localForm() as local:
+            local.set(0.0)
+        self._work.array[self.problem.constrained] = 1.0
+        self._work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with self._work.localForm() as local:
+            return local.array > 0
+
+    @staticmethod
+    def _masked(dofs: np.ndarray, held: np.ndarray) -> np.ndarray:
+        return np.where(held[dofs], -1, dofs).astype(np.int32)  # PETSc skips negative rows and columns
+
+    def force(self) -> float:
+        """-int p_h dg/dz dGamma of the modelled part: the vertical thrust of the pressures."""
+        _, normal, _ = self._evaluate()
+        p_h = self.nodal_pressures() @ self._psi.T
+        thrust = 0.0 - float((self._weights * p_h * normal[..., -1]).sum())  # not -0.0 where nothing is in contact
+        return self.problem.comm.allreduce(thrust, op=MPI.SUM)
+
+
+def _flat(expression: Any, size: int) -> list[Any]:
+    if size == 1:
+        return [expression]
+    shape = expression.ufl_shape
+    return [expression[index] for index in np.ndindex(shape)]

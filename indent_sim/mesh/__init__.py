@@ -1,0 +1,1 @@
+"""The mesh of a body: element sizes, gmsh, points and cells."""

@@ -1,0 +1,121 @@
+"""The element-size field, in numpy and in the language of gmsh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+ENOUGH = {2: 3.0, 1: 10.0}  # elements per contact radius below which results are doubtful, by order
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Element sizes [length] and order.
+
+    h_contact inside `patch` of the tip's axis, growing by `grading` per unit distance outside it up to h_far;
+    around a sharp edge at radius `edge` it shrinks to h_edge, around `corners` (r, depth) to h_corner. Where h_axis is
+    given, sizes inside the expected contact radius `a` are the share of it that the distance from the axis is, but at
+    least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many elements as the last one.
+    """
+
+    h_contact: float
+    h_far: float
+    patch: float
+    order: int = 2
+    grading: float = 0.2
+    edge: float | None = None
+    h_edge: float | None = None
+    h_axis: float | None = None
+    a: float = 0.0
+    corners: tuple[tuple[float, float], ...] = ()
+    h_corner: float | None = None
+    corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
+    ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
+    keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
+
+    @property
+    def typical(self) -> float:
+        """Between the sizes at the axis and at the edge of the contact, in the geometric mean [length]."""
+        return self.h_contact if self.h_axis is None else float(np.sqrt(self.h_axis * self.h_contact))
+
+    @property
+    def smallest(self) -> float:
+        """The size at the axis [length]."""
+        return self.h_axis or self.h_contact
+
+    @property
+    def finest(self) -> float:
+        """The smallest size anywhere [length]."""
+        return min(self.smallest, self.h_edge or self.smallest, self.h_corner or self.smallest)
+
+    @property
+    def points(self) -> list[tuple[float, float, float]]:
+        """(r, depth, size) [length] of the places towards which elements shrink: a punch's edge, the felt corners."""
+        edge = [] if self.edge is None or self.h_edge is None else [(self.edge, 0.0, self.h_edge)]
+        return edge + [(r, depth, self.h_corner) for r, depth in self.corners if self.h_corner is not None]
+
+    @property
+    def slope(self) -> float:
+        """Growth of the size per unit distance from the axis, inside the contact, where there is one."""
+        return self.h_contact / self.a
+
+    def at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """The element size [length] at distance r from the tip's axis and a depth below the surface."""
+        near = self.h_contact if self.h_axis is None else np.clip(self.slope * r, self.h_axis, self.h_contact)
+        size = near + self.grading * np.hypot(np.maximum(r - self.patch, 0.0), depth)
+        for at, below, smallest in self.points:
+            size = np.minimum(size, smallest + self.grading * np.hypot(r - at, depth - below))
+        return np.minimum(size, self.h_far)
+
+    def elements(self, a: float) -> float:
+        """How many elements there are in a contact radius a, judged by the one where it ends."""
+        return a / float(self.at(np.array(a), np.array(0.0)))
+
+    def is_enough(self, a: float) -> bool:
+        """Whether a contact of radius a is resolved; a punch's is known before, and its edge refined."""
+        return self.edge is not None or self.elements(a) >= ENOUGH[self.order]
+
+
+
+@dataclass(frozen=True)
+class GivenSizes:
+    """Sizes [length] and grading that are settled; None: left to `choose`."""
+
+    h_contact: float | None = None
+    h_axis: float | None = None
+    h_edge: float | None = None
+    h_corner: float | None = None
+    h_far: float | None = None
+    grading: float | None = None
+
+
+def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
+    """The element size at (x, y[, z]) as a gmsh MathEval expression (gmsh has no min or max there)."""
+    number = "{:.12g}".format
+    if dim == 2:
+        r, depth = f"Abs(x-({number(center[0])}))", "Abs(y)"
+    else:
+        x, y = (number(c) for c in center)
+        r, depth = f"Sqrt((x-({x}))^2+(y-({y}))^2)", "Abs(z)"
+    outside = _positive(f"({r}-{number(sizes.patch)})")
+    near = number(sizes.h_contact)
+    if sizes.h_axis is not None:
+        near = _smaller(near, _larger(number(sizes.h_axis), f"{number(sizes.slope)}*{r}"))
+    size = f"{near}+{number(sizes.grading)}*Sqrt({outside}^2+{depth}^2)"
+    for at, below, smallest in sizes.points:
+        around = f"Sqrt(({r}-{number(at)})^2+({depth}-{number(below)})^2)"
+        size = _smaller(size, f"{number(smallest)}+{number(sizes.grading)}*{around}")
+    return _smaller(size, number(sizes.h_far))
+
+
+def _positive(a: str) -> str:
+    return f"(0.5*({a}+Abs({a})))"
+
+
+def _larger(a: str, b: str) -> str:
+    return f"(0.5*(({a})+({b})+Abs(({a})-({b}))))"
+
+
+def _smaller(a: str, b: str) -> str:
+    return f"(0.5*(({a})+({b})-Abs(({a})-({b}))))"

@@ -1,0 +1,102 @@
+"""Where a hyperelastic law stops being a material: Drucker's condition along the three classical deformations.
+
+For an incompressible body psi is a function of two principal logarithmic strains (the third is minus their sum), its
+gradient holds differences of Kirchhoff stresses, and d tau : d eps > 0 for every increment (Drucker, Hill) means that
+its second derivative is positive definite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from indent_sim.model.materials.law import Gent, LinearElastic, Material, NeoHookean
+from indent_sim.model.tips import Indenter
+
+# principal logarithmic strains (e1, e2) at a stretch exp(e)
+MODES: dict[str, tuple[float, float]] = {"uniaxial": (1.0, -0.5), "equibiaxial": (1.0, 1.0), "planar": (1.0, 0.0)}
+STEP = 1e-3  # of the differences; psi is smooth, and 1e-6 of it is far below what decides
+NOISE = 1e-3  # of the larger eigenvalue: the smaller one is a difference of larger numbers where a law stiffens steeply
+POINTS = 200
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A law is no longer stable in a deformation from this stretch on."""
+
+    mode: str
+    stretch: float
+
+    def __str__(self) -> str:
+        kind = "tension" if self.stretch > 1 else "compression"
+        return f"{self.mode} {kind} to a stretch of {self.stretch:.3g}"
+
+
+def losses(psi: Callable[[Any, Any, Any], Any], reach: float) -> list[Loss]:
+    """Where stability ends first, for each deformation and sense, within stretches exp(-reach) to exp(reach).
+
+    psi(l1, l2, l3) is the isochoric energy [pressure] of principal stretches with product one.
+    """
+    found = []
+    for mode, direction in MODES.items():
+        for sign in (1.0, -1.0):
+            strains = sign * reach * np.arange(1, POINTS + 1) / POINTS
+            bad = ~_is_stable(psi, strains * direction[0], strains * direction[1])
+            if bad.any():
+                found.append(Loss(mode, float(np.exp(strains[np.argmax(bad)]))))
+    return found
+
+
+def reach(tip: Indenter, a: float, delta: float, height: float) -> float:
+    """Largest logarithmic strain to expect, of its order: the tip's slope at the contact's edge, depth over contact
+    radius, or the body's own compression, whichever is most; at most 2."""
+    inside = 0.99 * a
+    slope = float(tip.height(a, 0.0) - tip.height(inside, 0.0)) / (a - inside)
+    return float(np.clip(max(slope, delta / a, -np.log1p(-min(delta / height, 0.9))), 0.0, 2.0))
+
+
+def doubts(material: Material, reach: float) -> list[str]:
+    """A warning for each deformation within reach in which the law is no longer stable."""
+    if isinstance(material, LinearElastic):
+        return []
+    if isinstance(material, NeoHookean):
+        return _of_auxetic(material, reach)
+    limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
+    return [
+        f"{material.model} loses its stability (Drucker) in {loss}{limit}; {_reached(reach)}"
+        for loss in losses(material.energy_of_stretches, reach)
+    ]
+
+
+def _of_auxetic(material: NeoHookean, reach: float) -> list[str]:
+    """The neo-Hookean psi is convex in logarithmic strains e_i unless lame_lambda < 0.
+
+    Its second derivative 2 mu exp(2 e_i) delta_ij + lame_lambda is positive definite while
+    sum exp(-2 e_i) < -2 mu/lame_lambda = (2 nu - 1)/nu, which all-round compression reaches first.
+    """
+    nu = material.constants[1]
+    if nu >= 0 or 3 * float(np.exp(2 * reach)) < (2 * nu - 1) / nu:
+        return []
+    loss = Loss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
+    return [f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(reach)}"]
+
+
+def _reached(reach: float) -> str:
+    return f"strains may reach exp(+-{reach:.2g}) here"
+
+
+def _is_stable(psi: Callable[[Any, Any, Any], Any], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:
+    """Whether the second derivative by (e1, e2) is positive definite; not where psi is not a number."""
+
+    def at(i: int, j: int) -> np.ndarray:
+        a, b = e1 + i * STEP, e2 + j * STEP
+        with np.errstate(all="ignore"):
+            return psi(np.exp(a), np.exp(b), np.exp(-a - b))
+
+    middle = at(0, 0)
+    first, second = at(1, 0) - 2 * middle + at(-1, 0), at(0, 1) - 2 * middle + at(0, -1)
+    mixed = (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / 4
+    return (first + second > 0) & (first * second - mixed * mixed > -NOISE * (first + second) ** 2)

@@ -1,0 +1,81 @@
+"""What the solver knows at one requested depth: the row of the result table and what stands behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from indent_sim.model.units import Scales
+
+ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
+COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The contact surface at one state: reference coordinates, displacement, gap and pressure, one entry a point.
+
+    x, y [length] (axisymmetric: x = r, y = 0; strip: y = 0); u (n, 3) [length]; gap [length] >= 0 open;
+    pressure [pressure] >= 0.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    gap: np.ndarray
+    pressure: np.ndarray
+
+    def in_units(self, length: float, pressure: float) -> Surface:
+        """The same table with lengths and pressures measured in the user's units."""
+        return Surface(self.x * length, self.y * length, self.u * length, self.gap * length, self.pressure * pressure)
+
+
+@dataclass(frozen=True)
+class State:
+    """One converged (or failed) load step of the whole body, in the units of the scene it belongs to.
+
+    force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
+    [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
+    energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
+    [length] how far the deformed surface reaches into the tip's own shape (current gap only). Errors are half-widths of
+    error bars, None where there are none.
+    """
+
+    step: int
+    delta: float
+    force: float
+    a: float
+    p_max: float
+    penetration: float
+    energy: float
+    newton_iterations: int
+    wall_s: float
+    reaction: float = float("nan")
+    stray_reaction: float = 0.0
+    overlap: float = 0.0
+    substeps: int = 1
+    converged: bool = True
+    reason: str = ""
+    force_error: float | None = None
+    a_error: float | None = None
+    p_max_error: float | None = None
+    delta_error: float | None = None
+    surface: Surface | None = field(default=None, repr=False, compare=False)
+
+    def in_units(self, scales: Scales) -> State:
+        """The same state measured in the user's units, of which the scales are the scene's."""
+        L, P, F = scales.length, scales.pressure, scales.force
+        return replace(
+            self,
+            delta=self.delta * L,
+            force=self.force * F,
+            a=self.a * L,
+            p_max=self.p_max * P,
+            penetration=self.penetration * L,
+            overlap=self.overlap * L,
+            energy=self.energy * scales.energy,
+            reaction=self.reaction * F,
+            stray_reaction=self.stray_reaction * F,
+            surface=self.surface and self.surface.in_units(L, P),
+        )

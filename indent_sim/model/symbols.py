@@ -1,0 +1,315 @@
+"""The glossary: one name per thing, in YAML, Python and CSV alike, with its sign, meaning and dimension.
+
+A word that means something else in one section has an entry under `section.word` as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """One name: how it is written in formulas (LaTeX, may be empty), what it means, its dimension."""
+
+    name: str
+    latex: str
+    meaning: str
+    dimension: str
+
+
+WORD = "word"  # the dimension of a choice, a text or a switch
+
+SCENE = (
+    Symbol("title", "", "what the scene is about; printed on pictures", WORD),
+    Symbol("units", "", "labels of the units the numbers are meant in; nothing is converted", WORD),
+    Symbol("body", "", "the soft body: its shape and how it is held", WORD),
+    Symbol("material", "", "the elastic law of the body and its constants", WORD),
+    Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
+    Symbol("contact", "", "how contact is enforced", WORD),
+    Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
+    Symbol("mesh", "", "element sizes, order, and how much of the body is modelled", WORD),
+    Symbol(
+        "accuracy",
+        "",
+        "largest relative error of the force at any step, which chooses the mesh; fast = 0.05, "
+        "balanced = 0.01, accurate = 0.001",
+        "1",
+    ),
+    Symbol("solver", "", "how the equations are solved", WORD),
+    Symbol("output", "", "what is written, and where", WORD),
+    Symbol("units.length", "", "label of the length unit, for example mm", WORD),
+    Symbol("units.force", "", "label of the force unit, for example N", WORD),
+)
+
+BODY = (
+    Symbol("shape", "", "which body, or which tip; decides the other keys of its section", WORD),
+    Symbol("radius", "r_0", "radius of the cylinder, or of the flat punch", "length"),
+    Symbol("height", "h", "thickness of the body; it occupies -height <= z <= 0", "length"),
+    Symbol("width", "w", "width of the strip; it occupies 0 <= x <= width, in plane strain", "length"),
+    Symbol("size", "(l_x, l_y, l_z)", "edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]", "length"),
+    Symbol("base", "", "support of the lower face; roller: slides, does not lift", WORD),
+    Symbol("sides", "", "support of the walls; roller: no normal displacement", WORD),
+    Symbol("x_min", "", "support of the wall at x = 0", WORD),
+    Symbol("x_max", "", "support of the wall at the largest x", WORD),
+    Symbol("y_min", "", "support of the wall at y = 0", WORD),
+    Symbol("y_max", "", "support of the wall at the largest y", WORD),
+)
+
+MATERIAL = (
+    Symbol("model", "", "the elastic law; decides the other keys of `material`", WORD),
+    Symbol("E", "E", "Young's modulus", "pressure"),
+    Symbol("nu", r"\nu", "Poisson's ratio", "1"),
+    Symbol("mu", r"\mu", "shear modulus (never a friction coefficient)", "pressure"),
+    Symbol("kappa", r"\kappa", "bulk modulus", "pressure"),
+    Symbol("C10", "C_{10}", "first invariant's coefficient (Mooney-Rivlin, Yeoh)", "pressure"),
+    Symbol("C01", "C_{01}", "second invariant's coefficient (Mooney-Rivlin)", "pressure"),
+    Symbol("C20", "C_{20}", "coefficient of (I1 - 3)^2 (Yeoh)", "pressure"),
+    Symbol("C30", "C_{30}", "coefficient of (I1 - 3)^3 (Yeoh)", "pressure"),
+    Symbol("alpha", r"\alpha_i", "exponents of the stretches (Ogden)", "1"),
+    Symbol("Jm", "J_m", "limit of I1 - 3 (Gent)", "1"),
+    Symbol("lambda_m", r"\lambda_m", "limiting chain stretch (Arruda-Boyce)", "1"),
+    Symbol("lame_lambda", r"\lambda", "first Lamé constant, kappa - 2 mu / 3", "pressure"),
+    Symbol("formulation", "", "displacement alone, or mixed with a pressure for nu near 0.5", WORD),
+    Symbol("E_star", "E^*", "plane-strain modulus E / (1 - nu^2)", "pressure"),
+)
+
+INDENTER = (
+    Symbol("R", "R", "radius of the tip: of the ball, or of the paraboloid at its apex", "length"),
+    Symbol("half_angle", r"\alpha", "angle between the axis and the flank (a pyramid: the face)", "degrees"),
+    Symbol(
+        "tip_radius",
+        r"\rho",
+        "radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: sharp",
+        "length",
+    ),
+    Symbol("faces", "", "number of faces of the pyramid, all alike", "1"),
+    Symbol("rotation", "", "turn of the pyramid about z; at 0 one face's normal points along x", "degrees"),
+    Symbol("points", "(r_i, z_i)", "the profile from the apex [0, 0] outward, [r, z] each, straight between", "length"),
+    Symbol("edge_radius", r"\rho", "radius that rounds the edge of the flat punch; 0: sharp", "length"),
+    Symbol(
+        "center",
+        "(x_0, y_0)",
+        "where the tip's axis meets the surface, [x, y] or for a strip [x]; "
+        "default: axis of the cylinder, middle of the box or strip",
+        "length",
+    ),
+)
+
+CONTACT = (
+    Symbol("method", "", "which algorithm; auto: the program chooses and says why", WORD),
+    Symbol(
+        "epsilon_n", r"\varepsilon_n", "contact stiffness of penalty, augmented Lagrangian and Uzawa", "pressure/length"
+    ),
+    Symbol("gamma", r"\gamma", "stabilisation of Nitsche's method", "pressure/length"),
+    Symbol(
+        "contact.gap",
+        "",
+        "reference: the gap is tested at the undeformed point, pressure along z; "
+        "current: at the deformed point, pressure along the tip's normal; auto: reference at small strain",
+        WORD,
+    ),
+    Symbol("lam", r"\lambda_n", "contact multiplier, a pressure >= 0", "pressure"),
+    Symbol("p", "p", "normal contact pressure >= 0", "pressure"),
+    Symbol("friction", "f", "friction coefficient", "1"),
+)
+
+LOADING = (
+    Symbol("delta", r"\delta", "indentation depth, > 0 pushes in", "length"),
+    Symbol("loading.force", "F", "final force of the whole body, > 0 pushes; the depth is found", "force"),
+    Symbol("steps", "", "number of equal steps to `delta` or `force`", "1"),
+    Symbol(
+        "deltas",
+        r"\delta_i",
+        "the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of the body",
+        "length",
+    ),
+    Symbol(
+        "forces",
+        "F_i",
+        "the forces one by one instead of `force`, unloading too; 0: the tip just touches, at delta = 0",
+        "force",
+    ),
+)
+
+MESH = (
+    Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error at the last step", "length"),
+    Symbol(
+        "h_axis",
+        "",
+        "element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest contact "
+        "ends; without it a given h_contact is everywhere under the tip",
+        "length",
+    ),
+    Symbol(
+        "h_edge", "", "element size at the sharp edge of a flat punch; without it a fraction of h_contact", "length"
+    ),
+    Symbol(
+        "h_corner",
+        "",
+        "element size at the corners of the section that the contact feels: where a fixed face meets a free one, and "
+        "where it ends close to a side; without it a given h_contact has none of its own there",
+        "length",
+    ),
+    Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
+    Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
+    Symbol("order", "", "polynomial order of the displacement", "1"),
+    Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),
+)
+
+SOLVER = (
+    Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
+    Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
+    Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
+    Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
+)
+
+OUTPUT = (
+    Symbol(
+        "directory",
+        "",
+        "result folder, below the working directory; default: results/ and the name of the config",
+        WORD,
+    ),
+    Symbol("fields", "", "steps whose fields are written for ParaView; last: the deepest and the last", WORD),
+    Symbol("surface", "", "state of the contact surface, point by point", WORD),
+    Symbol(
+        "output.surface",
+        "",
+        "steps whose contact surface is written to surface.csv; last: the deepest and the last",
+        WORD,
+    ),
+    Symbol("plot", "", "whether force_indentation.png is drawn", WORD),
+)
+
+RESULTS = (
+    Symbol("step", "", "number of the requested depth, from 1", "1"),
+    Symbol("force", "F", "> 0 pushing, of the whole body; per length in plane strain", "force"),
+    Symbol("a", "a", "contact radius; half-width in plane strain; sqrt(area/pi) in 3D", "length"),
+    Symbol(
+        "p_max",
+        r"p_{\max}",
+        "largest contact pressure; nominal with gap reference, else true; empty where it is infinite",
+        "pressure",
+    ),
+    Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
+    Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
+    Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
+    Symbol("wall_s", "", "wall time since the start of the run", "s"),
+    Symbol("force_error", "", "half-width of the error bar on the force", "force"),
+    Symbol("a_error", "", "half-width of the error bar on the contact radius", "length"),
+    Symbol("p_max_error", "", "half-width of the error bar on the largest pressure", "pressure"),
+    Symbol("delta_error", "", "half-width of the error bar on a depth that is found for a force", "length"),
+    Symbol("reaction", "", "z-reaction of all constrained degrees of freedom; equals the force", "force"),
+    Symbol("overlap", "", "how far the deformed surface reaches above the tip's own shape; current gap", "length"),
+    Symbol("stray_reaction", "", "reaction of the constraints that only remove rigid modes; zero", "force"),
+    Symbol("substeps", "", "how many solves the step was cut into", "1"),
+    Symbol("converged", "", "whether the step has a solution", WORD),
+    Symbol("reason", "", "why a step has no solution", WORD),
+)
+
+STUDY = (
+    Symbol("study.base", "", "the scene that is varied: the path of its file, or the scene itself", WORD),
+    Symbol("set", "", "keys and values that hold for every run", WORD),
+    Symbol("vary", "", "keys and the values they take: lists or ranges, crossed or zipped", WORD),
+    Symbol("zip", "", "which keys go together value by value: true, or a list of them", WORD),
+    Symbol("compare_to", "", "what force, a and p_max are compared with: theory, finest, a force, a result", WORD),
+    Symbol(
+        "tolerance", "", "error of the force that is still right: every row gets a verdict, refused scenes a row", "1"
+    ),
+    Symbol("from", "", "first number of a range", "that of the key"),
+    Symbol("to", "", "last number of a range", "that of the key"),
+    Symbol("count", "", "how many numbers a range has, both ends included", "1"),
+    Symbol("spacing", "", "linear: equal distances; log: equal factors", WORD),
+    Symbol("unit", "", "E*/h_contact: the numbers of the range are multiples of it, on each mesh its own", WORD),
+)
+
+STUDY_TABLE = (
+    Symbol("index", "", "number of the row, from 1, in the order of the grid", "1"),
+    Symbol("run", "", "name of the run's folder: equal physics has equal names and is solved once", WORD),
+    Symbol("status", "", "done, failed, or pending when the study was stopped before", WORD),
+    Symbol("exit_code", "", "what `indent-sim run` of this row would end with", "1"),
+    Symbol("steps_done", "", "requested depths that were reached", "1"),
+    Symbol("force_error_vs", "", "force / reference - 1 at the last depth; out of contact force / largest force", "1"),
+    Symbol("force_error_worst", "", "largest |force / reference - 1| at any depth of the path", "1"),
+    Symbol("a_error_vs", "", "a / reference - 1 at the last depth", "1"),
+    Symbol("p_error_vs", "", "p_max / reference - 1 at the last depth", "1"),
+    Symbol("stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
+    Symbol("dofs", "", "unknowns of the finite-element model", "1"),
+    Symbol("cpu_resolve", "", "CPU seconds until everything is decided", "s"),
+    Symbol("cpu_companions", "", "CPU seconds of the coarser meshes behind error bars, where there are any", "s"),
+    Symbol("cpu_mesh", "", "CPU seconds of the mesh", "s"),
+    Symbol("cpu_assemble", "", "CPU seconds of forms, matrices and factorisation", "s"),
+    Symbol("cpu_solve", "", "CPU seconds of all load steps", "s"),
+    Symbol("cpu_write", "", "CPU seconds of writing results", "s"),
+    Symbol("cpu_s", "", "CPU seconds of the run; loading the libraries is left out", "s"),
+    Symbol("stated_error", "", "relative error of the force that the run itself warns of or measures", "1"),
+    Symbol("warnings", "", "what the run warns of", WORD),
+    Symbol("verdict", "", "right, flagged, refused, wrong or reference; only with a tolerance", WORD),
+    Symbol("memory_MB", "", "memory the run needed beyond what its process held before", "MB"),
+    Symbol("peak_memory_MB", "", "largest memory of the process during the run, and of the one that meshes", "MB"),
+)
+
+SURFACE = (
+    Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
+    Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
+    Symbol("u", "u", "displacement", "length"),
+    Symbol("u_x", "u_x", "displacement along x; along the radius in an axisymmetric scene", "length"),
+    Symbol("u_y", "u_y", "displacement along y", "length"),
+    Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),
+    Symbol("gap", "g", "distance of the body from the tip, >= 0 open", "length"),
+    Symbol("pressure", "p", "contact pressure >= 0", "pressure"),
+)
+
+CONTINUUM = (
+    Symbol("H", "H", "displacement gradient", "1"),
+    Symbol("F", "F", "deformation gradient I + H", "1"),
+    Symbol("C", "C", "right Cauchy-Green tensor F^T F", "1"),
+    Symbol("J", "J", "volume ratio det F", "1"),
+    Symbol("P", "P", "first Piola-Kirchhoff stress", "pressure"),
+    Symbol("S", "S", "second Piola-Kirchhoff stress", "pressure"),
+    Symbol("sigma", r"\sigma", "Cauchy stress", "pressure"),
+    Symbol("psi", r"\psi", "strain energy per undeformed volume", "pressure"),
+    Symbol("v", "v", "virtual displacement", "length"),
+    Symbol("n", "n", "outward normal", "1"),
+)
+
+GROUPS = {
+    "Scene": SCENE,
+    "Body": BODY,
+    "Material": MATERIAL,
+    "Indenter": INDENTER,
+    "Contact": CONTACT,
+    "Loading": LOADING,
+    "Mesh": MESH,
+    "Solver": SOLVER,
+    "Output": OUTPUT,
+    "Results, one row a step": RESULTS,
+    "Studies": STUDY,
+    "Table of a study, one row a run": STUDY_TABLE,
+    "Contact surface": SURFACE,
+    "Continuum mechanics": CONTINUUM,
+}
+SYMBOLS = {symbol.name: symbol for group in GROUPS.values() for symbol in group}
+
+
+def lookup(name: str, section: str = "") -> Symbol | None:
+    """The entry of a name, the section's own before the general one; None when it has none."""
+    return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)
+
+
+def _formula(latex: str) -> str:
+    return f"${latex}$" if latex else ""
+
+
+def symbols_markdown() -> str:
+    """docs/symbols.md."""
+    parts = [
+        "# Symbols\n\nGenerated from `indent_sim/symbols.py` by `python -m indent_sim.config.reference`.\n",
+        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
+    ]
+    for title, group in GROUPS.items():
+        rows = [f"| `{s.name}` | {_formula(s.latex)} | {s.meaning} | {s.dimension} |" for s in group]
+        head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
+        parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
+    return "\n".join(parts)

@@ -1,0 +1,390 @@
+"""Rigid tips as formulas. A tip stands on its axis with the apex at the origin, z up; nothing is meshed.
+
+`height(x, y)` is the tip's surface z = f above the apex level at the horizontal position (x, y) from the axis.
+`gap_reference` (small strain) tests it at the undeformed point with pressure along z; `gap_current` tests the
+deformed point with pressure along the tip's normal. Both return g [length], >= 0 open; formulas take
+floats, numpy arrays or UFL expressions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
+from math import inf, pi
+from typing import Annotated, Any, ClassVar, Literal
+
+from annotated_types import Ge, Le, Len
+
+from indent_sim.model.algebra import cos, maximum, minimum, sin, sqrt, tan, where_less
+from indent_sim.model.units import LENGTH, HalfAngle, Length, LengthOrZero
+
+# A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii up there: above every body
+# (a scene whose body is higher is refused), and a number whose square is finite.
+FAR = 1e15
+# A ball is held from above: beside the cone of this half-angle [degrees] about its axis it is whole
+STEM = 30.0
+
+Faces = Annotated[int, Ge(3), Le(64)]
+Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
+Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
+
+
+@dataclass(frozen=True)
+class Paraboloid:
+    """f = r^2 / (2 R): Hertz' own tip (notes 3.1)."""
+
+    R: Length
+    shape: Literal["paraboloid"] = "paraboloid"
+
+    of_revolution: ClassVar[bool] = True
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        return (x * x + y * y) / (2 * self.R)
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """(f - depth) / |grad(f - z)| at the deformed point, a length that vanishes on the tip."""
+        return (self.height(x, y) - depth) / sqrt(1 + (x * x + y * y) / (self.R * self.R))
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the tip's section `depth` above its apex [length]."""
+        return float(sqrt(2 * self.R * depth))
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return []
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """The exact ball, f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
+
+    With a gap at the deformed point it is the whole ball, its upper side too, but for a stem that holds it.
+    """
+
+    R: Length
+    shape: Literal["sphere"] = "sphere"
+
+    of_revolution: ClassVar[bool] = True
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length], in the form that keeps its digits for r << R."""
+        square = x * x + y * y
+        R2 = self.R * self.R
+        # both branches of a conditional are differentiated, so the root's argument stays positive
+        inside = minimum(square, (1 - 1e-12) * R2)
+        cap = inside / (self.R + sqrt(R2 - inside))
+        return where_less(square, R2, cap, FAR * self.R)
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the ball's centre c.
+
+        phi is the angle between v and the upward axis. On the axis above the centre the gap is -|v| - R: a body that
+        the tip has passed does not come free of it above.
+        """
+        R2, c = self.R * self.R, cos(STEM)
+        # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) keeps its digits when shallow
+        difference = x * x + y * y + depth * (depth - 2 * self.R)
+        distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the centre
+        stem = maximum(depth - self.R - c * distance, 0.0 * depth) / (1 - c)
+        return difference / (distance + self.R) - 2 * stem * stem / distance
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the tip's section `depth` above its apex [length]."""
+        depth = min(depth, self.R)
+        return float(sqrt(depth * (2 * self.R - depth)))
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return []
+
+
+@dataclass(frozen=True)
+class Cone:
+    """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank smoothly."""
+
+    half_angle: HalfAngle
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["cone"] = "cone"
+
+    of_revolution: ClassVar[bool] = True
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        r = sqrt(x * x + y * y)
+        slope = 1 / tan(self.half_angle)
+        # cap and flank meet where the cap's slope is the flank's: r = rho cos(half_angle)
+        rho = self.tip_radius
+        secant = sqrt(1 + slope * slope)
+        junction = rho * slope / secant
+        s = minimum(r, junction)
+        cap = s * s / (rho + sqrt(rho * rho - s * s) + 1e-300)
+        return cap + slope * (r - s)
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """(f - depth) sin(half_angle) on the flank, the ball's distance on the cap."""
+        slope = 1 / tan(self.half_angle)
+        rho = self.tip_radius
+        square = x * x + y * y
+        r = sqrt(square + 1e-24 * rho * rho)  # the root's derivative at r = 0 stays finite
+        secant = sqrt(1 + slope * slope)
+        flank = (slope * r - rho * (secant - 1) - depth) / secant
+        difference = square + depth * (depth - 2 * rho)
+        cap = difference / (sqrt(maximum(difference + rho * rho, 1e-12 * rho * rho)) + rho)
+        # the cone of normals through the junction circle separates the two regions
+        return where_less(r, slope * maximum(rho - depth, 0.0 * depth), cap, flank)
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the tip's section `depth` above its apex [length]."""
+        rho = self.tip_radius
+        if depth < rho * (1 - sin(self.half_angle)):
+            return float(sqrt(depth * (2 * rho - depth)))
+        return float((depth + rho * (1 / sin(self.half_angle) - 1)) * tan(self.half_angle))
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
+
+
+@dataclass(frozen=True)
+class FlatPunch:
+    """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle."""
+
+    radius: Length
+    edge_radius: LengthOrZero = 0.0
+    shape: Literal["flat_punch"] = "flat_punch"
+
+    of_revolution: ClassVar[bool] = True
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        r = sqrt(x * x + y * y)
+        e = self.edge_radius
+        beyond = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
+        edge = beyond * beyond / (e + sqrt(e * e - beyond * beyond) + 1e-300)
+        return where_less(self.radius * (1 + 1e-12), r, FAR * self.radius, edge)
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the side wall above.
+
+        Deep inside the edge it goes on with the depth, linearly: so it falls everywhere with the depth, without a jump.
+        """
+        e = self.edge_radius
+        r = sqrt(x * x + y * y + 1e-24 * e * e)
+        outward = maximum(r - (self.radius - e), 0.0 * r)
+        downward = e - depth
+        linear_from = 0.5 * e * maximum(1 - 2 * outward / e, 0.0 * r) ** 2  # any length that is 0 near the wall
+        near = maximum(downward, linear_from)
+        distance = sqrt(outward * outward + near * near)
+        return distance - e - (near - downward) * near / distance
+
+    def radius_at(self, depth: float) -> float:
+        """The punch's radius at any depth [length]."""
+        return self.radius
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return [(self.radius - self.edge_radius, self.edge_radius)]
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
+
+    The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0 the pyramid is
+    what a ball of that radius can reach from within: apex a spherical cap, edges cylinders, all meeting smoothly.
+    """
+
+    half_angle: HalfAngle
+    faces: Faces = 4
+    rotation: float = 0.0
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["pyramid"] = "pyramid"
+
+    of_revolution: ClassVar[bool] = False
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
+        square = x * x + y * y
+        s, t, p, q = self._sector(x, y)
+        face = slope * s - rho * (1 / sin(self.half_angle) - 1)
+        # the edge is a line that rises with the slope m, the ball's centre runs along it
+        m = slope * cos(180 / self.faces)
+        secant = sqrt(1 + m * m)
+        chord = sqrt(maximum(rho * rho - q * q, 0.0 * q))
+        edge = rho + m * p - secant * chord
+        inside = minimum(square, rho * rho)
+        cap = inside / (rho + sqrt(rho * rho - inside) + 1e-300)
+        rounded = where_less(secant * p, m * chord, cap, edge)
+        return where_less((s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face)
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """Distance to the ball's centres (face, edge or apex of a sharp pyramid rho higher) less rho."""
+        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
+        s, t, p, q = self._sector(x, y)
+        z = depth - rho
+        face = s * cos(self.half_angle) - z * sin(self.half_angle)
+        foot = s - face * cos(self.half_angle)
+        m = slope * cos(180 / self.faces)
+        lift = (m * p - z) / sqrt(1 + m * m)
+        floor = 1e-24 * rho * rho  # the roots' derivatives stay finite where they are not used
+        edge = sqrt(q * q + lift * lift + floor)
+        apex = sqrt(x * x + y * y + z * z + floor)
+        rounded = where_less(p + m * z, 0.0, apex, edge)
+        return where_less(foot * tan(180 / self.faces), t, rounded, face) - rho
+
+    def _sector(self, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+        """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest edge [length]."""
+        turn = 360 / self.faces
+        along = [self._ray(x, y, turn * k) for k in range(self.faces)]
+        between = [self._ray(x, y, turn * (k + 0.5)) for k in range(self.faces)]
+        s, p = _largest(along), _largest(between)
+        c, d = cos(turn / 2), sin(turn / 2)
+        return s, (p - s * c) / d, p, (s - p * c) / d
+
+    def _ray(self, x: Any, y: Any, degrees: float) -> Any:
+        return x * cos(self.rotation + degrees) + y * sin(self.rotation + degrees)
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp) [length]."""
+        blunt = Cone(self.half_angle, self.tip_radius)
+        if depth < self.tip_radius * (1 - sin(self.half_angle)):
+            return blunt.radius_at(depth)
+        return blunt.radius_at(depth) * self.roundness
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
+
+    @property
+    def roundness(self) -> float:
+        """Radius of the circle as large as a section, over the section's inner radius."""
+        return float(sqrt(self.faces * tan(180 / self.faces) / pi))
+
+    def is_mirrored(self, degrees: float) -> bool:
+        """Whether the vertical plane through the axis at this angle from x mirrors the pyramid onto itself."""
+        step = 180 / self.faces
+        off = (degrees - self.rotation) % step
+        return bool(min(off, step - off) < 1e-9)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """f straight between the points (r, z): convex, of revolution, ending at the last point.
+
+    With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to both sides.
+    """
+
+    points: Points
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["profile"] = "profile"
+
+    of_revolution: ClassVar[bool] = True
+
+    def check(self) -> None:
+        """Raises ValueError unless the points describe a convex tip whose arcs have room."""
+        (r_0, z_0), *_ = self.points
+        if r_0 != 0 or z_0 != 0:
+            raise ValueError("the first point is the apex [0, 0]")
+        if any(a[0] >= b[0] for a, b in pairwise(self.points)):
+            raise ValueError("r must increase from point to point")
+        jumps = self._jumps()
+        if min(jumps) < -1e-9 * (1 + sum(map(abs, jumps))):
+            raise ValueError("the tip must be convex: the slope must not decrease")
+        corners = zip(self.points[1:-1], jumps[1:], strict=True)
+        if any(self.tip_radius * jump / 2 > r for (r, _), jump in corners):
+            raise ValueError("tip_radius is too large: the arc of a corner reaches the axis")
+
+    def _jumps(self) -> list[Any]:
+        """The change of slope at the apex and at every point but the last."""
+        slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self.points)]
+        return [slopes[0], *(after - before for before, after in pairwise(slopes))]
+
+    def corners(self) -> list[tuple[Any, Any, Any]]:
+        """Middle [length], half width [length] and change of slope of every arc."""
+        rho, jumps = self.tip_radius, self._jumps()
+        middles = [rho * jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
+        return [(middle, rho * jump / 2, jump) for middle, jump in zip(middles, jumps, strict=True)]
+
+    def slope(self, r: Any) -> Any:
+        """f'(r)."""
+        return sum(where_less(r - c, -w, 0.0, where_less(r - c, w, (r - c + w) / self._radius, jump))
+                   for c, w, jump in self.corners())  # fmt: skip
+
+    @property
+    def _radius(self) -> Any:
+        return self.tip_radius + 1e-30  # arcs of no length are not divided by zero
+
+    def _rise(self, r: Any) -> Any:
+        total: Any = 0.0
+        for c, w, jump in self.corners():
+            past = maximum(r - c + w, 0.0 * r)
+            arc = minimum(past, 2 * w)
+            total = total + arc * arc / (2 * self._radius) + jump * (past - arc)
+        return total
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) [length]."""
+        r = sqrt(x * x + y * y)
+        end = self.points[-1][0]
+        return where_less(end * (1 + 1e-12), r, FAR * end, self._rise(r))
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """(f - depth) / |grad(f - z)| at the deformed point."""
+        r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
+        end = self.points[-1][0]
+        steep = self.slope(r)
+        return where_less(end * (1 + 1e-12), r, FAR * end, (self._rise(r) - depth) / sqrt(1 + steep * steep))
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the tip's section `depth` above its apex (arcs left out) [length]."""
+        for (r_0, z_0), (r_1, z_1) in pairwise(self.points):
+            if depth < z_1:
+                return r_0 + (r_1 - r_0) * (depth - z_0) / (z_1 - z_0)
+        return self.points[-1][0]
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        corners = [(c - w, 2 * w) for c, w, jump in self.corners() if jump > 1e-9]
+        return [*corners, (self.points[-1][0], 0.0)]  # the tip ends in an edge
+
+
+def _largest(values: Sequence[Any]) -> Any:
+    """The largest of several expressions, as a tree of pairs."""
+    while len(values) > 1:
+        pairs = [values[k : k + 2] for k in range(0, len(values), 2)]
+        values = [reduce(maximum, pair) for pair in pairs]
+    return values[0]
+
+
+Indenter = Paraboloid | Sphere | Cone | FlatPunch | Pyramid | Profile
+
+
+def reach(tip: Indenter) -> float:
+    """The radius [length] at which a tip ends; infinity for one that does not."""
+    match tip:
+        case Sphere(R=R):
+            return R
+        case FlatPunch(radius=radius):
+            return radius
+        case Profile(points=points):
+            return points[-1][0]
+    return inf
+
+
+def deepest_inside(tip: Indenter) -> float:
+    """The penetration [length] beyond which a point may come out at the tip's other side: half the radius of a ball."""
+    return tip.R / 2 if isinstance(tip, Sphere) else inf
+
+
+def gap_reference(tip: Indenter, x: Any, y: Any, u_z: Any, delta: Any) -> Any:
+    """g = f(X, Y) - delta - u_z at the undeformed point [length], >= 0 open."""
+    return tip.height(x, y) - delta - u_z
+
+
+def gap_current(tip: Indenter, x: Any, y: Any, z: Any, delta: Any) -> Any:
+    """Distance of the deformed point (x, y, z) from the tip whose apex is at z = -delta [length], >= 0 open."""
+    return tip.gap_current(x, y, z + delta)

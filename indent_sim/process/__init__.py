@@ -1,0 +1,1 @@
+"""The process itself, no mechanics: errors and exit codes, MPI ranks, signals, clock and memory."""

@@ -1,0 +1,185 @@
+"""A function called in a forked process: an abort of its libraries ends that process and is an exception here."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import os
+import resource
+import signal
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, Pipe
+from typing import Any
+
+from indent_sim.process import usage
+from indent_sim.process.signals import die_with
+
+CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT)
+MOST_WORDS = 4096  # bytes at the end of what the process printed in which its last error is looked for
+STANDARD = 3  # stdin, stdout, stderr
+
+
+class Crash(Exception):
+    """The forked process ended before its answer; the message says how, and what its last error message was."""
+
+
+class Forked:
+    """Calls `function` in a forked process, which runs `prepare` first and then serves one call after another.
+
+    Argument, answer and exception travel pickled through a pipe; what the process prints is kept for `Crash`. The
+    process leaves SIGINT, SIGTERM and SIGHUP to this one, is killed with it, and is forked anew where it has ended.
+    """
+
+    def __init__(self, function: Callable[[Any], Any], prepare: Callable[[], object]):
+        self._function, self._prepare = function, prepare
+        self._child: _Child | None = None
+
+    @property
+    def is_up(self) -> bool:
+        """Whether there is a process to ask. One that was itself forked from its owner has none of its own."""
+        return self._child is not None and self._child.is_ours and self._child.status is None
+
+    def start(self) -> None:
+        """Fork the process, unless it is there and idle. OSError when the system has no room for it."""
+        if self.is_up and self._child is not None and not self._child.is_asked:
+            return
+        self.stop()
+        here, there = Pipe()
+        parent, printed = os.getpid(), os.memfd_create("printed")
+        try:
+            pid = os.fork()
+        except OSError:
+            os.close(printed)
+            raise
+        if pid == 0:
+            self._serve(there, printed, parent)
+        there.close()
+        self._child = _Child(parent, pid, here, printed)
+        atexit.unregister(self.stop)
+        atexit.register(self.stop)  # waits for the process: its CPU time is counted with that of this one
+
+    def ask(self, argument: Any) -> Callable[[], Any]:
+        """Begin a call; what is returned gives its answer once: returns or raises what the function did, or Crash."""
+        self.start()
+        assert self._child is not None
+        child, self._child.is_asked = self._child, True
+        with suppress(OSError):  # it has just crashed: the answer will say so
+            child.pipe.send(argument)
+        return lambda: self._answer(child)
+
+    def stop(self) -> None:
+        """End the process."""
+        if self._child is not None and self._child.is_ours:
+            self._child.end()
+        self._child = None
+
+    def _answer(self, child: _Child) -> Any:
+        if child is not self._child:
+            raise Crash("another call took its place")
+        try:
+            answer, failure, cpu, memory = child.pipe.recv()
+        except (EOFError, OSError):
+            crash = Crash(child.last_words())
+            self.stop()
+            raise crash from None
+        except BaseException:  # a signal: nobody will wait for this answer
+            self.stop()
+            raise
+        child.is_asked = False
+        usage.ELSEWHERE.add(cpu, memory)
+        if failure is not None:
+            raise failure
+        return answer
+
+    def _serve(self, pipe: Connection, printed: int, parent: int) -> None:
+        """The life of the forked process: calls until the pipe ends. It never returns into what was forked."""
+        gc.freeze()  # the owner's garbage is not ours: to destroy its meshes and matrices would be a call of its MPI
+        try:
+            shared = usage.memory()
+            _detach(pipe, printed, parent)
+            with suppress(Exception):  # the first call will say what is wrong
+                self._prepare()
+            while True:
+                usage.forget_peak_memory()
+                pipe.send(self._call(pipe.recv(), shared))
+        finally:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def _call(self, argument: Any, shared: float) -> tuple[Any, Exception | None, float, float]:
+        """Answer or exception of one call, its CPU time [s], and its memory beyond what is shared [MB]."""
+        began = time.process_time()
+        answer, failure = None, None
+        try:
+            answer = self._function(argument)
+        except Exception as error:
+            failure = error
+        return answer, failure, time.process_time() - began, max(0.0, usage.peak_memory() - shared)
+
+
+@dataclass
+class _Child:
+    """A forked process as its parent `owner` knows it; `printed` is an open file of what it printed."""
+
+    owner: int
+    pid: int
+    pipe: Connection
+    printed: int
+    is_asked: bool = False
+    ended: int | None = None
+
+    @property
+    def is_ours(self) -> bool:
+        return self.owner == os.getpid()
+
+    @property
+    def status(self) -> int | None:
+        """The wait status of a process that has ended; None while it lives."""
+        self._wait(os.WNOHANG)
+        return self.ended
+
+    def end(self) -> None:
+        if self.status is None:
+            os.kill(self.pid, signal.SIGKILL)
+            self._wait(0)
+        self.pipe.close()
+        os.close(self.printed)
+
+    def last_words(self) -> str:
+        """How a process ended whose pipe is closed, and the last error message it printed."""
+        self._wait(0)
+        status = self.ended or 0
+        how = f"died of {_name_of(os.WTERMSIG(status))}" if os.WIFSIGNALED(status) else "ended"
+        printed = os.pread(self.printed, MOST_WORDS, max(0, os.fstat(self.printed).st_size - MOST_WORDS))
+        errors = [line for line in printed.decode("utf-8", "replace").splitlines() if line.startswith("Error")]
+        return f"{how} ({errors[-1].partition(':')[2].strip()})" if errors else how
+
+    def _wait(self, how: int) -> None:
+        if self.ended is None:
+            try:
+                pid, status = os.waitpid(self.pid, how)
+            except ChildProcessError:  # somebody else waited for it
+                pid, status = self.pid, 0
+            self.ended = status if pid else None
+
+
+def _detach(pipe: Connection, printed: int, parent: int) -> None:
+    """Leave signals, files, locks and the terminal to the parent; no core file where this process crashes."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    for number in CRASHES:  # PETSc would have MPI end all ranks
+        signal.signal(number, signal.SIG_DFL)
+    die_with(parent)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for standard, file in enumerate((os.open(os.devnull, os.O_RDONLY), printed, printed)):
+        os.dup2(file, standard)
+    os.closerange(STANDARD, pipe.fileno())  # the lock of a result folder must not live on in here
+    os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
+
+
+def _name_of(number: int) -> str:
+    with suppress(ValueError):
+        return signal.Signals(number).name
+    return f"signal {number}"

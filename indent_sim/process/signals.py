@@ -1,0 +1,103 @@
+"""SIGINT, SIGTERM and SIGHUP as an exception, so that a run keeps what it has and says how it ended."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+
+PR_SET_PDEATHSIG = 1
+
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Stopped(KeyboardInterrupt):
+    """SIGINT, SIGTERM or SIGHUP arrived; exit code 128 + signal."""
+
+    def __init__(self, number: int):
+        super().__init__(f"stopped by {signal.Signals(number).name}")
+        self.number, self.exit_code = number, 128 + number
+
+    def __reduce__(self) -> tuple[type[Stopped], tuple[int]]:
+        return Stopped, (self.number,)  # other ranks learn of it
+
+
+_arrived: list[int] = []  # signals belong to the process
+
+
+def check() -> None:
+    """Raise Stopped when a signal has arrived whose exception somebody swallowed; to be called now and then."""
+    if _arrived:
+        raise Stopped(_arrived[0])
+
+
+@contextmanager
+def unmasked() -> Iterator[None]:
+    """Stopped again, where a library turned what was raised in its callbacks into an error of its own."""
+    try:
+        yield
+    except Exception:
+        check()
+        raise
+
+
+@contextmanager
+def stoppable(rank: int = 0) -> Iterator[None]:
+    """SIGNALS raise Stopped on rank 0, which keeps what there is and takes the others along.
+
+    A SIGHUP that is ignored stays so: that is what `nohup` asks for.
+    """
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        _arrived.append(number)
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # who presses Ctrl-C again means it
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # mpirun and batch systems repeat themselves
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        raise Stopped(number)
+
+    _arrived.clear()
+    handler: Any = stop if rank == 0 else signal.SIG_IGN
+    wanted = [number for number in SIGNALS if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in wanted}
+    try:
+        with unmasked():
+            yield
+    finally:
+        _arrived.clear()
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def die_with(parent: int) -> None:
+    """Ask Linux to kill this forked process when its parent is killed: nobody would read what it computes."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        signal.raise_signal(signal.SIGKILL)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold back the signals that stop a run until the block is done, so that no file is left half written."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    arrived: list[int] = []
+    signals = [s for s in SIGNALS if signal.getsignal(s) not in (None, signal.SIG_IGN)]
+    before = {number: signal.signal(number, lambda got, frame: arrived.append(got)) for number in signals}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for again in arrived[:1]:
+            signal.raise_signal(again)

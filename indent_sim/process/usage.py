@@ -1,0 +1,92 @@
+"""Time and memory of this process, of those it forked, and of the machine."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import resource
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass
+class Elsewhere:
+    """What forked processes used for this one: CPU time [s], and their largest memory beyond what they share [MB]."""
+
+    cpu: float = 0.0
+    memory: float = 0.0
+
+    def add(self, cpu: float, memory: float) -> None:
+        """Count one call that a forked process answered."""
+        self.cpu += cpu
+        self.memory = max(self.memory, memory)
+
+
+ELSEWHERE = Elsewhere()  # of this process, as its CPU time is
+
+
+def cpu_time() -> float:
+    """CPU time of this process so far [s], with that of the calls which forked processes answered."""
+    return time.process_time() + ELSEWHERE.cpu
+
+
+def memory() -> float:
+    """Memory of this process now [MB]; its peak where the system does not say."""
+    return _status("VmRSS:") or _peak()
+
+
+def peak_memory() -> float:
+    """Largest memory of this process so far [MB], with the largest of its forked processes."""
+    return _peak() + ELSEWHERE.memory
+
+
+def forget_peak_memory() -> None:
+    """Begin anew with the largest memory; what was freed goes back to the system."""
+    ELSEWHERE.memory = 0.0
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def _peak() -> float:
+    """The kernel's ru_maxrss would include the memory of whoever started this process."""
+    return _status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _status(name: str) -> float | None:
+    with contextlib.suppress(OSError, ValueError):
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith(name):
+                return int(line.split()[1]) / 1024
+    return None
+
+
+def machine_memory() -> float:
+    """Physical memory of this machine, or what this process may have of it [bytes]."""
+    physical = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return physical if allowed == resource.RLIM_INFINITY else min(physical, float(allowed))
+
+
+@dataclass
+class Clock:
+    """Seconds spent in each stage of a run: of wall time, and of CPU time, with that of the process that meshes."""
+
+    started: float = field(default_factory=time.perf_counter)
+    stages: dict[str, float] = field(default_factory=dict)
+    cpu: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time of the block to a stage."""
+        begin, cpu = time.perf_counter(), cpu_time()
+        try:
+            yield
+        finally:
+            self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - begin
+            self.cpu[name] = self.cpu.get(name, 0.0) + cpu_time() - cpu

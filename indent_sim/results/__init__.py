@@ -1,0 +1,1 @@
+"""States and files: the result folder, its tables, fields and pictures."""

@@ -1,0 +1,91 @@
+"""States -> files, and reading them back (the files and columns of the result folder).
+
+The force table is appended, one row in one write: rewriting it at every step would cost the square of the
+number of steps. A kill can then at worst tear the last line, and readers drop a last line without a newline.
+Everything else is replaced whole, but for `surface: all`, which is appended too. The row is the commit: what
+other files say of later steps does not count.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from indent_sim.model.state import ERRORS, State, Surface
+from indent_sim.results.folder import write_atomically
+
+SURFACE = "surface.csv"
+
+UNKNOWN = ("p_max", "force_error")  # may be NaN
+INTEGERS = ("step", "newton_iterations")
+MAY_BE_EMPTY = ("p_max", *ERRORS)
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
+
+
+def row(state: State, columns: tuple[str, ...]) -> bytes:
+    """The line of a state in the force table."""
+    values = (getattr(state, name) for name in columns)
+    cells = (str(int(v)) if name in INTEGERS else _number(v) for name, v in zip(columns, values, strict=True))
+    return (",".join(cells) + "\n").encode()
+
+
+def state_of(names: tuple[str, ...], line: bytes) -> State | None:
+    """The state of a line of the force table; None when the line is torn, or holds what no solution is."""
+    cells = line.decode("ascii", "replace").split(",")
+    if len(cells) != len(names):
+        return None
+    try:
+        values: dict[str, Any] = {
+            name: int(cell) if name in INTEGERS else number(cell) if name in MAY_BE_EMPTY else float(cell)
+            for name, cell in zip(names, cells, strict=True)
+        }
+    except ValueError:
+        return None
+    known = all(math.isfinite(value) for name, value in values.items() if name not in UNKNOWN)
+    return State(**values) if known and not any(map(math.isinf, values.values())) else None
+
+
+def number(cell: str) -> float:
+    """The number in a cell of a table; NaN in an empty one, which says that there is none."""
+    return float(cell) if cell.strip() else float("nan")
+
+
+def surface_block(step: int, surface: Surface) -> bytes:
+    """The lines of a state in the surface table."""
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
+    text = io.BytesIO()
+    np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
+    return text.getvalue()
+
+
+def surface_blocks(path: Path) -> dict[int, bytes]:
+    """The lines of every step in a surface table; none without a table."""
+    lines = path.read_bytes().splitlines(keepends=True)[1:] if path.exists() else []
+    return {int(step): b"".join(block) for step, block in groupby(lines, _step)}
+
+
+def drop_later_blocks(path: Path, steps: int) -> None:
+    """Keep the lines of a table of blocks that belong to the first `steps` steps, whole lines alone."""
+    if not path.exists():
+        return
+    data = path.read_bytes()
+    kept = data[: data.rfind(b"\n") + 1].splitlines(keepends=True)
+    kept = kept[:1] + [line for line in kept[1:] if _step(line) <= steps]
+    if sum(map(len, kept)) < len(data):
+        write_atomically(path, b"".join(kept))
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None or value != value else f"{value:.17g}"
+
+
+def _step(line: bytes) -> float:
+    try:
+        return int(line.split(b",", 1)[0])
+    except ValueError:
+        return float("inf")

@@ -1,0 +1,250 @@
+"""States -> the files of a result folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import re
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+import numpy as np
+
+from indent_sim import __version__
+from indent_sim.model.state import COLUMNS, State
+from indent_sim.process.errors import NotConverged
+from indent_sim.process.signals import uninterrupted
+from indent_sim.results import checkpoint
+from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
+from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
+from indent_sim.results.reader import Earlier, earlier_run
+from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, drop_later_blocks, row, surface_block, surface_blocks
+from indent_sim.results.xdmf import FieldWriter
+
+Keep = Literal["none", "last", "all"]
+SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses nothing
+
+
+class ResultFolder:
+    """The files of one run, written as its states come; a context manager, used on rank 0 alone.
+
+    errors: columns of the force table that say how wrong others may be.
+    The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
+    the run: status done, failed or interrupted after the exception that passes through. A run that fails
+    before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
+    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them.
+    """
+
+    def __init__(
+        self,
+        target: Path,
+        config_yaml: str,
+        *,
+        surface: Keep = "last",
+        errors: tuple[str, ...] = (),
+        report: Mapping[str, Any] | None = None,
+        resume: bool = False,
+    ):
+        self.report: dict[str, Any] = dict(report or {})
+        self.rows = 0
+        self._target = Path(target)
+        self._config_yaml = config_yaml
+        self._surface = surface
+        self._columns = (*COLUMNS, *errors)
+        self.earlier: Earlier | None = None
+        self._resume = resume
+        self._fields: FieldWriter | None = None
+        self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
+        self._synced = -math.inf
+        self._status: dict[str, Any] = {"status": "running", "exit_code": None, "reason": ""}
+        self._started = _now()
+
+    @property
+    def path(self) -> Path:
+        """Where the files are now; changes once, with the first row."""
+        return self._claim.path
+
+    def __enter__(self) -> ResultFolder:
+        with uninterrupted():
+            self._claim = Claim(self._target)
+            try:
+                found = earlier_run(self._claim.target, self._config_yaml) if self._resume else None
+                with self._writing():
+                    if found is not None and found.states:
+                        self._continue(found)
+                    else:
+                        write_atomically(self.path / CONFIG, self._config_yaml)
+                        write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
+                    self._save_report()
+            except BaseException:
+                self._claim.drop()
+                raise
+        return self
+
+    def _continue(self, earlier: Earlier) -> None:
+        self._claim.adopt()
+        self._columns = earlier.columns  # those of an older version of this program may be fewer
+        os.truncate(self.path / TABLE, earlier.size)
+        drop_later_blocks(self.path / SURFACE, len(earlier.states))
+        self.earlier, self.rows = earlier, len(earlier.states)
+        blocks = surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
+        self._deepest = max([(earlier.states[step - 1].delta, block) for step, block in blocks.items()],
+                            default=self._deepest)  # fmt: skip
+        self.report = earlier.entries | self.report
+        self._started = earlier.report.get("started", self._started)
+
+    def append(self, state: State) -> None:
+        """Add the row of a converged state, with its surface; the first row publishes the folder.
+
+        Raises NotConverged when the disk is full; the rows before are kept.
+        """
+        if not state.converged:
+            raise ValueError(f"step {state.step} has not converged and is no result: {state.reason}")
+        with uninterrupted(), self._writing():
+            sync = time.monotonic() - self._synced > SYNC_EVERY
+            if state.surface is not None:
+                self._write_surface(state, surface_block(state.step, state.surface), sync)
+            append_whole(self.path / TABLE, row(state, self._columns), sync)
+            self.rows += 1
+            if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
+                self._save_report(sync)
+            if not self._claim.published:
+                self._publish()
+            if sync:
+                self._synced = time.monotonic()
+
+    def open_fields(self, points: np.ndarray, cells: np.ndarray, *, keep: Keep, steps: int) -> None:
+        """Prepare fields.xdmf and fields.h5 for `steps` states of this mesh (see `xdmf.FieldWriter`)."""
+        if keep == "none":
+            return
+        with uninterrupted(), self._writing():
+            slots = steps if keep == "all" else None
+            self._fields = FieldWriter(self.path, points, cells, slots, self.rows if self.earlier else None)
+            if self.earlier and keep == "all" and not self._fields.continued:
+                lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
+                self.report["warnings"] = [*self.report.get("warnings", []), lost]
+
+    def write_fields(self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray) -> None:
+        """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
+        if self._fields is None:
+            return
+        with uninterrupted(), self._writing():
+            self._fields.write(state.step, state.delta, displacement, stress, pressure)
+
+    def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
+        """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure here."""
+        with uninterrupted(), suppress(OSError):
+            checkpoint.write(self.path / CHECKPOINT, saved, identity)
+
+    def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
+        """The last equilibria of the run that is continued; an empty one when they are of no use."""
+        return checkpoint.read(self.path / CHECKPOINT, identity)
+
+    def save_report(self) -> None:
+        """Write run.json as `report` stands."""
+        with uninterrupted(), self._writing():
+            self._save_report()
+
+    def finish(self, status: str, exit_code: int, reason: str = "") -> None:
+        """Say how the run ended; the first word counts."""
+        if self._status["status"] == "running":
+            self._status = {"status": status, "exit_code": exit_code, "reason": reason}
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.finish(*_ending(error))
+        with uninterrupted():
+            try:
+                if self._leaves_nothing():
+                    self._claim.drop()
+                    return
+                self._claim.give_ballast()
+                if error is None:
+                    (self.path / CHECKPOINT).unlink(missing_ok=True)
+                with self._writing() if error is None else suppress(OSError):
+                    self._save_report()
+                    if not self._claim.published:
+                        self._publish()
+            finally:
+                if self._fields is not None:
+                    self._fields.close()
+                self._claim.release()
+
+    def _leaves_nothing(self) -> bool:
+        worth = self.rows or not self._claim.replaces_results
+        return not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth)
+
+    def _publish(self) -> None:
+        self._claim.publish()
+        if self._fields is not None:
+            self._fields.directory = self.path
+
+    def _save_report(self, sync: bool = True) -> None:
+        ended = {} if self._status["status"] == "running" else {"finished": _now()}
+        identity = {"program": PROGRAM, "version": __version__, **self._status, "rows": self.rows}
+        report = {**identity, "started": self._started, **ended, **self.report}
+        write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
+
+    def _write_surface(self, state: State, block: bytes, sync: bool) -> None:
+        """Every state's surface, or those of the deepest and of the last."""
+        path, header = self.path / SURFACE, (",".join(SURFACE_COLUMNS) + "\n").encode()
+        if self._surface == "all" and path.exists():
+            append_whole(path, block, sync)
+        elif self._surface != "none":
+            depth, deepest = self._deepest
+            write_atomically(path, header + (deepest if depth > state.delta else b"") + block, sync)
+            if state.delta >= depth:
+                self._deepest = (state.delta, block)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """A write that fails ends the run with what it has."""
+        try:
+            yield
+        except OSError as error:
+            kept = f"{self.rows} rows are kept in {self._claim.target}" if self.rows else "no row is kept"
+            raise NotConverged(f"cannot write results: {error.strerror or error}; {kept}") from error
+
+
+def to_json(value: Any, indent: int | None = 2) -> str:
+    """Strict JSON: what is not finite becomes null; dataclasses, paths and numpy numbers become plain."""
+    text = json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+    return re.sub("[\ud800-\udfff]", lambda lone: f"\\u{ord(lone.group()):04x}", text)  # of a file name in no encoding
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case None | bool() | str() | int():
+            return value
+        case np.generic() | np.ndarray():
+            return _plain(value.tolist())
+        case float():
+            return value if math.isfinite(value) else None
+        case Mapping():
+            return {str(key): _plain(part) for key, part in value.items()}
+        case list() | tuple() | set() | frozenset():
+            return [_plain(part) for part in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {part.name: _plain(getattr(value, part.name)) for part in dataclasses.fields(value)}
+    return str(value)
+
+
+def _ending(error: BaseException | None) -> tuple[str, int, str]:
+    """Status, exit code and reason after the exception that ends a run."""
+    if error is None:
+        return "done", 0, ""
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted", getattr(error, "exit_code", 130), str(error) or "interrupted"
+    code = getattr(error, "exit_code", 1)
+    return "failed", code, str(error) if code != 1 else f"{type(error).__name__}: {error}"
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())

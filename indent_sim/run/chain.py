@@ -1,0 +1,238 @@
+"""The chain of one run: Config -> Scene -> Grid -> Problem -> State, State, ... -> Results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from indent_sim.mesh import gmsh
+from indent_sim.model.contact import Penalty
+from indent_sim.model.state import ERRORS, State
+from indent_sim.model.tips import Indenter
+from indent_sim.model.units import scaled
+from indent_sim.process.errors import BackendError, ConfigError
+from indent_sim.process.limits import spent
+from indent_sim.process.ranks import on_root
+from indent_sim.process.signals import unmasked
+from indent_sim.process.usage import Clock, memory
+from indent_sim.results.reader import checked_report, earlier_run
+from indent_sim.run.accuracy import check, entry, pursue, refuse_other_bars, unjudged
+from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
+from indent_sim.run.record import Record
+from indent_sim.run.resolved import left_open, resolved
+from indent_sim.run.simulation import Progress, Simulation, backend
+from indent_sim.scene.scene import Scene, resolve
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished run: where it lies, what run.json says (rank 0), and its states in the user's units."""
+
+    directory: Path
+    report: dict[str, Any]
+    states: list[State]
+    resumed_after: int = 0  # this many rows were there already
+
+
+def simulate(
+    config: Config,
+    comm: Any = None,
+    *,
+    directory: Path | None = None,
+    progress: Progress | None = None,
+    resume: bool = False,
+    error_bars: bool = False,
+) -> Outcome:
+    """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
+
+    With `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`,
+    or `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
+    Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
+    before a failure is on disk.
+    """
+    from indent_sim.config.file import located
+
+    comm = comm if comm is not None else _alone()
+    target = Path(directory or config.output.directory or "results/run")
+    attempt = Attempt(config, comm, target, progress, resume, error_bars)
+    try:
+        outcome = pursue(attempt.resolve, attempt)
+    except ConfigError as error:
+        raise located(config, error) from None
+    if config.output.plot:
+        on_root(comm, _plot, target)
+    return outcome
+
+
+class Attempt:
+    """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
+
+    def __init__(self, config: Config, comm: Any, target: Path, progress: Progress | None, resume: bool, bars: bool):
+        self.config, self.comm, self.target, self.progress = config, comm, target, progress
+        self.clock, self.count = Clock(), 0
+        self._before = comm.bcast(on_root(comm, checked_report, target)) if resume else {}
+        self._resume = resume
+        self._tried: list[float] = list((self._before.get("accuracy") or {}).get("tried", []))  # elements, in turn
+        self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
+        refuse_other_bars(self._before, config, self._with_bars, target)
+
+    def resolve(self, elements: float | None = None) -> Scene:
+        """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
+        with self.clock.stage("resolve"):
+            return resolve(self.config, elements or (self._before.get("accuracy") or {}).get("elements"))
+
+    def __call__(self, scene: Scene, companions: Sequence[Companion]) -> Outcome:
+        """Simulate a scene, with its error bars against companions; without any it makes its own."""
+        from indent_sim.config.file import to_yaml
+
+        config, decided = self.config, resolved(self.config, scene)
+        resume = self._resume and self.count == 0
+        self.count += 1
+        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene)):
+            return outcome
+        with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
+                    errors=self._errors(scene)) as record, unmasked(), spent():  # fmt: skip
+            record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
+                        control=scene.path.control,
+                        center=[c * scene.scales.length for c in scene.center],
+                        plan={"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales,
+                              "auto": left_open(config, decided)},
+                        warnings=list(scene.warnings), ranks=self.comm.size,
+                        memory_before_MB=round(memory(), 1))  # fmt: skip
+            bars = self._bars(scene, companions) if self._with_bars else None
+            if bars is not None:
+                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness, self._tried))
+            simulation = Simulation(config, scene, record, self.clock, bars)
+            states = simulation.follow(self.progress)
+            simulation.release()
+            if bars is not None:
+                record.warn(*unjudged(scene, states, bars))
+                self._tried += [scene.fineness.n] if scene.fineness else []
+                check(self.resolve, scene, states, bars, len(self._tried))
+        return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
+
+    def _errors(self, scene: Scene) -> tuple[str, ...]:
+        """The columns of the error bars: the depth has one where it is found, not given."""
+        if not self._with_bars:
+            return ()
+        return ERRORS if scene.path.control == "force" else tuple(name for name in ERRORS if name != "delta_error")
+
+    def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
+        with self.clock.stage("imports"):
+            backend()
+        with self.clock.stage("companions"):
+            companions = companions or self._companions(scene)
+            own = companions[0].scene
+            soft = self._curve(softer(own)) if own is not None and isinstance(own.contact, Penalty) else None
+            return ErrorBars(scene, companions, soft)
+
+    def _companions(self, scene: Scene) -> list[Companion]:
+        """Runs beside the first of this call; those of a resumed one begin with its earlier attempts, as before."""
+        earlier = [self.resolve(elements) for elements in reversed(self._tried)]
+        return [Companion(ratio, self._curve(other), other) for ratio, other in beside(scene, earlier)]
+
+    def _curve(self, scene: Scene) -> list[State]:
+        """The states of a scene without surface tables; what one failed to reach is missing."""
+        return list(states(scene, self.comm, with_surface=False))
+
+
+def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene) -> Outcome | None:
+    """The outcome of a run that came to its end before; UsageError when its rows are of another path."""
+    earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml))
+    if earlier is None:
+        return None
+    steps, L = len(scene.deltas), scene.scales.length
+    earlier.check([d * L for d in scene.deltas] if scene.path.control == "depth" else None, steps, target)
+    return Outcome(target, earlier.report, list(earlier.states), steps) if earlier.finished(steps) else None
+
+
+def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iterator[State]:
+    """Walk a scene without writing anything: one State per requested depth, in the user's units.
+
+    For notebooks and tests; a State that is not converged is the last one.
+    """
+    fe = backend()
+    comm = comm if comm is not None else _alone()
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)
+    for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
+        yield state.in_units(scene.scales)
+    fe.release(mesh)
+
+
+@dataclass(frozen=True)
+class CondensedBody:
+    """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds each."""
+
+    scene: Scene
+    walk: Any
+
+    @property
+    def compliance(self) -> Any:
+        """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
+        return self.walk.contact.compliance
+
+    def states(
+        self,
+        indenter: Indenter | None = None,
+        deltas: Sequence[float] | None = None,
+        forces: Sequence[float] | None = None,
+    ) -> list[State]:
+        """Press another tip, or to other depths or forces, all in the user's units; one State each, without surface
+        tables.
+
+        The mesh stays: it must be fine enough for this contact too. ValueError when both depths and forces are given.
+        """
+        if deltas is not None and forces is not None:
+            raise ValueError("give depths or forces, not both")
+        L, P = self.scene.scales.length, self.scene.scales.pressure
+        changes: dict[str, Any] = {}
+        if indenter is not None:
+            changes["indenter"] = scaled(indenter, L, P)
+        if deltas is not None:
+            changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
+        if forces is not None:
+            begin = max(*self.scene.deltas, 1e-3 * self.scene.body.height)  # of the search
+            changes |= {"deltas": (begin,) * len(forces)}
+            changes |= {"forces": tuple(force / self.scene.scales.force for force in forces)}
+        scene = replace(self.scene, **changes)
+        walk = self.walk.under(scene)
+        return [state.in_units(scene.scales) for state in walk.states(scene.path, lambda step: False)]
+
+
+def condense(scene: Scene, comm: Any = None) -> CondensedBody:
+    """Factor a linear scene's body once and condense it (collective); see `CondensedBody`.
+
+    Raises ConfigError when the scene is not one that condenses.
+    """
+    from mpi4py import MPI
+
+    if scene.solver["method"] != "condensed":
+        raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
+    fe = backend()
+    comm = comm or MPI.COMM_SELF
+    return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)))
+
+
+def warm_up() -> None:
+    """Load what every run needs, so that the first of many costs no more than the others."""
+    gmsh.start()
+    backend()
+
+
+def _alone() -> Any:
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:
+        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
+    return MPI.COMM_SELF
+
+
+def _plot(directory: Path) -> None:
+    from indent_sim.results.pictures import forces
+
+    forces.plot_run(directory)

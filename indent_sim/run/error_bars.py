@@ -1,0 +1,323 @@
+"""Error bars of the force, from companion runs on a coarser mesh and with a softer penalty.
+
+Two meshes in the ratio q, whose sizes near and far, growth and edge sizes go together, give forces F_c and F that are
+off by about q^rate to one (`accuracy.fading`), so F is off by |F_c - F| / (q^rate - 1). Which elements touch changes
+from step to step and makes the difference jump, even through zero. So there are two companions, hence two differences,
+and the neighbouring steps are asked too: the largest of all that counts, times SAFETY. The two coarser meshes are there
+for the accidents, not for the trend: many errors fade faster from them to the run than q^rate, by up to q^HASTE more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import isnan
+
+import numpy as np
+
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.contact import Nitsche, Penalty
+from indent_sim.model.state import State
+from indent_sim.scene.corners import POWER
+from indent_sim.scene.fineness import BLUNT, EASING, RATE, STEEPEST, fading
+from indent_sim.scene.scene import Scene
+
+RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
+SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
+CORNERED = 1.2  # times as much where the mesh also shrinks towards corners: two errors that may cancel on one mesh
+HASTE = 1.0  # added to the rate for what two coarser meshes say
+LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
+ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
+TELLTALE = 4.0  # elements in the contact radius that a second companion needs to know a radius and a pressure
+KINK = 1.8  # how the force converges where a tip's corner lies in an element, measured
+NITSCHE_AT_EDGE = 1.2  # and with Nitsche's method under a sharp edge, whose pressure no body's stress has, measured
+READING = 0.05  # of the element where the contact ends: so well is its radius read off
+FORCELESS = 1e-6  # of the largest force: a step with less has none that an accuracy could be asked of
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How the error of a number falls with the elements in the contact radius, as n^-rate, and the safety of what two
+    meshes say of it."""
+
+    rate: float
+    safety: float
+
+    def fading(self, n: float) -> float:
+        """How the error falls with n elements in the contact radius, up to a factor; see `accuracy.fading`."""
+        return float((n**4 + BLUNT**4) ** (-self.rate / 4))
+
+
+# Measured like those of the force, on 260 random layers between frictionless walls at sizes of all kinds
+RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 1.8)
+
+Curve = dict[int, State]
+
+
+@dataclass(frozen=True)
+class Companion:
+    """A run of the same scene on a mesh whose sizes are `ratio` times as large; `scene`: that of this mesh."""
+
+    ratio: float
+    states: Sequence[State]
+    scene: Scene | None = field(default=None, repr=False)
+
+    def beside(self, finer: float) -> Companion:
+        """The same run as companion of a mesh that is finer by this ratio."""
+        return replace(self, ratio=self.ratio * finer)
+
+    @property
+    def curve(self) -> Curve:
+        """The state of every step that was reached."""
+        return {state.step: state for state in self.states if state.converged}
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, and the finite body that
+    stands for a half-space; `theory` is how far the force is from that of a theory that is exact for this body."""
+
+    step: int
+    discretisation: float
+    enforcement: float
+    truncation: float
+    theory: float = 0.0
+
+    @property
+    def estimated(self) -> float:
+        """The sum of the parts [force]."""
+        return self.discretisation + self.enforcement + self.truncation
+
+    @property
+    def total(self) -> float:
+        """The half-width [force]: the sum of the parts, but never less than what exact theory knows to be wrong."""
+        return self.theory if self.theory > self.estimated else self.estimated
+
+
+def coarser(scene: Scene, ratio: float) -> Scene:
+    """The same scene on a mesh whose sizes are that much larger, near and far alike."""
+    sizes = scene.sizes
+    height = scene.extent[-1][1] - scene.extent[-1][0]
+    fine = min(ratio * sizes.h_contact, height)
+    axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
+    edge = sizes.h_edge and min(ratio ** RATE[sizes.order] * sizes.h_edge, fine)
+    corner = sizes.h_corner and min(ratio ** (RATE[sizes.order] / POWER) * sizes.h_corner, fine)
+    growth = ratio ** EASING[sizes.order]
+    larger = replace(
+        sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
+        patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
+    )  # fmt: skip
+    return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)
+
+
+def beside(scene: Scene, earlier: Sequence[Scene]) -> list[tuple[float, Scene]]:
+    """The scenes of two companions, the finest first, and the ratios of their sizes to those of this scene: `earlier`
+    attempts at it, and coarser meshes than the first of those."""
+    ratios = [other.sizes.h_contact / scene.sizes.h_contact for other in earlier]
+    base, begin = (earlier[-1], ratios[-1]) if earlier else (scene, 1.0)
+    coarse = [(begin * ratio, coarser(base, ratio)) for ratio in RATIOS]
+    return [*zip(ratios, earlier, strict=True), *coarse][: len(RATIOS)]
+
+
+def softer(scene: Scene) -> Scene:
+    """The same scene with half the penalty stiffness."""
+    assert isinstance(scene.contact, Penalty)
+    return replace(scene, contact=replace(scene.contact, epsilon_n=scene.contact.stiffness / 2))
+
+
+class ErrorBars:
+    """Judges one step after another against the companions' curves, the finest companion first.
+
+    Where forces are prescribed and depths found, the error of the force is that at the row's depth, and the error of
+    the depth what the curve makes of it.
+    """
+
+    def __init__(self, scene: Scene, companions: Sequence[Companion], soft: Sequence[State] | None = None):
+        self.budgets: list[Budget] = []
+        self.companions = companions
+        self._truncation = scene.prediction.get("truncation_error", 0.0)
+        self._sizes, self._scales = scene.sizes, scene.scales
+        self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
+        self._is_nitsche = isinstance(scene.contact, Nitsche)
+        self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
+        self._finds_depths = scene.path.control == "force"
+        self._dim, self._creases = scene.kinematics.dim, scene.indenter.creases()
+        self._coarser = [companion.curve for companion in companions]
+        self._soft = None if soft is None else Companion(1.0, soft).curve
+        beside = companions[0].scene or scene
+        self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
+        if isinstance(scene.contact, Penalty) and isinstance(beside.contact, Penalty):
+            self._stiffer = scene.contact.stiffness / beside.contact.stiffness
+        self._run: Curve = {}
+
+    def judged(self, state: State) -> State:
+        """The state with its error bars; NaN where the companions have no such step."""
+        self._run[state.step] = state
+        size = abs(state.force)
+        budget = Budget(state.step, self._discretisation(state), self._enforcement(state.step) * size,
+                        self._truncation * size, self._from_theory(state))  # fmt: skip
+        if self._missed(state):
+            budget = Budget(state.step, self._beyond(state, "force"), 0.0, 0.0, budget.theory)
+        self.budgets.append(budget)
+        depth = self._depth_error(state, budget.total) if self._finds_depths else None
+        return replace(state, force_error=budget.total, a_error=self._beside_force(state, "a", RADIUS),
+                       p_max_error=self._beside_force(state, "p_max", PEAK), delta_error=depth)  # fmt: skip
+
+    def _missed(self, state: State) -> bool:
+        """Whether the tip is pressed in so little that no point of the mesh notices."""
+        return state.delta > 0 and state.force == 0
+
+    def _beyond(self, state: State, name: str) -> float:
+        """A number of the shallowest contact that a companion has at this depth or deeper: what grows with the depth is
+        less here. NaN where there is none."""
+        deeper = [other for curve in self._coarser for other in curve.values()
+                  if other.delta >= state.delta and other.force > 0]  # fmt: skip
+        return float(getattr(min(deeper, key=lambda other: other.delta), name)) if deeper else float("nan")
+
+    def _depth_error(self, state: State, force_error: float) -> float:
+        """The error of a depth found for a force: the force's over dF/ddelta."""
+        companion = self._coarser[0]
+        slope = _exponent(companion.get(state.step, state), companion) * state.force
+        return force_error * state.delta / slope if slope > 0 else force_error
+
+    def _beside_force(self, state: State, name: str, trend: Trend) -> float:
+        """The error of a or p_max: what the meshes say, for a at least how well it is read off, and the share of the
+        force's that a penalty or a finite body has."""
+        if self._missed(state):
+            return self._beyond(state, name)
+        value = abs(getattr(state, name))
+        said = self._said(state, name, trend)
+        if name == "a" and value > 0:
+            said = max(said, READING * value / self._elements(value)) if said == said else said
+        return said + self._soft_difference(state.step, name) + self._truncation * value
+
+    def _said(self, state: State, name: str, trend: Trend) -> float:
+        """What two meshes say of a number of this step, or of the steps beside it in proportion; the worst counts."""
+        n = self._elements(state.a)
+        curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
+        errors = [trend.fading(n / ratio) for ratio in ratios]
+        said = []
+        for k, (fine, coarse) in enumerate(pairwise(curves)):
+            share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
+            if k == 0 or n >= TELLTALE * ratios[k + 1]:
+                said += [trend.safety / share * found for found in _spread(fine, coarse, state, name)]
+        return float("nan") if any(map(isnan, said)) else max(said)
+
+    def _soft_difference(self, step: int, name: str) -> float:
+        """What a penalty takes from a number, which is as linear in 1/epsilon_n."""
+        if self._soft is None:
+            return 0.0
+        own, soft = self._coarser[0].get(step), self._soft.get(step)
+        if own is None or soft is None:
+            return float("nan")
+        return abs(getattr(own, name) - getattr(soft, name)) / self._stiffer
+
+    def _discretisation(self, state: State) -> float:
+        """SAFETY times what two meshes say of this step, or of the steps beside it in proportion; the worst counts.
+
+        Where a step beside it has fewer elements in its contact, its error is larger by what `fading` says.
+        """
+        curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
+        errors = [self._error(state.a, ratio) for ratio in ratios]
+        safety = SAFETY[self._dim] * (CORNERED if self._sizes.h_corner else 1.0)
+        said = []
+        for k, (fine, coarse) in enumerate(pairwise(curves)):
+            share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
+            said += [safety / share * difference for difference in self._differences(fine, coarse, state)]
+        return float("nan") if any(map(isnan, said)) else max(said)
+
+    def _differences(self, fine: Curve, coarse: Curve, state: State) -> list[float]:
+        """|F_coarse - F_fine| of a step, NaN when it is missing, and of the steps beside it, scaled to its force."""
+        F, step, error = abs(state.force), state.step, self._error(state.a)
+        beside = [
+            _difference(fine, coarse, k) * F / abs(fine[k].force) * min(error / self._error(fine[k].a), 1.0)
+            for k in (step - 1, step + 1)
+            if k in fine and k in coarse and abs(fine[k].force) > ALIKE * F
+        ]
+        return [_difference(fine, coarse, step), *beside]
+
+    def _error(self, a: float, ratio: float = 1.0) -> float:
+        """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
+        n, slow = self._elements(a, self._uncornered) / ratio, self._slow_rate(a)
+        return n**-slow if slow and n > 0 else fading(n, self._sizes.order)
+
+    def _slow_rate(self, a: float) -> float | None:
+        """The rate at which the force converges where not the elements in the contact radius rule it; None: they do."""
+        if self._sizes.ruled_by_corners:
+            return POWER
+        if self._sizes.edge is not None:
+            return NITSCHE_AT_EDGE if self._is_nitsche else None
+        return KINK if self._is_kinked(a) else None
+
+    def _is_kinked(self, a: float) -> bool:
+        """Whether the pressure is infinite at a corner of the tip somewhere within the contact, inside an element."""
+        r = a / self._scales.length
+        return any(0 < at <= r and width < self._sizes.at(np.array(at), np.array(0.0)) for at, width in self._creases)
+
+    def _elements(self, a: float, sizes: Sizes | None = None) -> float:
+        """Elements in a contact radius."""
+        r = np.array(a / self._scales.length)
+        return float(r / (sizes or self._sizes).at(r, np.zeros(())))
+
+    def _from_theory(self, state: State) -> float:
+        """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
+        if self._oracle is None or state.delta <= 0:
+            return 0.0
+        solution = self._oracle.at(state.delta / self._scales.length)
+        return abs(state.force - solution.force * self._scales.force) if solution else 0.0
+
+    def _enforcement(self, step: int) -> float:
+        """The relative error of a penalty, whose 1/force is linear in 1/epsilon_n from stiff to soft; the companion
+        says it of its own stiffness."""
+        if self._soft is None:
+            return 0.0
+        own, soft = self._coarser[0].get(step), self._soft.get(step)
+        if own is None or soft is None:
+            return float("nan")
+        low = force_at(soft, own.delta, self._soft)
+        if own.force == low:
+            return 0.0
+        inverse = 2 - own.force / low if low else -1.0
+        return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else float("inf")
+
+
+def _spread(fine: Curve, coarse: Curve, state: State, name: str) -> list[float]:
+    """The difference of a number of a step between two meshes, NaN when one has no such step, and those of the steps
+    beside it, scaled to its size."""
+
+    def difference(k: int) -> float:
+        return abs(getattr(coarse[k], name) - getattr(fine[k], name)) if k in fine and k in coarse else float("nan")
+
+    value = abs(getattr(state, name))
+    beside = [
+        difference(k) * value / abs(getattr(fine[k], name))
+        for k in (state.step - 1, state.step + 1)
+        if value > 0 and k in fine and k in coarse and fine[k].force > ALIKE * abs(state.force)
+    ]
+    return [difference(state.step), *(found for found in beside if found == found)]
+
+
+def _difference(fine: Curve, coarse: Curve, step: int) -> float:
+    if step not in fine or step not in coarse:
+        return float("nan")
+    return abs(force_at(coarse[step], fine[step].delta, coarse) - fine[step].force)
+
+
+def force_at(state: State, delta: float, curve: Curve) -> float:
+    """The force of a curve at a depth near one of its states: force (delta/its depth)^m, m the slope of their logs.
+
+    At the state's own depth it is the state's force, to the last digit.
+    """
+    if state.delta == delta or state.delta <= 0 or delta <= 0:
+        return state.force
+    return float(state.force * (delta / state.delta) ** _exponent(state, curve))
+
+
+def _exponent(state: State, curve: Curve) -> float:
+    """dlnF/dlndelta between the states beside one; that of a paraboloid where there are none."""
+    beside = [curve[k] for k in (state.step - 1, state.step, state.step + 1) if k in curve]
+    first, last = min(beside, key=lambda s: s.delta), max(beside, key=lambda s: s.delta)
+    if first.force <= 0 or first.delta <= 0 or last.delta <= first.delta:
+        return 1.5
+    return float(np.log(last.force / first.force) / np.log(last.delta / first.delta))

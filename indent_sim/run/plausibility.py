@@ -1,0 +1,197 @@
+"""Rows that cannot be true: bounds on a frictionless elastic body that hold whatever the mesh and the method.
+
+The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force grows with the depth
+and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface stays below the tip. The force is
+theory's where theory is exact, and of one order with it where it is nearly so. None of this says how accurate a row is.
+
+Each rule is a function of the scene, a converged state and the states before it (in the user's units) to a sentence, or
+to None where it has nothing against the state. They are wide enough for coarse meshes and soft penalties.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isfinite, isnan
+
+from indent_sim.model.contact import Nitsche, Penalty
+from indent_sim.model.materials import stability
+from indent_sim.model.state import State
+from indent_sim.scene.doubts import force_doubt
+from indent_sim.scene.expected import penalty_loss
+from indent_sim.scene.scene import Scene
+from indent_sim.theory.solution import Solution
+
+NOISE = 1e-6  # of the largest force so far: what round-off and the supports' tolerance may leave of none
+SAME = 1e-6  # of a depth: closer ones may have one solution to the solver's tolerance
+FIRST_TOUCH = 1e-5  # of the path's largest force: a row with less to expect may lie between two points of its mesh
+LINEAR_FALL, FALL = 1e-3, 0.02  # of the force, with greater depth: convex problems solved to 1e-7; kinks of the others
+SLACK = 0.02  # of force delta: what the contact term of a multiplier adds to the energy on a coarse mesh
+SUNK = 0.1, 0.5  # of the depth, of an element: twice what a contact of one element was seen to sink in
+PENETRATIONS = 2.0  # of a law that lets the tip sink in: between its quadrature points it may be somewhat more
+EXACT, ALIKE = 1.5, 10.0  # factors from theory: the same problem; a half-space at small strain instead of the body's
+HALF_SPACE = 0.3  # of the thickness and of the way to the rim: a contact up to this feels little of them
+SLENDER = 10.0  # ways to the rim: a thicker body is a pillar, whose own shortening counts
+SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
+DIGITS = 1e-4  # of theory's force: its own error
+
+Rule = Callable[[Scene, State, Sequence[State]], "str | None"]
+
+
+def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """What cannot be true of a converged state after others on its path, None where nothing is known against it.
+
+    The states are in the user's units.
+    """
+    rules = ALWAYS if _is_first_touch(scene, state) else ALWAYS + PRESSED
+    return next((said for rule in rules if (said := rule(scene, state, earlier))), None)
+
+
+def _is_not_a_number(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp tip."""
+    wrong = [name for name in ("delta", "force", "a", "energy") if not isfinite(getattr(state, name))]
+    return f"{', '.join(wrong)} is not a number" if wrong else None
+
+
+def _pulls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """force >= 0."""
+    if state.force >= -_noise(scene, state, earlier):
+        return None
+    return f"the force is {state.force:.6g}, and nothing holds on to the tip"
+
+
+def _pushes_from_afar(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """No force above the body."""
+    if state.delta >= 0 or state.force <= _noise(scene, state, earlier):
+        return None
+    return f"the force is {state.force:.6g}, and the tip is above the body"
+
+
+def _touches_nothing(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
+    if state.force > 0 and state.a > 0:
+        return None
+    missed = "no force" if state.force <= 0 else "no contact radius"
+    elements = scene.sizes.h_contact * scene.scales.length
+    return (f"the tip is {state.delta:.6g} deep in the body and finds {missed}: it went through, or the contact lies "
+            f"between two points of the mesh (h_contact = {elements:.3g})")  # fmt: skip
+
+
+def _is_wider_than_its_tip(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """a up to the radius at which the tip ends, and an element to either side."""
+    end = scene.indenter.radius_at(scene.body.height)
+    widest = (end + 2 * scene.sizes.h_contact) * scene.scales.length
+    if state.a <= widest:
+        return None
+    return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * scene.scales.length:.6g}"
+
+
+def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """A new depth is another solution: of no iteration, only where the one foretold was right and the force another."""
+    before = earlier[-1] if earlier else None
+    is_new = before is None or abs(state.delta - before.delta) > SAME * state.delta
+    is_other = before is not None and before.force > 0 and abs(state.force - before.force) > NOISE * SAME * state.force
+    if state.newton_iterations > 0 or not is_new or is_other:
+        return None
+    return "nothing was solved for this depth, and the force is that of another"
+
+
+def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """The deformed surface stays below the tip, but for what a coarse mesh or a penalty lets it sink in."""
+    allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.scales.length)
+    if isinstance(scene.contact, Penalty | Nitsche):
+        allowed += PENETRATIONS * state.penetration
+    if state.overlap <= allowed:
+        return None
+    return f"the surface reaches {state.overlap:.3g} into the tip, which went through it"
+
+
+def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """0 <= Pi <= force delta, as of any force that grows with the depth."""
+    work = state.force * state.delta
+    if -SLACK * work <= state.energy <= (1 + SLACK) * work or _may_soften(scene):
+        return None
+    return f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} did {work:.6g} at most"
+
+
+def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """force <= force at a greater depth, within the error bars of both where there are any."""
+    fall = LINEAR_FALL if scene.material.small_strain and scene.gap == "reference" else FALL
+    noise = _noise(scene, state, earlier)
+    shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
+    deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
+    for shallow, deep in ((shallower, state), (state, deeper)):
+        lost = shallow.force - deep.force - _bar(shallow) - _bar(deep)
+        if lost > fall * abs(shallow.force) + noise and not _may_soften(scene):
+            return (f"the force is {shallow.force:.6g} at delta = {shallow.delta:.6g} and {deep.force:.6g} at "
+                    f"{deep.delta:.6g}, where it must be larger")  # fmt: skip
+    return None
+
+
+def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
+    delta, unit = state.delta / scene.scales.length, scene.scales.force
+    solution = scene.oracle.at(delta) if scene.oracle else None
+    if scene.oracle is None or solution is None or solution.force <= 0:
+        return None
+    expected = solution.force * unit
+    lowest, highest = _range(scene, solution)
+    said = f"the force is {state.force:.6g}, and {scene.oracle.name}"
+    if not lowest * expected <= state.force <= highest * expected:
+        return f"{said} expects {expected:.6g}"
+    if not _is_theorys_problem(scene) or state.force_error is None or isnan(state.force_error):
+        return None
+    if abs(state.force - expected) <= state.force_error + DIGITS * expected:
+        return None
+    return f"{said}, exact for this body, {expected:.6g}: the error bar {state.force_error:.3g} does not hold it"
+
+
+ALWAYS: tuple[Rule, ...] = (_is_not_a_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_its_tip, _falls)
+PRESSED: tuple[Rule, ...] = (_touches_nothing, _stands_still, _energy_is_not_its_work, _is_not_theorys)
+
+
+def _is_first_touch(scene: Scene, state: State) -> bool:
+    """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of the whole path."""
+    depth, deepest = state.delta / scene.scales.length, max(scene.deltas)
+    if depth <= 0 or deepest <= depth:
+        return depth <= 0
+    radius_at = scene.indenter.radius_at
+    return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
+
+
+def _noise(scene: Scene, state: State, earlier: Sequence[State]) -> float:
+    """A force that is none [force]: beside those so far, or beside one that presses an element in as deep."""
+    scales, h = scene.scales, scene.sizes.h_contact
+    pressed = scene.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.length * scales.force
+    return NOISE * max(pressed, *(abs(other.force) for other in earlier), 0.0)
+
+
+def _bar(state: State) -> float:
+    return state.force_error if state.force_error is not None and isfinite(state.force_error) else 0.0
+
+
+def _may_soften(scene: Scene) -> bool:
+    """Whether the law is no longer stable at the strains to expect: then a force may fall."""
+    a, deepest = scene.prediction["a"] / scene.scales.length, max(scene.deltas)
+    return bool(stability.doubts(scene.material, stability.reach(scene.indenter, a, deepest, scene.body.height)))
+
+
+def _is_theorys_problem(scene: Scene) -> bool:
+    """Whether this run's equations are theory's own."""
+    return scene.oracle is not None and scene.oracle.exact and scene.material.small_strain and scene.gap == "reference"
+
+
+def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
+    """Least and largest force over theory's that may be true, mesh and penalty included."""
+    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.material.constants[1])
+    left = 1 - penalty_loss(scene.contact, scene.material, scene.oracle, theory.delta, theory.a)
+    if _is_theorys_problem(scene):
+        return left / (EXACT * coarse), EXACT * coarse
+    if not _feels_a_half_space(scene, theory.a):
+        return 0.0, float("inf")
+    may_stiffen = not scene.material.small_strain and theory.delta > SHALLOW * theory.a
+    return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse
+
+
+def _feels_a_half_space(scene: Scene, a: float) -> bool:
+    height, rim = scene.body.height, scene.body.rim_distance(scene.center)
+    return a <= HALF_SPACE * min(height, rim) and height <= SLENDER * rim

@@ -1,0 +1,62 @@
+"""The config that reproduces a run: every "auto" replaced by what it became, in the user's units."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from indent_sim.config.file import to_mapping
+from indent_sim.config.schema import Config
+from indent_sim.model.units import rounded
+from indent_sim.scene.scene import Scene
+
+OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
+
+
+def resolved(config: Config, scene: Scene) -> Config:
+    """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
+    decided: dict[str, Any] = {
+        "material": _decided(config.material, formulation=scene.formulation),
+        "center": config.center or config.body.centre,
+        "contact": _contact(config, scene),
+        "mesh": _mesh(config, scene),
+        "accuracy": None,
+        "solver": _decided(config.solver, method=scene.solver["method"]),
+    }
+    return config.model_copy(update=decided)
+
+
+def left_open(config: Config, decided: Config) -> list[str]:
+    """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
+    before, after = to_mapping(config), to_mapping(decided)
+    return [
+        f"{section}.{key}"
+        for section, part in after.items()
+        if isinstance(part, dict)
+        for key, value in part.items()
+        if before[section].get(key) != value
+    ]
+
+
+def _decided(section: Any, **found: Any) -> Any:
+    """A section with its "auto"s replaced; what was given stays, to the last digit."""
+    auto = {name: value for name, value in found.items() if getattr(section, name, None) == "auto"}
+    return dataclasses.replace(section, **auto)
+
+
+def _mesh(config: Config, scene: Scene) -> Any:
+    sizes, L = scene.sizes, scene.scales.length
+    mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
+                    symmetry=scene.symmetry)  # fmt: skip
+    if config.mesh.h_contact != "auto":
+        return mesh
+    own = {name: length * L for name in OWN if (length := getattr(sizes, name))}
+    return dataclasses.replace(mesh, **own)
+
+
+def _contact(config: Config, scene: Scene) -> Any:
+    law = type(scene.contact)
+    given = config.contact if isinstance(config.contact, law) else law()
+    own = rounded(getattr(scene.contact, "stiffness", 0.0) * scene.scales.pressure / scene.scales.length)
+    stiffness = {name: own for name in ("epsilon_n", "gamma") if hasattr(given, name)}
+    return _decided(dataclasses.replace(given, gap=config.contact.gap), gap=scene.gap, **stiffness)

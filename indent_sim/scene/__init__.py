@@ -1,0 +1,1 @@
+"""Config -> Scene: every decision with its reason."""

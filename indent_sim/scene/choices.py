@@ -1,0 +1,231 @@
+"""What a config leaves open, decided, each with its reason."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import Body
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
+from indent_sim.model.materials.law import LOCKING, Material
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, reach
+from indent_sim.model.units import rounded
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
+from indent_sim.scene.expected import TELLING, oracle, penalty_loss
+from indent_sim.scene.fineness import Fineness
+from indent_sim.scene.given import Premises
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
+CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
+PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
+STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
+NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
+MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One thing the program decided (or was told), and why."""
+
+    key: str
+    value: str | float | int
+    why: str
+
+
+def model(given: Premises) -> list[Choice]:
+    """What of the body is modelled, and how."""
+    material, reduction = given.material, given.reduction
+    body = f"{given.body.shape}, height {given.scales.length:.4g}"
+    strain = ("small", "the material is linear elastic") if material.small_strain else ("finite", "it is hyperelastic")
+    return [
+        *([Choice("body", body, given.truncation.why)] if given.truncation else []),
+        Choice("symmetry", reduction.symmetry, reduction.why),
+        Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
+        Choice("strain", *strain),
+        *([Choice("control", "force", FORCE_WHY)] if given.path.control == "force" else []),
+        *([Choice("pins", len(reduction.pins), PINS_WHY)] if reduction.pins else []),
+    ]
+
+
+def formulation(config: Config, material: Material) -> tuple[str, Choice]:
+    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
+    (_, nu), wanted = material.constants, material.formulation
+    chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
+    if chosen == "displacement" and nu > MOST_COMPRESSED:
+        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+    if chosen == "mixed" and nu <= 0:
+        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+    if chosen == "mixed" and config.mesh.order == 1:
+        raise ConfigError("mesh.order", "the mixed formulation needs quadratic displacement", "use order: 2")
+    why = "as given" if wanted != "auto" else f"nu = {nu:g} {'>=' if chosen == 'mixed' else '<'} {LOCKING:g}"
+    return chosen, Choice("material.formulation", chosen, why)
+
+
+def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
+    """Where the gap is tested, at the undeformed or the deformed point.
+
+    ConfigError for a gap at the deformed point that has no answer: a body that slides away, a needle.
+    """
+    auto = "reference" if given.material.small_strain else "current"
+    chosen = auto if wanted.gap == "auto" else wanted.gap
+    end = reach(given.tip)
+    if chosen == "current" and given.deepest > NEEDLE * end:
+        raise ConfigError(
+            "indenter", f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: gap: current "
+            "cannot tell how a body gives way to such a needle", "give both in the same unit of length",
+        )  # fmt: skip
+    if chosen == "current" and given.reduction.pins:
+        raise ConfigError(
+            "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
+            "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
+        )  # fmt: skip
+    reasons = {"reference": "linear elastic: Hertz' own problem, tested at the undeformed point",
+               "current": "finite strain: tested at the deformed point, pressure along the tip's normal"}  # fmt: skip
+    why = "as given" if wanted.gap != "auto" else reasons[chosen]
+    return chosen, Choice("contact.gap", chosen, why)
+
+
+def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
+    """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
+    if isinstance(wanted, AutoContact):
+        kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
+    else:
+        kind, why = type(wanted), "as given"  # type: ignore[assignment]
+    name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
+    if name is None:
+        return kind(), Choice("contact", kind().method, why)
+    auto, in_users = getattr(wanted, name, "auto") == "auto", given.scales.pressure / given.scales.length
+    stiffness = rounded(_stiffness(kind, given, sizes, fineness) * in_users) if auto else getattr(wanted, name)
+    value, unit = stiffness / in_users, given.material.E_star / sizes.h_contact
+    _refuse_soft(kind, name, value / unit, unit * in_users)
+    law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
+    source = f"{name} {'auto' if auto else 'as given'}: {value / unit:.3g} E*/h_contact"
+    return law, Choice("contact", f"{law.method}, {name} = {stiffness:.6g}", f"{why}; {source}")
+
+
+def _stiffness(kind: Any, given: Premises, sizes: Sizes, fineness: Fineness | None) -> float:
+    """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
+    unit = given.material.E_star / sizes.typical
+    usual = float(kind.auto_multiple * unit)
+    if kind is not Penalty:
+        return usual
+    if fineness is not None:  # the penalty's error must fit into what is asked for
+        return min(fineness.penalty, STIFFEST * unit)
+    depths = {delta for delta in (given.deepest, given.deltas[-1]) if delta > 0}
+    lost = [
+        penalty_loss(Penalty(epsilon_n=usual), given.material, given.theory, delta, given.radius(delta))
+        for delta in depths
+    ]
+    return min(usual * max(1.0, max(lost, default=0.0) / TELLING), STIFFEST * unit)
+
+
+def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
+    """ConfigError for a stiffness with which the method converges to a wrong force."""
+    smallest = getattr(kind, "smallest_multiple", 0.0)
+    if multiple < smallest * (1 - 1e-9):
+        raise ConfigError(
+            f"contact.{name}",
+            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {kind().method} gives wrong forces",
+            f"at least {smallest * unit:.4g}, or auto ({kind.auto_multiple:g} E*/h_contact)",
+        )
+
+
+def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes: float) -> Choice:
+    """What solves the scene; ConfigError for one that cannot.
+
+    A linear body under a frictionless tip with a reference gap is one compliance; anything else is not.
+
+    The compliance is dense: beyond MOST_CANDIDATES nodes that may come into contact it is not made.
+    """
+    wanted = config.solver.method
+    size = f"{nodes:.2g} nodes may come into contact: the dense matrices need {DENSE * nodes**2 / 1e9:.2g} GB"
+    obstacles = [
+        why
+        for applies, why in (
+            (not material.small_strain, "the material is not linear"),
+            (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
+            (law.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
+            (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
+            (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
+        )
+        if applies
+    ]
+    if wanted == "condensed" and obstacles:
+        raise ConfigError("solver.method", f"'condensed' does not fit this scene: {obstacles[0]}", "use 'newton'")
+    if wanted == "auto":
+        wanted = "newton" if obstacles else "condensed"
+        why = obstacles[0] if obstacles else "linear body, reference gap: one factorisation serves every step"
+        return Choice("solver.method", wanted, why)
+    return Choice("solver.method", wanted, "as given")
+
+
+def mesh(config: Config, given: Premises, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
+    """The element sizes, and where each comes from."""
+    L, a, wanted = given.scales.length, given.a, config.mesh
+    per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
+    auto = "from accuracy" if fineness else "auto: at most 0.3 % of the force at the last step"
+    chosen = "as given" if wanted.h_contact != "auto" else auto
+    far = "as given" if wanted.h_far != "auto" else f"sizes grow by {sizes.grading:.3g} per unit distance up to this"
+    choices = [
+        *([Choice("accuracy", fineness.target, fineness.why(L))] if fineness else []),
+        Choice("mesh.h_contact", sizes.h_contact * L, f"{chosen}; {per_radius}"),
+        *([Choice("mesh.h_axis", sizes.h_axis * L, "sizes grow from this at the axis to h_contact where the deepest "
+                  "contact ends")] if sizes.h_axis else []),
+        Choice("mesh.h_far", sizes.h_far * L, far),
+        Choice("mesh.order", sizes.order, "quadratic" if sizes.order == 2 else "linear, as given"),
+    ]  # fmt: skip
+    if sizes.h_edge is not None:
+        choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
+    if sizes.h_corner is not None:
+        choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
+    return choices
+
+BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets
+
+
+@dataclass(frozen=True)
+class Blunting:
+    """The tip with its new radius, the key and value of it [length], and how that changes the force (None: unknown)."""
+
+    tip: Indenter
+    key: str
+    radius: float
+    force_change: float | None
+
+    @property
+    def why(self) -> str:
+        """The reason in words."""
+        reason = f"gap: current needs a normal everywhere; {BLUNTING:g} of the expected contact radius"
+        if self.force_change is None:
+            return reason
+        return f"{reason}, changes the force by {self.force_change:+.1g} by layer theory"
+
+
+def blunted(tip: Indenter, a: float, body: Body, material: Material, center: tuple[float, ...], delta: float
+            ) -> Blunting | None:  # fmt: skip
+    """A sharp cone, pyramid, profile or punch with a small radius; None for a tip that is smooth already."""
+    key = "edge_radius" if isinstance(tip, FlatPunch) else "tip_radius"
+    if not isinstance(tip, Cone | Pyramid | FlatPunch | Profile) or getattr(tip, key) > 0:
+        return None
+    radius = float(f"{BLUNTING * a:.12g}")
+    changes: dict[str, Any] = {key: radius}
+    smooth = dataclasses.replace(tip, **changes)
+    forces = [_force(one, body, material, center, delta) for one in (tip, smooth)]
+    change = forces[1] / forces[0] - 1 if forces[0] and forces[1] else None
+    return Blunting(smooth, f"indenter.{key}", radius, change)
+
+
+def _force(tip: Indenter, body: Body, material: Material, center: tuple[float, ...], delta: float) -> float | None:
+    theory = oracle(body, material, tip, center)
+    with contextlib.suppress(ArithmeticError):
+        solution = theory.at(delta) if theory and delta > 0 else None
+        return solution.force if solution else None
+    return None

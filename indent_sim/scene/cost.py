@@ -1,0 +1,124 @@
+"""What a run will cost: cells, unknowns, memory and processor seconds, before anything is meshed.
+
+Counts come from the integral of 1/size^dim over the modelled part. The constants below were fitted on this program
+(`make bench` prints prediction beside measurement for every scene of configs/): one core of about 2020, OpenBLAS, forms
+compiled before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+
+from indent_sim.mesh.sizes import Sizes
+
+CELLS = {2: 2.63, 3: 5.8}  # per size^dim
+NODES = {(2, 2): 2.12, (2, 1): 0.55, (3, 2): 1.65, (3, 1): 0.25}  # per cell, by (dim, order)
+VERTICES = {2: 0.55, 3: 0.25}  # per cell
+FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
+CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
+
+START = 1.05  # s: imports, gmsh, writing
+COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
+PROCESS = 1.7e8  # bytes
+MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
+DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is done with the unknowns: solver, formulation, steps, and whether contact is nonlinear beyond its edge."""
+
+    method: str  # condensed | newton
+    mixed: bool
+    steps: int
+    nonlinear: bool
+
+    @property
+    def iterations(self) -> float:
+        """Linear solves of the whole path: few a step on a fine path, more at the beginning."""
+        return (4.0 if self.nonlinear else 1.5) * self.steps + 10.0
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Predicted size of a run: cells, dofs, memory [bytes], processor time of the whole process [s]."""
+
+    cells: float
+    dofs: float
+    memory: float
+    seconds: float
+
+    @property
+    def with_error_bars(self) -> Cost:
+        """The same run together with its companions."""
+        return replace(self, seconds=self.seconds + COMPANIONS * (self.seconds - START))
+
+
+def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], work: Work,
+         *, is_round: bool = False) -> Cost:  # fmt: skip
+    """Predict what a scene will cost; `is_round`: the extent is that of a cylinder in three dimensions."""
+    dim = len(extent)
+    cells = _cells(sizes, extent, center, is_round)
+    dofs = cells * (NODES[dim, sizes.order] * dim + (VERTICES[dim] if work.mixed else 0.0))
+    memory = PROCESS + (6e3 * dofs if dim == 2 else 900.0 * dofs**1.25)
+    if work.method == "condensed":
+        n = candidates(sizes, extent, center)
+        memory += DENSE * n**2
+        solve = _condensed(dim, n, dofs, work)
+    else:
+        solve = _newton(dim, dofs, work)
+    return Cost(cells, dofs, float(memory), float(START + 3e-5 * cells + solve))
+
+
+def _cells(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], is_round: bool) -> float:
+    dim, sectors = len(extent), _sectors(extent, center)
+    height = extent[-1][1] - extent[-1][0]
+    reach = [max(abs(end - c) for end in ends) for ends, c in zip(extent[:-1], center, strict=False)]
+    area = float(np.prod([high - low for low, high in extent[:-1]])) * (pi / 4 if is_round else 1.0)
+    r_max = float(max(reach)) if dim == 2 else float(np.sqrt(area * 4 / pi / sectors))
+    r, wr = _log_grid(r_max, sizes.smallest)
+    z, wz = _log_grid(height, sizes.smallest)
+    density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
+    return CELLS[dim] * float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
+
+
+def candidates(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
+    """How many nodes of the surface may come into contact: the order of a condensed body's dense matrices."""
+    dim = len(extent)
+    r, wr = _log_grid(sizes.patch + CANDIDATES * sizes.h_contact, sizes.smallest)
+    size = sizes.at(r, np.zeros_like(r)) ** (dim - 1)
+    return ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(extent, center)) * wr / size).sum())
+
+
+def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
+    """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
+    body = 1e-5 * dofs if dim == 2 else 1.5e-5 * dofs + 1.5e-9 * dofs**2 + 2.5e-9 * n * dofs ** (4 / 3)
+    return body + work.iterations * (3e-4 + 3e-11 * n**3)
+
+
+def _newton(dim: int, dofs: float, work: Work) -> float:
+    """Assembly and factorisation of the whole body at every iteration [s]."""
+    return work.iterations * (7e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 3.2e-9 * dofs**2)
+
+
+def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
+    """What a distance r from the tip's axis weighs: an arc, or both sides."""
+    return pi / 2 * sectors * r if dim == 3 else np.full_like(r, sectors)
+
+
+def _sectors(extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
+    """Quarters of a full turn about the tip's axis that the modelled part contains; sides in two dimensions."""
+    return float(np.prod([_sides(ends, c) for ends, c in zip(extent[:-1], center, strict=False)]))
+
+
+def _sides(ends: tuple[float, float], c: float) -> float:
+    low, high = ends
+    return 1.0 if min(abs(c - low), abs(high - c)) <= 1e-9 * (high - low) else 2.0
+
+
+def _log_grid(length: float, smallest: float) -> tuple[np.ndarray, np.ndarray]:
+    edges = np.concatenate([[0.0], np.geomspace(min(smallest, length) / 4, length, 200)])
+    return (edges[1:] + edges[:-1]) / 2, np.diff(edges)

@@ -1,0 +1,181 @@
+"""What a config fixes without a choice: the scene without units, the part of it that is modelled, what to expect."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.model.body import Body, HalfSpace
+from indent_sim.model.loading import LoadPath
+from indent_sim.model.materials.law import Material
+from indent_sim.model.tips import FlatPunch, Indenter
+from indent_sim.model.units import Scales, rounded, scaled
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.expected import Oracle, depths_of, oracle
+from indent_sim.scene.reduction import Reduction, reduce
+from indent_sim.scene.truncation import Truncation, expected_depth, half_space_oracle, truncate
+from indent_sim.theory.solution import Solution
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+
+
+@dataclass(frozen=True)
+class Premises:
+    """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
+
+    scales: Scales
+    body: Body
+    truncation: Truncation | None  # of a half-space, for which the body stands
+    material: Material
+    tip: Indenter
+    center: tuple[float, ...]
+    path: LoadPath
+    reduction: Reduction
+    theory: Oracle | None
+    deltas: tuple[float, ...]  # requested, or expected at the requested forces
+    radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
+
+    @property
+    def dim(self) -> int:
+        """Dimensions of the mesh."""
+        return self.reduction.kinematics.dim
+
+    @property
+    def deepest(self) -> float:
+        """The largest depth [length]."""
+        return max(self.deltas)
+
+    @property
+    def a(self) -> float:
+        """The contact radius [length] to expect at the deepest point."""
+        return self.radius(self.deepest)
+
+    def solution(self, delta: float) -> Solution | None:
+        """Theory's contact at a depth [length], where there is a theory."""
+        return self.theory.at(delta) if self.theory else None
+
+
+def premises(config: Config) -> Premises:
+    """The scene without units; ConfigError for one that cannot exist."""
+    material = _material(config)
+    whole, truncation = _finite(config, material)
+    center = whole.centre if truncation else config.center or whole.centre
+    path = config.loading.path()
+    _check_scene(whole, config.indenter, center, path)
+    _check_room(whole, material, config.indenter, center, path)
+    scales = Scales(whole.height, material.constants[0], 2 if whole.shape == "strip" else 3)
+    unit = (scales.length, scales.pressure)
+    body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
+    center = tuple(rounded(c / scales.length) for c in center)
+    path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
+    theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
+    return Premises(
+        scales, body, truncation, material, tip, center, path,
+        reduction=reduce(_rounded_body(body), center, config.mesh.symmetry, tip), theory=theory,
+        deltas=depths_of(path, theory, tip, material, body.height, scales),
+        radius=cache(partial(_expected_radius, theory, tip, body, center)),
+    )  # fmt: skip
+
+
+def _material(config: Config) -> Material:
+    try:
+        material = config.material.canonical()
+    except ValueError as wrong:
+        raise ConfigError("material", str(wrong)) from wrong
+    return material
+
+
+def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None]:
+    """The body as given, or the one that stands for a half-space."""
+    if not isinstance(config.body, HalfSpace):
+        return config.body, None
+    path = config.loading.path()
+    delta = max(path.values)
+    if path.control == "force":
+        delta = expected_depth(config.indenter, material, delta)
+    truncation = truncate(config.indenter, material, delta)
+    return truncation.body, truncation
+
+
+def _rounded_body(body: Body) -> Body:
+    def to_digits(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(rounded, value))
+        return rounded(value) if isinstance(value, float) else value
+
+    return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
+
+
+def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+    if body.rim_distance(center) < 0:
+        raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
+    width = 2 * body.rim_distance(body.centre)
+    if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
+        raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
+                          f"at most {width / 2:g}")  # fmt: skip
+    if path.control == "depth" and max(path.values) >= body.height:
+        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {body.height:g}",
+                          f"stay below {body.height:g}")  # fmt: skip
+
+
+def _check_room(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+    delta, room = max(path.values), deepest(body, material, tip, center)
+    if path.control == "depth" and delta >= room:
+        raise ConfigError(
+            "loading",
+            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at {room:g} the tip would "
+            "cover its whole top",
+            "stay well below, free a side, or nu < 0.5",
+        )
+
+
+def _expected_radius(
+    theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
+) -> float:
+    """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
+    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
+    if delta <= 0:
+        return 0.2 * rim
+    solution = theory.at(delta) if theory else None
+    return min(solution.a if solution else tip.radius_at(delta), rim)
+
+POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
+
+
+def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> float:
+    """The depth [length] at which the tip would cover the whole top; infinity for a body that can give way.
+
+    The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
+    touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
+    """
+    _, nu = material.constants
+    if nu < 0.5 or not is_held(body):
+        return float("inf")
+    x, y = _top(body)
+    along_x, along_y = (*center, 0.0)[:2]
+    return float(np.mean(tip.height(x - along_x, y - along_y)))
+
+
+def is_held(body: Body) -> bool:
+    """Whether no side lets the body out."""
+    sides = body.sides
+    each = [sides] if isinstance(sides, str) else list(vars(sides).values())
+    return "free" not in each
+
+
+def _top(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the top surface, each standing for an equal area."""
+    middles = (np.arange(POINTS) + 0.5) / POINTS
+    match body.shape:
+        case "cylinder":
+            r, angle = body.radius * np.sqrt(middles)[:, None], 2 * np.pi * middles[None, :]
+            return r * np.cos(angle), r * np.sin(angle)
+        case "strip":
+            return body.width * middles, np.zeros(POINTS)
+    return body.size[0] * middles[:, None], body.size[1] * middles[None, :]

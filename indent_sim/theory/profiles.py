@@ -1,0 +1,134 @@
+"""Rigid tips of revolution as the layer theory sees them: their Abel transform instead of their shape.
+
+A profile f(r) >= 0 [L], f(0) = 0, enters the theory only through g(x) = x ∫_0^x f'(r)/sqrt(x^2 - r^2) dr [L]
+(Sneddon 1965). Contact is assumed to be one disc, so f' must not decrease.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from indent_sim.theory.solution import require_positive
+
+
+@dataclass(frozen=True)
+class Tip:
+    """One tip: g(x) (array in, array out, [L]) and the facts that quadrature must know about it.
+
+    edge: contact radius that the shape imposes (flat punch), or None if the contact grows with the load [L].
+    reach: radius at which the tip ends; the contact stays below it [L].
+    breaks: increasing radii where f' is not smooth [L].
+    sharp: f'(0) > 0, so the pressure on the axis is infinite.
+    """
+
+    g: Callable[[np.ndarray], np.ndarray]
+    edge: float | None = None
+    reach: float = math.inf
+    breaks: tuple[float, ...] = ()
+    sharp: bool = False
+
+
+def paraboloid(R: float) -> Tip:
+    """f = r^2/(2R), g = x^2/R."""
+    require_positive(R=R)
+    return Tip(lambda x: x * x / R)
+
+
+def sphere(R: float) -> Tip:
+    """f = R - sqrt(R^2 - r^2), g = x artanh(x/R) = x/2 ln((R+x)/(R-x)), x < R."""
+    require_positive(R=R)
+    return Tip(lambda x: x * np.arctanh(x / R), reach=R)
+
+
+def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
+    """f = r cot(alpha), g = pi/2 x cot(alpha); alpha in degrees between axis and flank.
+
+    With tip_radius > 0 a sphere of that radius replaces the apex, tangent to the flank at r = tip_radius
+    cos(alpha).
+    """
+    if not 0.0 < half_angle < 90.0:
+        raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
+    cot = 1.0 / math.tan(math.radians(half_angle))
+    if tip_radius == 0.0:
+        return Tip(lambda x: 0.5 * math.pi * cot * x, sharp=True)
+    require_positive(tip_radius=tip_radius)
+    tangent = tip_radius * math.cos(math.radians(half_angle))
+
+    def slope(r):
+        cap = np.minimum(r, tangent)
+        return cap / np.sqrt((tip_radius - cap) * (tip_radius + cap))
+
+    return profile(slope, breaks=(tangent,))
+
+
+def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
+    """f = 0, g = 0, contact radius fixed; with edge_radius > 0 the rim is a quarter circle of that radius."""
+    require_positive(radius=radius)
+    if edge_radius == 0.0:
+        return Tip(lambda x: 0.0 * x, edge=radius)
+    if not 0.0 < edge_radius < radius:
+        raise ValueError(f"edge_radius must lie in [0, radius), got {edge_radius!r}")
+    flat = radius - edge_radius
+
+    def slope(r):
+        rim = np.clip(r - flat, 0.0, edge_radius * (1.0 - 1e-15))
+        return rim / np.sqrt((edge_radius - rim) * (edge_radius + rim))
+
+    return profile(slope, breaks=(flat,), reach=radius)
+
+
+def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
+    """f through the points (r, z), z measured up from the apex (0, 0), and straight between them.
+
+    Every jump d of the slope at r_i adds g = d x arccos(r_i/x) for x > r_i. The tip ends at the last point.
+    Raises ValueError unless it starts at (0, 0), r increases and the slope does not decrease (convex).
+    """
+    r, z = np.array(points, dtype=float).T
+    if r.size < 2 or r[0] != 0.0 or z[0] != 0.0 or np.any(np.diff(r) <= 0.0):
+        raise ValueError("points must start at [0, 0] and r must increase")
+    slopes = np.diff(z) / np.diff(r)
+    jumps = np.diff(slopes, prepend=0.0)
+    if np.any(jumps < -1e-12 * np.max(np.abs(slopes))):
+        raise ValueError("points must describe a convex tip: the slope must not decrease")
+
+    def g(x):
+        x = np.asarray(x, dtype=float)
+        safe = np.where(x > 0.0, x, 1.0)
+        corners = (d * np.arccos(np.minimum(c / safe, 1.0)) for d, c in zip(jumps, r[:-1], strict=True))
+        return x * sum(corners)
+
+    return Tip(g, reach=float(r[-1]), breaks=tuple(r[1:-1].tolist()), sharp=bool(slopes[0] > 0.0))
+
+
+def profile(
+    slope: Callable[[np.ndarray], np.ndarray],
+    *,
+    reach: float = math.inf,
+    breaks: Sequence[float] = (),
+    sharp: bool = False,
+) -> Tip:
+    """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by quadrature.
+
+    breaks: the radii where f' jumps or kinks; between them the quadrature converges exponentially.
+    """
+    breaks = tuple(float(b) for b in breaks)
+    node, weight = np.polynomial.legendre.leggauss(48)
+
+    def g(x):
+        x = np.asarray(x, dtype=float)
+        safe = np.where(x > 0.0, x, 1.0)
+        cuts = [np.arcsin(np.minimum(b / safe, 1.0)) for b in breaks]
+        ends = [np.zeros_like(safe), *cuts, np.full_like(safe, 0.5 * math.pi)]
+        total = np.zeros_like(safe)
+        for lo, hi in pairwise(ends):
+            half = 0.5 * (hi - lo)
+            angle = (0.5 * (hi + lo))[..., None] + half[..., None] * node
+            total += half * np.sum(weight * slope(x[..., None] * np.sin(angle)), axis=-1)
+        return x * total
+
+    return Tip(g, reach=reach, breaks=breaks, sharp=sharp)

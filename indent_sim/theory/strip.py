@@ -1,0 +1,290 @@
+"""Frictionless indentation of an elastic strip in plane strain, symmetric tip in the middle, per unit length.
+
+With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surface by
+    w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
+           + F' h/(2 W M_c),
+M = 1 - L the part of the base, M_c the oedometric modulus (no uniform mode at nu = 0.5). Substituting
+sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln S - ln(2|q -
+q'|), which is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
+q = cos(theta), its eigenvalues are -pi ln S, pi/2m. The remainder is analytic, so collocation converges
+exponentially, square-root ends included. The infinite strip is the same with q = x/a and S = a/2 (lengths
+in units of h).
+
+Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
+Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl. Sci. Res. 18, 353, for the
+layer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import numpy as np
+
+from indent_sim.theory.half_space import E_star
+from indent_sim.theory.hankel import S_MAX, base_complement, gauss
+from indent_sim.theory.march import march
+from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_body, require_positive, wall_distance
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Even, convex tip f(x) [L] (array in, array out), f(0) = 0.
+
+    edge: half-width that the shape imposes (flat punch), or None [L]; reach: where the tip ends [L].
+    corner: slope f'(0+) [-] of a tip with a kink at x = 0 (wedge), whose pressure is infinite there.
+    """
+
+    f: Callable[[np.ndarray], np.ndarray]
+    edge: float | None = None
+    reach: float = math.inf
+    corner: float = 0.0
+
+
+def paraboloid(R: float) -> Profile:
+    """Parabolic cylinder f = x^2/(2R)."""
+    require_positive(R=R)
+    return Profile(lambda x: x * x / (2.0 * R))
+
+
+def sphere(R: float) -> Profile:
+    """Circular cylinder f = R - sqrt(R^2 - x^2), |x| < R."""
+    require_positive(R=R)
+    return Profile(lambda x: x * x / (R + np.sqrt(np.maximum((R - x) * (R + x), 0.0))), reach=R)
+
+
+def cone(half_angle: float) -> Profile:
+    """Wedge f = |x| cot(alpha); alpha in degrees between the plane of symmetry and a face."""
+    if not 0.0 < half_angle < 90.0:
+        raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
+    cot = 1.0 / math.tan(math.radians(half_angle))
+    return Profile(lambda x: cot * np.abs(x), corner=cot)
+
+
+def flat_punch(radius: float) -> Profile:
+    """Flat punch of half-width `radius`, f = 0."""
+    require_positive(radius=radius)
+    return Profile(lambda x: 0.0 * x, edge=radius)
+
+
+def indent(
+    tip: Profile, delta: float, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
+) -> Solution:
+    """Equilibrium of a strip of thickness h [L] under `tip` pushed in by delta [L].
+
+    No contact for delta <= 0. nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller"
+    (frictionless); wall: half-width W [L] between frictionless side walls, None for the infinite strip.
+    force, energy, stiffness per unit length; a = half-width.
+    Raises ValueError for values out of range and when the contact would reach a wall, the end of the tip,
+    or a/h = 100.
+    """
+    return curve(tip, [delta], E=E, nu=nu, h=h, base=base, wall=wall)[0]
+
+
+def curve(
+    tip: Profile,
+    deltas: Sequence[float],
+    *,
+    E: float,
+    nu: float,
+    h: float,
+    base: str = "fixed",
+    wall: float | None = None,
+) -> list[Solution]:
+    """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's half-width."""
+    check_body(E, nu, h, base, wall)
+    return march(_Strip(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
+
+
+def wall_error(tip: Profile, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
+    """Relative force error F(wall)/F(infinite strip) - 1 of frictionless walls at +-wall [L].
+
+    Positive: too stiff. Arguments and errors as `indent`.
+    """
+    walled = indent(tip, delta, E=E, nu=nu, h=h, base=base, wall=wall)
+    return walled.force / indent(tip, delta, E=E, nu=nu, h=h, base=base).force - 1.0
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit pi E*/2.
+
+    shape_edge is the sum of all coefficients of shape, also of the slowly decaying ones of a corner cut off
+    here.
+    """
+
+    q: np.ndarray
+    f: np.ndarray
+    one: np.ndarray
+    shape: np.ndarray
+    kink: np.ndarray  # part of shape
+    shape_edge: float
+    corner: float  # f ~ corner |q| near the middle
+
+    @property
+    def touch(self) -> float:
+        """Depth at which the square-root singularity at the edge vanishes (T_2m(1) = 1)."""
+        return self.shape_edge / float(np.sum(self.one))
+
+
+@dataclass(frozen=True)
+class _Strip:
+    tip: Profile
+    E_star: float
+    nu: float
+    h: float
+    base: str
+    wall: float | None  # in units of h
+
+    @property
+    def edge(self) -> float | None:
+        return self.tip.edge
+
+    def profile(self, x: np.ndarray) -> np.ndarray:
+        return self.tip.f(x * self.h) / self.h
+
+    def largest(self) -> float:
+        """Half-width [h] that cannot be reached."""
+        return min(math.inf if self.wall is None else self.wall, self.tip.reach / self.h, MAX_SLENDERNESS)
+
+    def at(self, a: float) -> _Linear:
+        """Solve by collocation for unit depth and for the tip's shape at the half-width a [h]."""
+        n = self._node_count(a)
+        theta = (np.arange(n) + 0.5) * math.pi / (2 * n)  # the positive half of the 2n Chebyshev points
+        q = np.cos(theta)
+        T = np.cos(2.0 * np.outer(theta, np.arange(n)))
+        scale = a / 2.0 if self.wall is None else math.sin(math.pi * a / (2.0 * self.wall))
+        eigenvalue = np.concatenate([[-math.pi * math.log(scale)], math.pi / (2.0 * np.arange(1, n))])
+        x, slope = self._position(q, a)
+        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, a) @ T
+        # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
+        corner = self.tip.corner * slope
+        kink = corner * _kink_coefficients(n) / eigenvalue
+        kink_edge = corner * 2.0 / math.pi**2 * (1.0 - 1.0 / math.log(scale))
+        right = np.column_stack([np.ones(n), f - corner * q + remainder @ kink])
+        b = np.linalg.solve(T * eigenvalue - remainder, right)
+        shape_edge = float(np.sum(b[:, 1])) + kink_edge
+        return _Linear(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, corner)
+
+    def _node_count(self, a: float) -> int:
+        # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the tip's end
+        ends = [self.tip.reach / self.h, math.inf if self.wall is None else self.wall]
+        near_end = sum(math.sqrt(a / max(end - a, 1e-4 * a)) for end in ends)
+        fewest = 100 if self.tip.corner else 18  # between walls a corner leaves a |q|^3 behind
+        return fewest + math.ceil(6.0 * a + 12.0 * near_end)
+
+    def _position(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
+        """x(q) [h], and dx/dq in the middle."""
+        if self.wall is None:
+            return a * q, a
+        c = math.pi / (2.0 * self.wall)
+        return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
+
+    def _remainder(self, x: np.ndarray, a: float) -> np.ndarray:
+        """What the base and the uniform mode take off the logarithm, shape (len(x), len(x))."""
+        if self.wall is None:
+            k, weight = _layer_modes(2.0 ** math.ceil(math.log2(max(a, 1.0))), self.nu, self.base)
+        else:
+            k, weight = _strip_modes(self.nu, self.base, self.wall)
+        B = np.cos(np.outer(k, x))
+        smooth = B.T @ (weight[:, None] * B)
+        if self.wall is None:
+            near, far = np.subtract.outer(x, x), np.add.outer(x, x)
+            return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0))
+        return smooth - math.pi * (1.0 - 2.0 * self.nu) / (4.0 * self.wall * (1.0 - self.nu) ** 2)
+
+    def solution(self, delta: float, a: float) -> Solution:
+        """Turn the linear solutions at the half-width a [h] into physical quantities."""
+        depth, lin = delta / self.h, self.at(a)
+        b = depth * lin.one - lin.shape
+        rest = b + lin.kink  # of y without the wedge's 2/pi^2 arcosh(1/q) sin(theta)
+        if lin.corner:
+            rest[0] -= np.sum(rest)  # the constant by which the kink's solution differs from the wedge's
+        unit = 0.5 * math.pi * self.E_star
+        return Solution(
+            delta=float(delta),
+            force=unit * self.h * math.pi * float(b[0]),
+            a=float(a * self.h),
+            energy=0.5 * unit * self.h**2 * _work(lin, rest, depth),
+            stiffness=unit * math.pi * float(lin.one[0]),
+            pressure=partial(_pressure, self, a, rest, lin.corner),
+        )
+
+
+def _pressure(strip: _Strip, a: float, b: np.ndarray, corner: float, x) -> np.ndarray:
+    """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], with y(1) = 0 used exactly for smooth tips.
+
+    b: coefficients of y without the corner's, whose part is the wedge on a half-plane, 2/pi^2 arcosh(1/q)
+    sin(theta).
+    """
+    x = np.abs(np.asarray(x, dtype=float)) / strip.h
+    flat = np.atleast_1d(x).ravel()
+    inside = flat < a
+    q, slope, below = _stretched(strip, flat[inside], a)
+    theta = 2.0 * np.arcsin(np.sqrt(0.5 * below))
+    sine = np.sqrt(below * (1.0 + q))
+    m = np.arange(b.size)
+    if strip.tip.edge is None:  # cos(2 m theta) - 1: no division of a rounding error by sin(theta)
+        y = -2.0 * np.sin(np.outer(theta, m)) ** 2 @ b
+    else:
+        y = np.cos(2.0 * np.outer(theta, m)) @ b
+    value = y / sine
+    if corner:
+        q = np.maximum(q, 1e-300)
+        value += corner * 2.0 / math.pi**2 * np.arccosh(1.0 / q)
+    p = np.where((flat == a) & (strip.tip.edge is not None), np.inf, 0.0)
+    p[inside] = 0.5 * math.pi * strip.E_star * value * slope
+    return p.reshape(x.shape)[()]
+
+
+def _stretched(strip: _Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
+    """q(x), dq/dx and 1 - q (without cancellation at the edge)."""
+    if strip.wall is None:
+        return x / a, 1.0 / a, (a - x) / a
+    c = math.pi / (2.0 * strip.wall)
+    S = math.sin(c * a)
+    below = 2.0 * np.sin(0.5 * c * (a - x)) * np.cos(0.5 * c * (a + x)) / S
+    return np.sin(c * x) / S, c * np.cos(c * x) / S, below
+
+
+def _work(lin: _Linear, b: np.ndarray, depth: float) -> float:
+    """∫ y (delta - f) d theta over [0, pi]; products with the corner's |q| and arcosh in closed form."""
+    n = b.size
+    theta = np.arccos(lin.q)
+    y = np.cos(2.0 * np.outer(theta, np.arange(n))) @ b
+    smooth = lin.f - lin.corner * lin.q
+    wedge = 2.0 / math.pi**2 * np.sin(theta) * np.arccosh(1.0 / lin.q)
+    moments = 0.5 * math.pi * _kink_coefficients(n)
+    moments[0] *= 2.0
+    by_corner = float(moments @ b) - 2.0 / math.pi * depth + 2.0 / math.pi**2 * lin.corner
+    return math.pi / n * float(y @ (depth - smooth) - lin.corner * wedge @ smooth) - lin.corner * by_corner
+
+
+def _kink_coefficients(n: int) -> np.ndarray:
+    """|q| = 2/pi + 4/pi sum_m (-1)^(m+1)/(4m^2-1) T_2m(q), the first n coefficients."""
+    m = np.arange(n)
+    c = -4.0 / math.pi * (-1.0) ** m / (4.0 * m * m - 1.0)
+    c[0] *= 0.5
+    return c
+
+
+@lru_cache(maxsize=64)
+def _strip_modes(nu: float, base: str, wall: float) -> tuple[np.ndarray, np.ndarray]:
+    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding."""
+    n = np.arange(1, max(1, math.ceil(S_MAX * wall / math.pi)) + 1)
+    k = n * math.pi / wall
+    return k, base_complement(k, nu, base) / n
+
+
+@lru_cache(maxsize=64)
+def _layer_modes(reach: float, nu: float, base: str) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to reach.
+
+    The half-space alone has no depth in plane strain: ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 +
+    4/u^2) is the comparison, whose ln sqrt(u^2 + 4) is added separately.
+    """
+    s, w = gauss(0.0, S_MAX, 100 + math.ceil(12.0 * reach))
+    return s, w * (base_complement(s, nu, base) - np.exp(-2.0 * s)) / s
