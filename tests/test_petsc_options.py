@@ -10,7 +10,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.config.file import from_mapping
-from indent_sim.fe.condensed import contact
+from indent_sim.fe.condensed import contact as condensed_contact
 from indent_sim.fe.path import condensed_walk, walk
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear, uzawa
@@ -141,7 +141,7 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
-    for module in (uzawa, contact):
+    for module in (uzawa, condensed_contact):
         monkeypatch.setattr(module, "UZAWA_LOOPS", 3)
     for module in (walk, condensed_walk):
         monkeypatch.setattr(module, "SMALLEST_CUT", 0.5)

@@ -1,9 +1,8 @@
-"""The body: unknown fields, how they are held, what its supports feel."""
+"""The body: unknown fields, how they are held, the measures of its volume and surfaces."""
 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -11,14 +10,12 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dolfinx_mesh
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.observe.surface import Trace, facet_nodes
-from indent_sim.fe.terms.variation import variations
+from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
 from indent_sim.scene.scene import Scene
 
 
@@ -110,7 +107,7 @@ def symbolic(item: Any, mesh: Any) -> Any:
 
 
 class Body:
-    """Fields, constraints and strain energy of a scene's body on a mesh."""
+    """The unknown fields of a scene's body on a mesh, what is held, and the measures of its volume and surfaces."""
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: int = 0):
         self.scene = scene
@@ -120,12 +117,11 @@ class Body:
         mixed = scene.formulation == "mixed"
         self.unknowns = Unknowns(self.mesh, scene.sizes.order, body_pressure=mixed, multiplier=multiplier)
         self.x = self.unknowns.x
+        self.X = ufl.SpatialCoordinate(self.mesh)
+        self.weight = scene.kinematics.weight(self.X)
         self.trace = self._build_trace()
         self._tag_facets()
         self._constrain()
-        self._strain()
-        if scene.wall_stiffness:
-            self._guide_curved_wall(scene.wall_stiffness)
 
     def _tag_facets(self) -> None:
         empty = np.empty(0, dtype=np.int32)
@@ -135,8 +131,24 @@ class Body:
         order = np.argsort(facets)
         self._facet_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets[order], tags[order])
 
-    def surface_measure(self, tag: int, degree: int) -> Any:
-        """The measure of the surface CONTACT or WALL with a quadrature degree."""
+    @property
+    def degree(self) -> int:
+        """Quadrature degree of the volume and of the wall."""
+        return 2 * self.scene.sizes.order
+
+    def over_volume(self, density: Any) -> Any:
+        """The integral of a density over the body, as a UFL form."""
+        return density * self.weight * ufl.dx(metadata={"quadrature_degree": self.degree})
+
+    def over_contact(self, integrand: Any) -> Any:
+        """The integral of an expression over the contact surface, as a UFL form."""
+        return integrand * self.weight * self._surface(CONTACT, QUADRATURE_DEGREE[self.body_mesh.dim])
+
+    def over_wall(self, integrand: Any) -> Any:
+        """The integral of an expression over the curved wall of a cylinder in three dimensions, as a UFL form."""
+        return integrand * self._surface(WALL, self.degree)
+
+    def _surface(self, tag: int, degree: int) -> Any:
         metadata = {"quadrature_degree": degree}
         return ufl.ds(tag, domain=self.mesh, subdomain_data=self._facet_tags, metadata=metadata)
 
@@ -180,77 +192,6 @@ class Body:
         idle = self.comm.allreduce(int((off < unknowns.owned).sum()), op=MPI.SUM)
         self.active_dofs = unknowns.total - idle
 
-    # ---- strain energy -----------------------------------------------------------------------------------------
-
-    def _strain(self) -> None:
-        scene, unknowns = self.scene, self.unknowns
-        self.X = ufl.SpatialCoordinate(self.mesh)
-        self.weight = scene.kinematics.weight(self.X)
-        material = symbolic(scene.material, self.mesh)
-        H, q = scene.kinematics.gradient(unknowns.fields["u"], self.X), unknowns.fields.get("q")
-        H = ufl.variable(H)
-        psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
-        F = ufl.Identity(3) + H
-        self.nominal_stress = ufl.diff(psi, H)
-        self.stress = self.nominal_stress
-        if not scene.material.small_strain:
-            self.stress = self.nominal_stress * F.T / ufl.det(F)
-        self._psi = psi
-        self._wall: Any = None
-        self.strain_energy = self._over_volume(psi)
-        self._volume_ratio = ufl.det(F)
-
-    def _over_volume(self, density: Any) -> Any:
-        return density * self.weight * ufl.dx(metadata={"quadrature_degree": 2 * self.scene.sizes.order})
-
-    def _guide_curved_wall(self, stiffness: float) -> None:
-        """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
-
-        n is the cylinder's own normal, stiffness in pressure/length.
-        """
-        X, u = self.X, self.unknowns.fields["u"]
-        r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
-        if self.scene.material.small_strain:
-            outward = (u[0] * X[0] + u[1] * X[1]) / r
-        else:
-            outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
-        wall = self.surface_measure(WALL, 2 * self.scene.sizes.order)
-        self._wall = fem.Constant(self.mesh, stiffness) / 2 * outward**2 * wall
-        self.strain_energy += self._wall
-
-    def work(self) -> tuple[Any, Any]:
-        """First and second variation of the strain energy, as UFL forms."""
-        solution = self.unknowns.solution
-        test, trial = ufl.TestFunction(self.unknowns.space), ufl.TrialFunction(self.unknowns.space)
-        first, second = variations(self._psi, solution, test, trial)
-        first, second = self._over_volume(first), self._over_volume(second)
-        if self._wall is not None:
-            push = ufl.derivative(self._wall, solution, test)
-            first, second = first + push, second + ufl.derivative(push, solution, trial)
-        return first, second
-
-    @cached_property
-    def stiffness(self) -> Any:
-        """Second derivative of the strain energy as a compiled form."""
-        return fem.form(self.work()[1])
-
-    def stiffness_matrix(self) -> PETSc.Mat:
-        """The stiffness at the present solution, constrained dofs included."""
-        matrix = fem_petsc.assemble_matrix(self.stiffness)
-        matrix.assemble()
-        return matrix
-
-    def least_volume_ratio(self) -> Crushed | None:
-        """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
-        if self.scene.material.small_strain:
-            return None
-        points, _ = compat.quadrature(compat.CELLS[self.body_mesh.dim], 2 * self.scene.sizes.order)
-        values = ufl.as_vector([self._volume_ratio, *(self.X[k] for k in range(self.body_mesh.dim))])
-        cells = np.arange(self.mesh.topology.index_map(self.mesh.topology.dim).size_local, dtype=np.int32)
-        table = compat.evaluate(fem.Expression(values, points), self.mesh, cells).reshape(-1, 1 + self.body_mesh.dim)
-        J, *X = min(self.comm.allgather(tuple(map(float, table[np.argmin(table[:, 0])]))))
-        return Crushed(J, tuple(X))
-
     # ---- the state ---------------------------------------------------------------------------------------------
 
     def set_solution(self, x: PETSc.Vec) -> None:
@@ -272,16 +213,3 @@ def _owned(groups: list[np.ndarray], owned: int) -> np.ndarray:
         return np.empty(0, dtype=np.int64)
     dofs = np.unique(np.concatenate(groups))
     return dofs[dofs < owned]
-
-
-@dataclass(frozen=True)
-class Crushed:
-    """The smallest volume ratio J in the body, and the undeformed point that has it [length]."""
-
-    J: float
-    X: tuple[float, ...]
-
-    def words(self, scene: Scene) -> str:
-        """J and the place, in the user's lengths."""
-        place = ", ".join(f"{x * scene.scales.length:.4g}" for x in self.X)
-        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.kinematics.axes)}) = ({place})"

@@ -7,14 +7,20 @@ a linear body with a reference gap passes through C; every depth, tip and contac
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from indent_sim.fe.body import Body
 from indent_sim.fe.observe.surface import Trace
 from indent_sim.process.errors import NotConverged
+from indent_sim.fe.terms.matter import matter
 
 BLOCK = 128  # right-hand sides solved at once
 
@@ -46,7 +52,8 @@ class Condenser:
 
     def __init__(self, body: Body):
         self.body = body
-        matrix = body.stiffness_matrix()
+        self.strain, *others = matter(body)
+        matrix = _stiffness(body, [self.strain, *others])
         self._support_rows = self._row_sum(matrix, body.z_supports)
         self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
         matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
@@ -180,6 +187,14 @@ class Condenser:
         load.array[dofs[free]] = -nodal_forces[columns[free]]
         self._pc.apply(load, response)
         self.body.set_solution(response)
+
+
+def _stiffness(body: Body, terms: list[Any]) -> PETSc.Mat:
+    """The tangent of the body's terms, constrained dofs included."""
+    test, trial = ufl.TestFunction(body.unknowns.space), ufl.TrialFunction(body.unknowns.space)
+    matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, (term.work(test, trial)[1] for term in terms))))
+    matrix.assemble()
+    return matrix
 
 
 def _summed(comm: Any, values: np.ndarray) -> np.ndarray:

@@ -172,7 +172,7 @@ class RecoveredBody:
     def __init__(self, walk: CondensedWalk):
         body, self._walk = walk.body, walk
         self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
-        self.mesh, self.unknowns, self.stress = body.mesh, body.unknowns, body.stress
+        self.mesh, self.unknowns, self.stress = body.mesh, body.unknowns, walk.condenser.strain.stress
         self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
 
     @property

@@ -38,7 +38,7 @@ class Walk:
 
     def __init__(self, problem: Problem, enforcement: Enforcement, started: float | None = None):
         self.problem = self.observed = problem
-        self.dofs = problem.active_dofs
+        self.dofs = problem.body.active_dofs
         self.enforcement = enforcement
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, problem.snapshot())]  # the untouched body at rest

@@ -55,12 +55,12 @@ class Newton:
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
         problem = self.problem
-        problem.set_solution(x)
+        problem.body.set_solution(x)
         problem.assemble_residual(problem.b)
         values = problem.b.array
-        held = values[problem.supports]
+        held = values[problem.body.supports]
         self._reaction = _norm(problem.comm, held)
-        values[problem.constrained] = 0.0  # the constrained dofs are zero and stay zero
+        values[problem.body.constrained] = 0.0  # the constrained dofs are zero and stay zero
         self._residual = _norm(problem.comm, values * problem.row_weights)
         problem.b.copy(f)
 
@@ -99,7 +99,7 @@ class Newton:
             problem.soften(factor)
             found = self._solve(ROUGHLY)
             if not found:
-                problem.set_solution(start)
+                problem.body.set_solution(start)
                 break
             between()
         problem.soften(1.0)
@@ -111,18 +111,18 @@ class Newton:
         guess = self.problem.x.copy()
         self.problem.begin_solve()
         if not self._runs(guess):
-            self.problem.set_solution(start)
+            self.problem.body.set_solution(start)
             self.failure = "the linear solver failed"
             return False
         self.iterations += self.snes.getLinearSolveIterations() or self.snes.getIterationNumber()
         reason = self.snes.getConvergedReason()
         if self._halved and reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
-            self.problem.set_solution(start)
+            self.problem.body.set_solution(start)
             self.snes = self._create(symmetric=False)  # L U pivots more freely: from here on that
             return self._solve(rtol)
         converged = reason > 0
         self.failure = "" if converged else self._why_not()
-        self.problem.set_solution(guess if converged else start)
+        self.problem.body.set_solution(guess if converged else start)
         if converged:
             self._largest_reaction = max(self._largest_reaction, self._reaction)
         return converged
@@ -155,7 +155,7 @@ class Newton:
         else:
             return solved
         problem.soften(1.0)
-        problem.set_solution(start)
+        problem.body.set_solution(start)
         self.failure = failure
         return False
 

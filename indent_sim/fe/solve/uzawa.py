@@ -14,7 +14,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
 from indent_sim.fe.solve.mixing import Mixing
 from indent_sim.fe.solve.newton import ROUGHLY, Newton
-from indent_sim.fe.terms.projection import Projection
+from indent_sim.fe.terms.traction import Traction
 from indent_sim.model.tips import deepest_inside
 from indent_sim.scene.scene import Scene
 
@@ -132,7 +132,9 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     change. The updates are mixed with earlier ones (`mixing`), which changes their number and not where they end:
     at the fixed point lam is the augmented Lagrangian's own, so both methods give the same answer.
     """
-    projection = Projection(newton.problem, newton.problem.frozen)
+    contact = newton.problem.contact
+    assert isinstance(contact, Traction)
+    projection = contact.projection
     newton.rtol = min(newton.rtol, finest(newton.problem))
 
     def solve() -> bool:

@@ -12,44 +12,46 @@ equations is the primal-dual active set method (Hintermueller, Ito & Kunisch 200
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from indent_sim.fe.body import Body
 from indent_sim.fe.observe.surface import FacetValues, facet_nodes, pressure_functions, shapes, split_quadrature
-
-if TYPE_CHECKING:
-    from indent_sim.fe.problem import Problem
-
+from indent_sim.fe.terms.gap import Gap
 
 RETURNS = 2  # active sets that came back before the nodes change one by one; a nonlinear body may need the first
 
 
 class NodalContact:
-    """The contact term of a problem whose multiplier lives at the nodes, assembled in numpy."""
+    """The contact term of a body whose multiplier lives at the nodes, assembled in numpy."""
 
-    def __init__(self, problem: Problem, gap: Any, normal: Any, slope: Any):
-        """gap, normal = dg/dx and slope = d2g/dx2 are UFL expressions at the contact surface."""
-        self.problem = problem
-        facets = problem.body_mesh.surfaces["top"]
-        dim, order = problem.body_mesh.dim, problem.scene.sizes.order
+    has_symmetric_tangent = False  # the rows of nodal pressures belong to an active set
+
+    def __init__(self, body: Body, delta: fem.Constant):
+        self.body, scene = body, body.scene
+        self._scale = scene.material.E_star / scene.sizes.h_contact  # c: compares gaps with pressures
+        facets = body.body_mesh.surfaces["top"]
+        dim, order = body.body_mesh.dim, scene.sizes.order
+        gap = Gap(body, delta)
         self._points, reference_weights = split_quadrature(dim, order)
         self._N = shapes(self._points, order)
-        fields = ufl.as_vector([gap, *_flat(normal, dim), *_flat(slope, dim * dim)])
-        self._fields = FacetValues(problem.mesh, facets, fields, self._points)
-        nodes = facet_nodes(problem.mesh, problem.unknowns.own_space("lam"), facets)
-        self.lam_places = problem.unknowns.places("lam")[nodes]
+        fields = ufl.as_vector([gap.g, *_flat(gap.normal, dim), *_flat(gap.slope, dim * dim)])
+        self._fields = FacetValues(body.mesh, facets, fields, self._points)
+        nodes = facet_nodes(body.mesh, body.unknowns.own_space("lam"), facets)
+        self.lam_places = body.unknowns.places("lam")[nodes]
         self._psi = self.basis(self._points)
-        self._u_places = problem.trace.dofs
+        self._u_places = body.trace.dofs
         self._weights = self._measures() * reference_weights
         self._active = np.zeros(0, dtype=bool)
-        index_map, places = problem.unknowns.space.dofmap.index_map, self.lam_places.astype(np.int32)
+        index_map, places = body.unknowns.space.dofmap.index_map, self.lam_places.astype(np.int32)
         self._numbers = np.asarray(index_map.local_to_global(places.ravel())).reshape(places.shape)
         self.begin_solve()
-        self._work = problem.x.duplicate()
+        self._work = body.x.duplicate()
         self._unit_weights = self._gathered(np.einsum("fp,pn->fn", self._weights, self._psi))
 
     def begin_solve(self) -> None:
@@ -60,19 +62,19 @@ class NodalContact:
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The nodal pressures' functions (points, nodes) on the reference facet."""
-        return pressure_functions(points, self.problem.scene.sizes.order)[:, : self.lam_places.shape[1]]
+        return pressure_functions(points, self.body.scene.sizes.order)[:, : self.lam_places.shape[1]]
 
     def _measures(self) -> np.ndarray:
         """Area (facets, points) per reference-facet area, times the kinematics' weight."""
-        trace = self.problem.trace
+        trace = self.body.trace
         tangents = trace.tangents(trace.X, self._points)
         area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
         x = np.moveaxis(trace.positions(self._points), -1, 0)
-        return area * self.problem.scene.kinematics.weight(x)
+        return area * self.body.scene.kinematics.weight(x)
 
     def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""
-        dim, values = self.problem.body_mesh.dim, self._fields()
+        dim, values = self.body.body_mesh.dim, self._fields()
         return values[..., 0], values[..., 1 : 1 + dim], values[..., 1 + dim :].reshape(*values.shape[:2], dim, dim)
 
     def _gathered(self, nodal: np.ndarray) -> np.ndarray:
@@ -87,7 +89,7 @@ class NodalContact:
 
     def nodal_pressures(self) -> np.ndarray:
         """p_i (facets, nodes) at the present solution."""
-        return self.problem.local_array()[self.lam_places]
+        return self.body.local_array()[self.lam_places]
 
     def add_residual(self, b: PETSc.Vec) -> None:
         """Add -int p_h dg to the displacement rows; -G_i or -p_i int psi_i / c to the nodes' own rows."""
@@ -98,7 +100,7 @@ class NodalContact:
         weighted_gap = self._gathered(np.einsum("fp,fp,pn->fn", self._weights, g, self._psi))[self.lam_places]
         share = np.einsum("fp,pn->fn", self._weights, self._psi)
         whole = self._unit_weights[self.lam_places]
-        c = self.problem.stiffness_scale
+        c = self._scale
         self._active = self._chosen(p - c * weighted_gap / whole > 0)
         gap_part = np.einsum("fp,fp,pn->fn", self._weights, g, self._psi)
         rows = np.where(self._active, -gap_part, -p * share / c)
@@ -117,7 +119,7 @@ class NodalContact:
         coupling = -np.einsum("fp,fpd,pn,pm->fndm", weights, normal, self._N, self._psi)
         size = int(np.prod(self._u_places.shape[1:]))  # a rank may have no facet: numpy cannot infer sizes there
         coupling = coupling.reshape(len(coupling), size, self._psi.shape[1])
-        mass = -np.einsum("fp,pn->fn", weights, self._psi) / self.problem.stiffness_scale
+        mass = -np.einsum("fp,pn->fn", weights, self._psi) / self._scale
         uu = -np.einsum("fp,fpde,pn,pm->fndme", weights * p_h, slope, self._N, self._N)
         uu = uu.reshape(len(uu), size, size)
         u_places = self._u_places.reshape(len(uu), size)
@@ -133,7 +135,7 @@ class NodalContact:
     def _visit(self) -> None:
         """Remember the set of this Newton step, and how often one has come back after others."""
         mine = hash(np.unique(self._numbers[self._active]).tobytes())
-        visit = tuple(self.problem.comm.allgather(mine))
+        visit = tuple(self.body.comm.allgather(mine))
         if self._visited and visit != self._visited[-1] and visit in self._visited:
             self._returns += 1
         self._visited.append(visit)
@@ -147,7 +149,7 @@ class NodalContact:
         if self._returns < RETURNS or self._settled is None:
             return wanted
         changed = self._numbers[wanted != self._settled]
-        first = self.problem.comm.allreduce(int(changed.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN)
+        first = self.body.comm.allreduce(int(changed.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN)
         return np.where(self._numbers == first, wanted, self._settled)
 
     @cached_property
@@ -155,7 +157,7 @@ class NodalContact:
         """Marks the local dofs (ghosts included) whose rows and columns are those of the identity."""
         with self._work.localForm() as local:
             local.set(0.0)
-        self._work.array[self.problem.constrained] = 1.0
+        self._work.array[self.body.constrained] = 1.0
         self._work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
         with self._work.localForm() as local:
             return local.array > 0
@@ -164,12 +166,22 @@ class NodalContact:
     def _masked(dofs: np.ndarray, held: np.ndarray) -> np.ndarray:
         return np.where(held[dofs], -1, dofs).astype(np.int32)  # PETSc skips negative rows and columns
 
+    @property
+    def vectors(self) -> list[PETSc.Vec]:
+        """The nodal pressures are among the body's unknowns."""
+        return []
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """p_h (facets, points) at reference-facet points of the contact surface [pressure]."""
+        return self.nodal_pressures() @ self.basis(points).T
+
+    pressure_at = multiplier_at
+
     def force(self) -> float:
-        """-int p_h dg/dz dGamma of the modelled part: the vertical thrust of the pressures."""
+        """-int p_h dg/dz dGamma [force]: the vertical thrust of the pressures, this rank's share."""
         _, normal, _ = self._evaluate()
         p_h = self.nodal_pressures() @ self._psi.T
-        thrust = 0.0 - float((self._weights * p_h * normal[..., -1]).sum())  # not -0.0 where nothing is in contact
-        return self.problem.comm.allreduce(thrust, op=MPI.SUM)
+        return 0.0 - float((self._weights * p_h * normal[..., -1]).sum())  # not -0.0 where nothing is in contact
 
 
 def _flat(expression: Any, size: int) -> list[Any]:

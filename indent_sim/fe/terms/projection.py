@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import ufl
@@ -11,10 +12,9 @@ from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.solve.mixing import Mixing
+from indent_sim.fe.body import Body
 
-if TYPE_CHECKING:
-    from indent_sim.fe.problem import Problem
+Mixing = Callable[[np.ndarray, np.ndarray], np.ndarray]  # the next vector, from the present one and its image
 
 
 class Projection:
@@ -24,23 +24,23 @@ class Projection:
     much as its stiffness magnifies the gap; the nodal forces do not.
     """
 
-    def __init__(self, problem: Problem, function: fem.Function):
+    def __init__(self, body: Body, pressure: Any, function: fem.Function):
         self.function = function  # whose memory `lam` is
         self.lam = compat.vector(function)
         space = function.function_space
         trial, test = ufl.TrialFunction(space), ufl.TestFunction(space)
         # the volume term is zero: it only gives dofs off the surface a place on the diagonal
-        diagonal = fem.Constant(problem.mesh, 0.0) * trial * test * ufl.dx
-        mass = fem.form(problem.over_contact(trial * test) + diagonal)
-        self._load = fem.form(problem.over_contact(problem.pressure * test))
-        top = problem.body_mesh.surfaces["top"]
-        on_top = fem.locate_dofs_topological(space, problem.body_mesh.facet_dim, top)
+        diagonal = fem.Constant(body.mesh, 0.0) * trial * test * ufl.dx
+        mass = fem.form(body.over_contact(trial * test) + diagonal)
+        self._load = fem.form(body.over_contact(pressure * test))
+        top = body.body_mesh.surfaces["top"]
+        on_top = fem.locate_dofs_topological(space, body.body_mesh.facet_dim, top)
         off = np.setdiff1d(np.arange(len(function.x.array)), on_top).astype(np.int32)
         self._off = off[off < space.dofmap.index_map.size_local]
         matrix = fem_petsc.assemble_matrix(mass, [fem.dirichletbc(PETSc.ScalarType(0), off, space)])
         matrix.assemble()
         self._b = compat.create_vector(self._load, space)
-        self._solver = PETSc.KSP().create(problem.comm)
+        self._solver = PETSc.KSP().create(body.comm)
         self._solver.setOperators(matrix)
         self._solver.setType("preonly")
         self._solver.getPC().setType("lu")

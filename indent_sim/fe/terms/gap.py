@@ -1,0 +1,46 @@
+"""The gap between the contact surface and the tip, and its derivatives, as UFL expressions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from indent_sim.fe.body import Body, symbolic
+from indent_sim.model.tips import gap_current, gap_reference
+
+
+class Gap:
+    """g [length] at the contact surface, >= 0 open, and its normal dg/dx, the direction of the traction on the body.
+
+    The reference gap depends on u_z alone, and linearly; the current one on the deformed point x = X + u.
+    """
+
+    def __init__(self, body: Body, delta: fem.Constant):
+        scene, dim, u = body.scene, body.body_mesh.dim, body.unknowns.fields["u"]
+        tip = symbolic(scene.indenter, body.mesh)
+        center = [fem.Constant(body.mesh, float(c)) for c in scene.center]
+        self._delta, self._dim = ufl.variable(delta), dim
+        self._x = None if scene.gap == "reference" else ufl.variable(body.X + u)
+        if self._x is None:
+            horizontal = scene.kinematics.horizontal(body.X, center)
+            self.g = gap_reference(tip, *horizontal, u[dim - 1], self._delta)
+            self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
+        else:
+            horizontal = scene.kinematics.horizontal(self._x, center)
+            self.g = gap_current(tip, *horizontal, self._x[dim - 1], self._delta)
+            self.normal = ufl.diff(self.g, self._x)
+
+    @property
+    def rate(self) -> Any:
+        """dg/ddelta: -1 for a reference gap."""
+        return ufl.diff(self.g, self._delta)
+
+    @property
+    def slope(self) -> Any:
+        """d2g/dx2 (dim, dim) [1/length]."""
+        if self._x is None:
+            return ufl.as_matrix(np.zeros((self._dim,) * 2).tolist())
+        return ufl.diff(self.normal, self._x)

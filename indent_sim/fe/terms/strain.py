@@ -1,0 +1,79 @@
+"""The strain energy of a material: its virtual work, stress and volume ratio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from indent_sim.fe import compat
+from indent_sim.fe.body import Body, symbolic
+from indent_sim.fe.terms.variation import variations
+from indent_sim.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Crushed:
+    """The smallest volume ratio J in the body, and the undeformed point that has it [length]."""
+
+    J: float
+    X: tuple[float, ...]
+
+    def words(self, scene: Scene) -> str:
+        """J and the place, in the user's lengths."""
+        place = ", ".join(f"{x * scene.scales.length:.4g}" for x in self.X)
+        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.kinematics.axes)}) = ({place})"
+
+
+class Strain:
+    """int psi dOmega of the body's material.
+
+    nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure].
+    """
+
+    def __init__(self, body: Body):
+        self.body = body
+        scene, fields = body.scene, body.unknowns.fields
+        material = symbolic(scene.material, body.mesh)
+        H = ufl.variable(scene.kinematics.gradient(fields["u"], body.X))
+        q = fields.get("q")
+        self._psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
+        F = ufl.Identity(3) + H
+        self.nominal_stress = self.stress = ufl.diff(self._psi, H)
+        if not scene.material.small_strain:
+            self.stress = self.nominal_stress * F.T / ufl.det(F)
+        self._volume_ratio = ufl.det(F)
+        self.energy = body.over_volume(self._psi)
+
+    def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
+        """First and second variation of the energy, as UFL forms."""
+        first, second = variations(self._psi, self.body.unknowns.solution, test, trial)
+        return self.body.over_volume(first), self.body.over_volume(second)
+
+    def least_volume_ratio(self) -> Crushed | None:
+        """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
+        body = self.body
+        if body.scene.material.small_strain:
+            return None
+        dim = body.body_mesh.dim
+        points, _ = compat.quadrature(compat.CELLS[dim], body.degree)
+        values = ufl.as_vector([self._volume_ratio, *(body.X[k] for k in range(dim))])
+        cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
+        table = compat.evaluate(fem.Expression(values, points), body.mesh, cells).reshape(-1, 1 + dim)
+        J, *X = min(body.comm.allgather(tuple(map(float, table[np.argmin(table[:, 0])]))))
+        return Crushed(J, tuple(X))
+
+    @cached_property
+    def _inverted(self) -> Any:
+        inverted = ufl.conditional(ufl.lt(self._volume_ratio, 0.0), 1.0, 0.0)
+        return fem.form(inverted * ufl.dx(self.body.mesh, metadata={"quadrature_degree": self.body.degree}))
+
+    def inside_out(self) -> float:
+        """Size [length] of the region in which J < 0: the dim-th root of its measure (collective)."""
+        measure = self.body.comm.allreduce(fem.assemble_scalar(self._inverted), op=MPI.SUM)
+        return float(measure ** (1 / self.body.body_mesh.dim))
