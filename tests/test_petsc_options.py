@@ -11,9 +11,9 @@ from petsc4py import PETSc
 
 from indent_sim.config.file import from_mapping
 from indent_sim.fe.condensed import contact as condensed_contact
-from indent_sim.fe.path import condensed_walk, walk
+from indent_sim.fe.path import steps
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve import linear, uzawa
+from indent_sim.fe.solve import algorithms, linear
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.chain import Outcome, simulate
@@ -141,10 +141,9 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
-    for module in (uzawa, condensed_contact):
+    for module in (algorithms, condensed_contact):
         monkeypatch.setattr(module, "UZAWA_LOOPS", 3)
-    for module in (walk, condensed_walk):
-        monkeypatch.setattr(module, "SMALLEST_CUT", 0.5)
+    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     config = from_mapping(SCENE | {"contact": contact, "solver": {"method": method}})
     with pytest.raises(NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0") as caught:

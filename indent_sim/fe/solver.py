@@ -8,28 +8,33 @@ from petsc4py import PETSc
 
 from indent_sim.fe.body import Body
 from indent_sim.fe.compat import versions
+from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
 from indent_sim.fe.kernels import compiling, watch_the_cache
 from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.observe.fields import Fields
-from indent_sim.fe.path.condensed_walk import CondensedWalk
+from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.walk import Walk
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve.uzawa import enforcement
+from indent_sim.fe.solve.equilibrium import BodyEquilibrium
 from indent_sim.scene.scene import Scene
 
-__all__ = ["Fields", "distribute", "release", "versions", "walk"]
+__all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions", "walk"]
 
 watch_the_cache()
 
 
-def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk | CondensedWalk:
-    """The load path of a scene on its mesh, by the scene's solver."""
+def equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
+    """The body of a scene on its mesh, whole or condensed, by the scene's solver."""
     solver = dict(scene.solver)
     with compiling():
         if solver.pop("method") == "condensed":
-            return CondensedWalk(scene, Body(scene, mesh), started)
-        problem = Problem(scene, mesh)
-        return Walk(problem, enforcement(problem, **solver), started)
+            return CondensedEquilibrium(scene, Body(scene, mesh))
+        return BodyEquilibrium(Problem(scene, mesh), **solver)
+
+
+def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk:
+    """The load path of a scene on its mesh."""
+    return Walk(equilibrium(scene, mesh), started)
 
 
 def release(mesh: BodyMesh) -> None:

@@ -169,12 +169,12 @@ class CondensedBody:
     """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds each."""
 
     scene: Scene
-    walk: Any
+    equilibrium: Any
 
     @property
     def compliance(self) -> Any:
         """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
-        return self.walk.contact.compliance
+        return self.equilibrium.contact.compliance
 
     def states(
         self,
@@ -200,7 +200,7 @@ class CondensedBody:
             changes |= {"deltas": (begin,) * len(forces)}
             changes |= {"forces": tuple(force / self.scene.scales.force for force in forces)}
         scene = replace(self.scene, **changes)
-        walk = self.walk.under(scene)
+        walk = backend().Walk(self.equilibrium.under(scene))
         return [state.in_units(scene.scales) for state in walk.states(scene.path, lambda step: False)]
 
 
@@ -215,7 +215,7 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
     comm = comm or MPI.COMM_SELF
-    return CondensedBody(scene, fe.walk(scene, fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)))
+    return CondensedBody(scene, fe.equilibrium(scene, fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)))
 
 
 def warm_up() -> None:

@@ -62,15 +62,16 @@ class Simulation:
         size, version = {}, {}
         if grid is not None:
             size, version = {"cells": len(grid.cells), "points": len(grid.points)}, {"gmsh": grid.gmsh}
-        record.note(dofs=self._walk.dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
-        self._identity = {"mesh": mesh.hash, "dofs": self._walk.dofs, "dolfinx": fe.versions()["dolfinx"]}
+        dofs = self._walk.equilibrium.dofs
+        record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
+        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": fe.versions()["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
             other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
             record.warn(other)
         self._take_up()
         wanted = self.output.fields != "none" and len(self.states) < len(scene.deltas)
-        self._fields = fe.Fields(self._walk.observed) if wanted else None
+        self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
             points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
             steps = len(scene.deltas) if self.output.fields == "all" else 1
@@ -153,7 +154,7 @@ class Simulation:
         state = self._judged(state)
         self._refuse_impossible(state)
         if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
-            self._walk.refuse_unused_options()
+            self._walk.equilibrium.refuse_unused_options()
         with self.clock.stage("write"):
             if self.output.fields == "all" or state.step in self._kept_steps:
                 self._write_fields(state)

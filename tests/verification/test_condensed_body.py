@@ -12,8 +12,7 @@ import pytest
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
 from indent_sim.config.file import load
-from indent_sim.fe.condensed import compliance
-from indent_sim.fe.path import condensed_walk
+from indent_sim.fe.condensed import compliance, equilibrium
 from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import condense, states
@@ -74,7 +73,7 @@ def test_no_number_knows_the_candidates(method: str, monkeypatch: pytest.MonkeyP
     base = scene(CYLINDER, contact={"method": method}, mesh={"h_contact": 0.02})
     (expected,) = solve(base)
     for margin in (-5.0, 1000.0):
-        monkeypatch.setattr(condensed_walk, "MARGIN", margin)
+        monkeypatch.setattr(equilibrium, "MARGIN", margin)
         (found,) = solve(base)
         assert found.force == pytest.approx(expected.force, rel=1e-12)
         assert np.abs(found.surface.pressure - expected.surface.pressure).max() <= 1e-11 * expected.p_max
@@ -98,7 +97,7 @@ def test_depths_come_in_the_order_asked_for_and_one_factorisation_serves_them_al
     deep, shallow = body.states(deltas=[0.01, 0.005])
     assert (deep.delta, shallow.delta) == (0.01, 0.005)
     assert deep.force > shallow.force > 0
-    assert body.walk.under(body.scene).contact.compliance is compliance
+    assert body.equilibrium.under(body.scene).contact.compliance is compliance
 
 
 def test_forces_on_the_same_compliance():
@@ -119,7 +118,7 @@ def test_a_scene_that_does_not_condense_is_refused():
 def test_memory_does_not_grow_with_the_blocks_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two matrices of one right-hand side, some 60 kB each, for each of 250 nodes: 30 MB if they stayed."""
     monkeypatch.setattr(compliance, "BLOCK", 1)
-    condenser = condense(scene(WALLED, "mesh.h_contact=0.001")).walk.condenser
+    condenser = condense(scene(WALLED, "mesh.h_contact=0.001")).equilibrium.condenser
     places = condenser._last.places
     kept = 16 * len(places) * condenser.body.unknowns.owned
     assert kept > 2e7
@@ -152,9 +151,9 @@ def test_a_contact_that_outgrows_what_can_be_condensed_is_no_number(
     loading: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its nodes hold the first row and not the second, which says so: no force of a contact that was cut off."""
-    monkeypatch.setattr(condensed_walk, "MARGIN", -7.0)
+    monkeypatch.setattr(equilibrium, "MARGIN", -7.0)
     base = scene(WALLED, loading=loading, mesh={"h_contact": 0.01})
-    monkeypatch.setattr(condensed_walk, "MOST_CANDIDATES", 10)
+    monkeypatch.setattr(equilibrium, "MOST_CANDIDATES", 10)
     first, second = states(base)
     assert first.converged
     assert not second.converged and np.isnan(second.force)

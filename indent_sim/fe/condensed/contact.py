@@ -32,9 +32,9 @@ from indent_sim.fe.observe.surface import (
     shapes,
     split_quadrature,
 )
+from indent_sim.fe.solve.algorithms import UZAWA_LOOPS, settled
 from indent_sim.fe.solve.mixing import Mixing
 from indent_sim.fe.solve.newton import softer
-from indent_sim.fe.solve.uzawa import UZAWA_LOOPS, settled
 from indent_sim.scene.scene import Scene
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
@@ -56,37 +56,21 @@ class CondensedContact:
         # multiplier at the nodes of the whole surface (active set: nodal pressures)
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self._scene = scene
-        self._path: list[tuple[float, np.ndarray, np.ndarray]] = [(0.0, self.F, self.lam)]
+        self._recent = [self.F]  # nodal forces of the last equilibria
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
 
-    @property
-    def depth(self) -> float:
-        """The depth of the last equilibrium found [length]."""
-        return self._path[-1][0]
-
     def solve(self, delta: float) -> bool:
-        """Find the equilibrium at a depth; on failure the state is as it was."""
+        """Find the equilibrium at a depth from the present forces; on failure they are as they were."""
         before = self.F, self.lam
-        for F, lam in self._guesses(delta):
-            self.F, self.lam = F, lam
-            if self._solve(delta):
-                self._path = [*self._path[-1:], (delta, self.F, self.lam)]
-                return True
+        if self._solve(delta):
+            self._recent = [*self._recent[-1:], self.F]
+            return True
         self.F, self.lam = before
         return False
 
     def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
-        """NOTHING of the largest size of the nodal forces in the last states."""
-        return NOTHING * max(float(size(F)) for _, F, _ in self._path)
-
-    def _guesses(self, delta: float) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Where to begin: on the line through the last two states, if it leads on, and at the last one."""
-        if len(self._path) < 2:
-            return [(self.F, self.lam)]
-        (first, F_0, lam_0), (last, F_1, lam_1) = self._path
-        ratio = (delta - last) / (last - first) if last != first else 0.0
-        onward = (F_1 + ratio * (F_1 - F_0), lam_1 + ratio * (lam_1 - lam_0))
-        return [onward, (F_1, lam_1)] if -1 < ratio <= 2 else [(F_1, lam_1)]
+        """NOTHING of the largest size of the nodal forces in the last equilibria."""
+        return NOTHING * max(float(size(F)) for F in self._recent)
 
     # ---- the surface ---------------------------------------------------------------------------------------------
 

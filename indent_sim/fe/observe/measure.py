@@ -112,13 +112,13 @@ def _measure(tangents: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.cross(tangents[..., 0], tangents[..., 1]), axis=-1)
 
 
-def contact(body: Observed) -> tuple[float, float, float, float]:
-    """Contact radius [length], peak pressure [pressure], penetration and overlap [length] of the present state.
+def contact(body: Observed) -> dict[str, float]:
+    """Contact radius `a` [length], `p_max` [pressure], `penetration` and `overlap` [length] of the present state.
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
     projected on the horizontal plane; 0 for delta <= 0. The peak is over the contact quadrature points and the
-    nodes, NaN where no mesh knows it (see `expectation.peakless`), the penetration the largest <-g> over the contact
+    nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the contact
     quadrature points. The overlap is how far the deformed surface reaches above the tip's own shape, of which the gap
     function may know nothing; 0 with a reference gap.
     """
@@ -135,7 +135,8 @@ def contact(body: Observed) -> tuple[float, float, float, float]:
     peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
     peak = peak if body.scene.has_peak(a) else float("nan")
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
-    return a, peak, depth, body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
+    overlap = body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
+    return {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
 
 
 def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
@@ -156,7 +157,6 @@ def penetration(body: Observed) -> float:
     u = body.trace.values(body.nodal_displacement(), points)
     gap = _gap(body, body.trace.positions(points), u)
     return body.comm.allreduce(float((-gap).max(initial=0.0)), op=MPI.MAX)
-
 
 
 def _region(body: Observed, x: np.ndarray, p_hat: np.ndarray, simplices: np.ndarray) -> float:

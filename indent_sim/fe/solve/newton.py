@@ -19,6 +19,8 @@ CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
 BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
+FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
+NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
 
 
 class Newton:
@@ -170,6 +172,11 @@ class Newton:
         if reason == reasons.DIVERGED_FNORM_NAN:
             return "the residual is not a number"
         return f"SNES reason {reason}"
+
+
+def finest(problem: Problem) -> float:
+    """The smallest relative residual that is not noise."""
+    return max(FINE, NOISE * problem.stiffness_scale)
 
 
 def stages(law: Any, scene: Any) -> list[float]:

@@ -1,0 +1,183 @@
+"""The equilibrium of a condensed body at a depth, on candidates that grow when the contact comes to their rim."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from indent_sim.fe.body import Body
+from indent_sim.fe.condensed.compliance import Condenser
+from indent_sim.fe.condensed.contact import CondensedContact, CondensedState
+from indent_sim.fe.observe import measure
+from indent_sim.model.state import Surface
+from indent_sim.scene.cost import MOST_CANDIDATES
+from indent_sim.scene.scene import Scene
+
+MARGIN = 1.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
+GROWTH = 1.6  # and this much further when the contact comes to their rim
+FORCE_TOLERANCE = 1e-10  # a dense solve leaves less
+
+Forces = tuple[np.ndarray, np.ndarray]  # nodal forces and multiplier, at the nodes of the whole contact surface
+
+
+class CondensedEquilibrium:
+    """Contact on the compliance of the candidate surface; see `path.Equilibrium`."""
+
+    has_memory = False
+    force_tolerance = FORCE_TOLERANCE
+
+    def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
+        self.scene, self.body, self.dofs = scene, body, body.active_dofs
+        self.condenser = condenser or Condenser(body)
+        self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
+        self._whole *= 1.5  # the corners of a box
+        self._iterations, self._outgrown = 0, ""
+        self.observed = RecoveredBody(self)
+        self.depth = 0.0
+        self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
+
+    def _condense(self, reach: float) -> None:
+        self._reach = reach
+        compliance = self.condenser.condense(reach, self.scene.center)
+        self.contact = CondensedContact(compliance, self.scene, self._iterations)
+        self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self.depth)
+
+    def under(self, scene: Scene) -> CondensedEquilibrium:
+        """The same body under another tip, path or method: nothing is factored again."""
+        return CondensedEquilibrium(scene, self.body, self.condenser)
+
+    @property
+    def iterations(self) -> int:
+        """Dense linear solves so far."""
+        return self.contact.iterations
+
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not converge."""
+        return self._outgrown or self.contact.failure
+
+    @property
+    def force(self) -> float:
+        """Force of the whole body on the tip [force]."""
+        return self.scene.copies * float(self.contact.F.sum())
+
+    def sharpen(self) -> None:
+        """A dense solve leaves nothing to sharpen."""
+
+    def solve(self, depth: float) -> bool:
+        """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
+        before = self.snapshot()
+        while self.contact.solve(depth):
+            if self._is_inside():
+                self.depth = self.view.depth = depth
+                return True
+            is_wider = self._widen()
+            self.restore(before, self.depth)  # so that no number knows the candidates
+            if not is_wider:
+                break
+        return False
+
+    def _widen(self) -> bool:
+        """Condense to more of the surface; False where that is too much of it."""
+        wider = min(GROWTH * self._reach, self._whole)
+        if (nodes := self.condenser.candidates(wider, self.scene.center)) > MOST_CANDIDATES:
+            self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
+                              f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
+            return False
+        self._iterations = self.iterations
+        self._condense(wider)
+        return True
+
+    def _is_inside(self) -> bool:
+        """Whether the forces end before the rim of the candidates (or there is no surface beyond it)."""
+        if self._reach >= self._whole:
+            return True
+        trace = self.contact.compliance.trace
+        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.center)[: trace.dim - 1], axis=-1)
+        rim = self._reach - 2 * self.scene.sizes.h_contact
+        loaded = np.abs(self.contact.F[trace.nodes]) > 0
+        return bool(distance[loaded].max(initial=0.0) < rim)
+
+    # ---- the state -----------------------------------------------------------------------------------------------
+
+    def snapshot(self) -> Forces:
+        """Nodal forces and multiplier at the nodes of the whole surface: they do not know the candidates."""
+        F = np.zeros(len(self.contact.lam))
+        F[self.contact.places] = self.contact.F
+        return F, self.contact.lam
+
+    def restore(self, state: Forces, depth: float) -> None:
+        """Put a state back."""
+        F, lam = state
+        self.contact.F, self.contact.lam = F[self.contact.places], lam
+        self.depth = self.view.depth = depth
+
+    def pack(self, state: Forces) -> list[np.ndarray]:
+        """Nothing is kept in a checkpoint: a depth costs milliseconds."""
+        return []
+
+    def unpack(self, arrays: Sequence[np.ndarray]) -> Forces:
+        """The state of packed arrays."""
+        F, lam = arrays
+        return F, lam
+
+    def blend(self, shares: Sequence[float], states: Sequence[Forces]) -> None:
+        """Take a combination of states as the present one."""
+        F = np.tensordot(shares, [F for F, _ in states], axes=1)
+        self.contact.F = F[self.contact.places]
+        self.contact.lam = np.tensordot(shares, [lam for _, lam in states], axes=1)
+
+    # ---- what is observed ----------------------------------------------------------------------------------------
+
+    def numbers(self) -> dict[str, Any]:
+        """Force, contact, energy and reactions of the present equilibrium."""
+        contact, copies, compliance = self.contact, self.scene.copies, self.contact.compliance
+        return {"force": self.force, "energy": copies * contact.energy(self.depth),
+                "reaction": copies * float(compliance.support @ contact.F),
+                "stray_reaction": copies * float(compliance.stray @ np.abs(contact.F)),
+                **measure.contact(self.view)}  # fmt: skip
+
+    def surface(self) -> Surface | None:
+        """The surface table on rank 0, None on the others."""
+        self.recover()
+        return measure.surface(self.observed)
+
+    def crushed(self) -> None:
+        """A linear body has no volume ratio to speak of."""
+
+    def recover(self) -> None:
+        """Put the whole body's displacement of the present state into the body's solution."""
+        self.condenser.recover(self.contact.F)
+
+    def refuse_unused_options(self) -> None:
+        """Nothing is passed to PETSc here."""
+
+
+class RecoveredBody:
+    """The whole body at the present state, for the surface table and the fields; see `CondensedEquilibrium.recover`."""
+
+    def __init__(self, equilibrium: CondensedEquilibrium):
+        body, self._equilibrium = equilibrium.body, equilibrium
+        self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
+        self.mesh, self.unknowns, self.stress = body.mesh, body.unknowns, equilibrium.condenser.strain.stress
+        self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
+
+    @property
+    def depth(self) -> float:
+        """delta [length]."""
+        return self._equilibrium.depth
+
+    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
+        """lam (facets, points) on this rank's facets [pressure]."""
+        return self._spread(self._equilibrium.contact.multiplier, points)
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """The same without its ripples at the vertices of triangles [pressure]."""
+        return self._spread(self._equilibrium.view.nodal_pressure(), points)
+
+    def _spread(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+        values: Any = self._equilibrium.condenser.spread(nodal) @ self._equilibrium.view.basis(points).T
+        return values

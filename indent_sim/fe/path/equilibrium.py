@@ -1,0 +1,74 @@
+"""What a load path is walked on: a body that finds its equilibrium at a depth, and can be put back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from indent_sim.fe.terms.strain import Crushed
+from indent_sim.model.state import Surface
+from indent_sim.scene.scene import Scene
+
+
+class Equilibrium(Protocol):
+    """A body under the tip at `depth`: the whole mesh, or condensed to its contact surface."""
+
+    scene: Scene
+    depth: float  # delta [length]
+    dofs: int  # unknowns of the body
+    observed: Any  # what `observe.Fields` and the surface table are read off
+    has_memory: bool  # whether an equilibrium depends on the path to it
+
+    @property
+    def iterations(self) -> int:
+        """Linear solves so far."""
+
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not succeed."""
+
+    @property
+    def force(self) -> float:
+        """Force of the whole body on the tip [force]."""
+
+    @property
+    def force_tolerance(self) -> float:
+        """How well a force can be met, relative."""
+
+    def sharpen(self) -> None:
+        """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
+
+    def solve(self, depth: float) -> bool:
+        """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
+
+    def snapshot(self) -> Any:
+        """A copy of the state, without its depth."""
+
+    def restore(self, state: Any, depth: float) -> None:
+        """Put a state back."""
+
+    def pack(self, state: Any) -> list[np.ndarray]:
+        """A state as arrays, for a checkpoint; none where it is not worth keeping."""
+
+    def unpack(self, arrays: Sequence[np.ndarray]) -> Any:
+        """The state of packed arrays."""
+
+    def blend(self, shares: Sequence[float], states: Sequence[Any]) -> None:
+        """Take a combination of states as the present one."""
+
+    def numbers(self) -> dict[str, Any]:
+        """What a State says of the present equilibrium, by the names of its fields."""
+
+    def surface(self) -> Surface | None:
+        """The surface table on rank 0, None on the others."""
+
+    def crushed(self) -> Crushed | None:
+        """Where the body is compressed most; None at small strain."""
+
+    def recover(self) -> None:
+        """Make the fields of `observed` those of the present state."""
+
+    def refuse_unused_options(self) -> None:
+        """ConfigError for a `solver.petsc` option that PETSc never asked for."""

@@ -1,0 +1,146 @@
+"""The equilibrium of a whole body at a depth, by the scene's contact method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from indent_sim.fe.observe import measure
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.solve import linear
+from indent_sim.fe.solve.algorithms import ALGORITHMS
+from indent_sim.fe.solve.newton import Newton, finest
+from indent_sim.fe.terms.strain import Crushed
+from indent_sim.model.state import Surface
+from indent_sim.model.tips import deepest_inside
+
+INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
+
+
+class BodyEquilibrium:
+    """A problem on the whole mesh and the algorithm that solves it; see `path.Equilibrium`."""
+
+    has_memory = False
+
+    def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
+        self.problem = self.observed = problem
+        self.scene, self.dofs = problem.scene, problem.body.active_dofs
+        self.newton = Newton(problem, rtol, max_iterations, petsc)
+        self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
+        self._petsc = petsc
+        scene = problem.scene
+        self._largest_inside_out = INSIDE_OUT * scene.prediction["a"] / scene.scales.length
+        self._deepest = deepest_inside(scene.indenter)
+        if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
+            self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
+
+    @property
+    def depth(self) -> float:
+        """delta [length]."""
+        return self.problem.depth
+
+    @depth.setter
+    def depth(self, delta: float) -> None:
+        self.problem.delta.value = delta
+
+    @property
+    def iterations(self) -> int:
+        """Linear solves so far."""
+        return self.newton.iterations
+
+    @property
+    def failure(self) -> str:
+        """Why the last solve did not converge."""
+        return self.newton.failure
+
+    @property
+    def force(self) -> float:
+        """Force of the whole body on the tip [force]."""
+        return self.problem.force()
+
+    @property
+    def force_tolerance(self) -> float:
+        """How well a force can be met, relative."""
+        return 10 * finest(self.problem)
+
+    def sharpen(self) -> None:
+        """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
+        self.newton.rtol = min(self.newton.rtol, finest(self.problem))
+
+    def solve(self, depth: float) -> bool:
+        """True when converged to a state that a body can have; else the problem's state is as it was."""
+        before, self.depth = self.snapshot(), depth
+        if not self._algorithm():
+            return False
+        self.newton.failure = self._why_impossible()
+        if self.newton.failure:
+            self.problem.restore(before)
+        return not self.newton.failure
+
+    def _why_impossible(self) -> str:
+        """Why a body cannot have the present state; "" when it can."""
+        if not self.problem.is_admissible():
+            return "Newton ends in a state with J <= 0, or beyond the law's limit"
+        if self.scene.gap == "reference":
+            return ""
+        if measure.penetration(self.problem) > self._deepest:
+            return "Newton ends where the tip has passed through the surface"
+        if self.scene.material.small_strain and self.problem.inside_out() > self._largest_inside_out:
+            return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
+        return ""
+
+    def snapshot(self) -> list[PETSc.Vec]:
+        """Copies of everything that makes a state."""
+        return self.problem.snapshot()
+
+    def restore(self, state: Sequence[PETSc.Vec], depth: float) -> None:
+        """Put a state back."""
+        self.depth = depth
+        self.problem.restore(list(state))
+
+    def pack(self, state: Sequence[PETSc.Vec]) -> list[np.ndarray]:
+        """A state as arrays, for a checkpoint; none on several ranks, which share the vectors."""
+        return [vector.array_r.copy() for vector in state] if self.problem.comm.size == 1 else []
+
+    def unpack(self, arrays: Sequence[np.ndarray]) -> list[PETSc.Vec]:
+        """The state of packed arrays; empty when they are none of this problem, whatever they say of themselves."""
+        state = self.snapshot()
+        if [np.size(values) for values in arrays] != [vector.array.size for vector in state]:
+            return []
+        for vector, values in zip(state, arrays, strict=True):
+            vector.array[:] = values
+        return state
+
+    def blend(self, shares: Sequence[float], states: Sequence[Sequence[PETSc.Vec]]) -> None:
+        """Take a combination of states as the present one."""
+        guess = [vector.copy() for vector in states[-1]]
+        for vector in guess:
+            vector.set(0.0)
+        for share, state in zip(shares, states, strict=True):
+            for vector, part in zip(guess, state, strict=True):
+                vector.axpy(share, part)
+        self.problem.restore(guess)
+
+    def numbers(self) -> dict[str, Any]:
+        """Force, contact, energy and reactions of the present equilibrium."""
+        reaction, stray = self.problem.reactions()
+        return {"force": self.force, "energy": self.problem.energy(), "reaction": reaction, "stray_reaction": stray,
+                **measure.contact(self.problem)}  # fmt: skip
+
+    def surface(self) -> Surface | None:
+        """The surface table on rank 0, None on the others."""
+        return measure.surface(self.problem)
+
+    def crushed(self) -> Crushed | None:
+        """Where the body is compressed most; None at small strain."""
+        return self.problem.least_volume_ratio()
+
+    def recover(self) -> None:
+        """The fields are the state's own."""
+
+    def refuse_unused_options(self) -> None:
+        """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
+        linear.refuse_unused(self._petsc)
