@@ -21,6 +21,7 @@ from indent_sim.model.loading import Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 OF_A_STUDY = {"base", "vary"}  # sections that no scene has
+KEY = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")  # as in body.layers[0].material.E
 LISTS = {"deltas", "forces"}  # ways to say the load path that have no steps
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
@@ -113,7 +114,7 @@ def _given(value: Any) -> Any:
         section = _section(value)
         is_walls = not any(isinstance(value, kinds) for kinds in schema.sections().values())
         return section if not is_walls or len(set(section.values())) > 1 else next(iter(section.values()))
-    return list(value) if isinstance(value, tuple) else value
+    return [_given(part) for part in value] if isinstance(value, tuple) else value
 
 
 def _content(name: str) -> bytes:
@@ -150,7 +151,7 @@ def _override(document: dict[str, Any], source: Source, text: str) -> Path:
     """Sets one key of the document and notes where it came from."""
     label = f"--set {text}"
     key, equals, value = text.partition("=")
-    if not equals or not re.fullmatch(r"\w+(\.\w+)*", key.strip()):
+    if not equals or not KEY.fullmatch(key.strip()):
         raise ConfigError("", "is not key=value", "write for example --set contact.method=penalty", label)
     path = key_path(key.strip())
     try:
@@ -163,22 +164,29 @@ def _override(document: dict[str, Any], source: Source, text: str) -> Path:
 
 def _replace(document: dict[str, Any], source: Source, path: Path, value: Any, place: Place) -> None:
     section = _section_of(document, source, path, place)
-    section[str(path[-1])] = value
+    section[path[-1]] = value
     for inside in [known for known in source.places if known[: len(path)] == path]:
         del source.places[inside]
     source.places[path] = place
 
 
-def _section_of(document: dict[str, Any], source: Source, path: Path, place: Place) -> dict[str, Any]:
+def _section_of(document: dict[str, Any], source: Source, path: Path, place: Place) -> Any:
+    """The mapping or list that holds the last part of a key path; sections that are missing are made."""
     section: Any = document
-    for depth, name in enumerate(path[:-1], start=1):
-        if name not in section:
-            source.places[path[:depth]] = place
-        section = section.setdefault(name, {})
-        if not isinstance(section, dict):
-            key = key_text(path[:depth])
+    for depth, part in enumerate(path, start=1):
+        if isinstance(part, int) and not (isinstance(section, list) and part < len(section)):
+            size = f"has {len(section)} items" if isinstance(section, list) else "is not a list"
+            raise ConfigError(key_text(path), f"{key_text(path[: depth - 1])} {size}", "count from [0]", *place)
+        if isinstance(part, str) and not isinstance(section, dict):
+            key = key_text(path[: depth - 1])
             rest = f"{key}={{{path[-1]}: ...}}"
             raise ConfigError(key_text(path), f"{key} is not a section", f"set it whole: {rest}", *place)
+        if depth == len(path):
+            break
+        if isinstance(section, dict) and part not in section:
+            source.places[path[:depth]] = place
+            section[part] = {}
+        section = section[part]
     return section
 
 
@@ -204,19 +212,21 @@ def _as_fields(document: dict[str, Any]) -> dict[str, Any]:
     """The document in the shape of Config: `center` beside the tip, default tags and walls written out."""
     if "center" in document:
         raise ConfigError("center", "unknown key", "it belongs in indenter")
-    fields = {name: dict(part) if isinstance(part, dict) else part for name, part in document.items()}
+    fields = _completed(schema.spot_at((), document))
     if isinstance(fields.get("indenter"), dict) and "center" in fields["indenter"]:
         fields["center"] = fields["indenter"].pop("center")
-    for section, tag in schema.tags().items():
-        default = schema.Config.model_fields[section].default
-        if hasattr(default, tag) and isinstance(fields.get(section), dict):
-            fields[section].setdefault(tag, getattr(default, tag))
-    kind = schema.kind_of("body", document)
-    if kind and isinstance(fields.get("body"), dict) and isinstance(fields["body"].get("sides"), str):
-        walls = key_types.core(key_types.hints(kind)["sides"])
-        if dataclasses.is_dataclass(walls):
-            fields["body"]["sides"] = dict.fromkeys(key_types.field_names(walls), fields["body"]["sides"])
     return fields
+
+
+def _completed(spot: schema.Spot) -> Any:
+    """The value of a place with default tags written out, and one word written out for all walls that it stands for."""
+    value = spot.value
+    if isinstance(value, str) and spot.tag is None and spot.kind is not None and key_types.words_of(spot.type):
+        return dict.fromkeys(key_types.field_names(spot.kind), value)
+    if isinstance(value, dict):
+        value = {part.path[-1]: _completed(part) for part in spot.parts()}
+        return {spot.tag: spot.choice} | value if spot.tag and spot.choice is not None else value
+    return [_completed(part) for part in spot.parts()] if isinstance(value, list) else value
 
 
 def _plain(value: Any, path: Path) -> Any:

@@ -44,6 +44,28 @@ def kinds_of(union: Any, tag: str) -> dict[str, type]:
     return {get_args(hints(kind)[tag])[0]: kind for kind in members(union)}
 
 
+def tag_of(hint: Any) -> str | None:
+    """The key that chooses among the alternatives of a section; None where there is no choice."""
+    marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
+    return next((mark.tag for mark in marks if isinstance(mark, TaggedBy)), None)
+
+
+def chosen(hint: Any, word: Any) -> type | None:
+    """The dataclass of a section, chosen by its tag's word where there is a choice; None for anything else."""
+    if (tag := tag_of(hint)) is not None:
+        return kinds_of(hint, tag).get(word) if isinstance(word, str) else None
+    kinds = [core(part) for part in members(hint) if dataclasses.is_dataclass(core(part))]
+    return kinds[0] if len(kinds) == 1 else None
+
+
+def default_of(kind: Any, name: str) -> Any:
+    """The default of a field of a dataclass or pydantic model, None where it has none."""
+    if not dataclasses.is_dataclass(kind):
+        return kind.model_fields[name].default
+    default = next(f.default for f in dataclasses.fields(kind) if f.name == name)
+    return None if default is dataclasses.MISSING else default
+
+
 def members(hint: Any) -> tuple[Any, ...]:
     """The alternatives of a union, None left out; of anything else itself."""
     if get_origin(hint) is Annotated and any(isinstance(mark, TaggedBy) for mark in hint.__metadata__):

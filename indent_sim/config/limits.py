@@ -35,15 +35,30 @@ def _unlike(lengths: list[tuple[float, str]], most: float, whose: str) -> Iterat
 
 
 def _measures(name: str, section: Any) -> Iterator[Measure]:
-    """The numbers of a section that have a dimension, zeros left out; of a list the largest, of a body both ends."""
+    """The numbers of a section that have a dimension, zeros left out; of a list the largest, of a body both ends.
+
+    Sections inside a section, alone or in a list, are looked at in turn.
+    """
     for field, unit in field_units(type(section)).items():  # type: ignore[arg-type]
         value = getattr(section, field)
+        for key, inner in _inner_sections(f"{name}.{field}", value):
+            yield from _measures(key, inner)
         unit = FORCE if field in ("force", "forces") else unit  # which are scaled by the kind of body
         if unit is None or value is None or isinstance(value, str):
             continue
         sizes = [abs(number) for number in _numbers(value)]
+        if not sizes:
+            continue
         for size in {max(sizes), min(sizes)} if name == "body" else {max(sizes)} - {0.0}:
             yield f"{name}.{field}", size, unit
+
+
+def _inner_sections(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    if dataclasses.is_dataclass(value):
+        yield key, value
+    elif isinstance(value, tuple):
+        for index, part in enumerate(value):
+            yield from _inner_sections(f"{key}[{index}]", part)
 
 
 def _numbers(value: Any) -> Iterator[float]:

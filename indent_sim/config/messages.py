@@ -48,17 +48,18 @@ def document_path(found: Any, document: Mapping[str, Any]) -> Path:
     """The key path in the file of one pydantic error: without union tags, `center` back in its section."""
     location = found["loc"]
     if location[:1] == ("center",):
-        location = ("indenter", *location)
-    elif location and location[0] in schema.tags():
-        location = location[:1] + location[2:]
-    path: Path = ()
-    value: Any = document
+        location = ("indenter", "", *location)  # the tag, which pydantic names after every choice
+    spot, is_tag = schema.spot_at((), document), False
     for part in location:
-        if not _holds(value, part):
-            is_key = found["type"] in _MISSING | _UNKNOWN and isinstance(value, Mapping)
-            return (*path, part) if is_key else path
-        path, value = (*path, part), value[part]
-    return path
+        if is_tag:
+            is_tag = False
+            continue
+        inner = spot.inside(part)
+        if inner.value is None and not _holds(spot.value, part):
+            is_key = found["type"] in _MISSING | _UNKNOWN and isinstance(spot.value, Mapping)
+            return inner.path if is_key else spot.path
+        spot, is_tag = inner, inner.tag is not None
+    return spot.path
 
 
 def closest(word: Any, choices: tuple[str, ...]) -> str | None:
@@ -96,57 +97,55 @@ def _in_words(path: Path, found: list[Any], document: Mapping[str, Any]) -> Conf
         return _no_section(path, document)
     if "finite_number" in types:
         return ConfigError(key_text(path), "is too large a number")
-    hint = schema.hint_at(path, document)
-    if hint is None:
-        return ConfigError(key_text(path), found[0]["msg"])
-    return _wrong_value(path, hint, _value_at(path, document))
+    spot = schema.spot_at(path, document)
+    return ConfigError(key_text(path), found[0]["msg"]) if spot.type is None else _wrong_value(spot)
 
 
 def _unknown_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
     *parents, key = path
-    section: Path = tuple(parents)
-    valid = schema.keys_at(section, document)
+    section = schema.spot_at(tuple(parents), document)
+    valid = section.keys()
     if others := _variants_with(str(key), section, valid):
-        tag, chosen = _choice(section, document)
         owners = key_types.listed(others, "and")
-        problem = f"the chosen {tag} '{chosen}' has no parameter '{key}' (it belongs to {owners})"
+        problem = f"the chosen {section.tag} '{section.choice}' has no parameter '{key}' (it belongs to {owners})"
         return ConfigError(key_text(path), problem, f"remove it; valid here: {', '.join(valid)}")
     if match := closest(key, valid):
         return ConfigError(key_text(path), f"unknown key, did you mean '{match}'?")
-    if homes := [name for name in schema.sections() if not section and key in _all_keys(name)]:
+    if homes := [name for name in schema.sections() if not section.path and key in _all_keys(name)]:
         return ConfigError(key_text(path), "unknown key", f"it belongs in {' or '.join(homes)}")
     return ConfigError(key_text(path), "unknown key", f"valid here: {', '.join(valid)}")
 
 
 def _missing_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
-    hint = schema.hint_at(path, document)
-    if len(path) == 1 and path[0] in schema.sections():
-        return ConfigError(key_text(path), "this section is missing", _give(path, document))
-    return ConfigError(key_text(path), "missing", f"give {key_types.describe(hint)}")
+    spot = schema.spot_at(path, document)
+    if spot.tag or spot.kind is not None:
+        return ConfigError(key_text(path), "this section is missing", _give(spot))
+    return ConfigError(key_text(path), "missing", f"give {key_types.describe(spot.type)}")
 
 
 def _wrong_kind(path: Path, document: Mapping[str, Any]) -> ConfigError:
-    tag, chosen = _choice(path, document)
-    kinds = tuple(key_types.kinds_of(key_types.hints(schema.Config)[str(path[0])], tag))
+    spot = schema.spot_at(path, document)
+    tag, kinds = str(spot.tag), tuple(key_types.kinds_of(spot.type, str(spot.tag)))
     key, remedy = key_text((*path, tag)), f"choose one of {', '.join(kinds)}"
-    if chosen is None:
+    if spot.choice is None:
         return ConfigError(key, "missing", remedy)
-    match = closest(chosen, kinds) if isinstance(chosen, str) else None
+    match = closest(spot.choice, kinds) if isinstance(spot.choice, str) else None
     guess = f", did you mean '{match}'?" if match else ""
-    return ConfigError(key, f"there is no {path[0]} {shown(chosen)}{guess}", remedy)
+    name = next(part for part in reversed(path) if isinstance(part, str))
+    return ConfigError(key, f"there is no {name} {shown(spot.choice)}{guess}", remedy)
 
 
 def _no_section(path: Path, document: Mapping[str, Any]) -> ConfigError:
-    value = _value_at(path, document)
-    hint = schema.hint_at(path, document)
-    words = key_types.words_of(hint)
-    if words and value is not None:
-        return _wrong_value(path, hint, value)
-    problem = "this section is empty" if value is None else f"must be a section of keys, got {shown(value)}"
-    return ConfigError(key_text(path), problem, _give(path, document))
+    spot = schema.spot_at(path, document)
+    if key_types.words_of(spot.type) and spot.value is not None:
+        return _wrong_value(spot)
+    empty = spot.value is None
+    problem = "this section is empty" if empty else f"must be a section of keys, got {shown(spot.value)}"
+    return ConfigError(key_text(path), problem, _give(spot))
 
 
-def _wrong_value(path: Path, hint: Any, value: Any) -> ConfigError:
+def _wrong_value(spot: schema.Spot) -> ConfigError:
+    path, hint, value = spot.path, spot.type, spot.value
     allowed = key_types.describe(hint)
     if type(value) in (int, float):
         allowed = allowed.removeprefix("a number ")
@@ -161,28 +160,18 @@ def _did_you_mean(value: Any, words: tuple[str, ...]) -> str:
     return f"did you mean '{match}'?" if match else ""
 
 
-def _give(path: Path, document: Mapping[str, Any]) -> str:
-    section = str(path[0])
-    if section in schema.tags() and len(path) == 1:
-        tag = schema.tags()[section]
-        return f"give {tag}: one of {', '.join(key_types.kinds_of(key_types.hints(schema.Config)[section], tag))}"
-    keys = schema.keys_at(path, document)
+def _give(spot: schema.Spot) -> str:
+    if spot.tag:
+        return f"give {spot.tag}: one of {', '.join(key_types.kinds_of(spot.type, spot.tag))}"
+    keys = spot.keys()
     return f"its keys are {', '.join(keys)}" if keys else ""
 
 
-def _choice(section: Path, document: Mapping[str, Any]) -> tuple[str, Any]:
-    name = str(section[0])
-    tag = schema.tags()[name]
-    default = getattr(schema.Config.model_fields[name].default, tag, None)
-    return tag, document[name].get(tag, default)
-
-
-def _variants_with(key: str, section: Path, valid: tuple[str, ...]) -> list[str]:
+def _variants_with(key: str, section: schema.Spot, valid: tuple[str, ...]) -> list[str]:
     """The other choices of a section that know this key."""
-    if len(section) != 1 or section[0] not in schema.tags() or key.lower() in map(str.lower, valid):
+    if section.tag is None or key.lower() in map(str.lower, valid):
         return []
-    name = str(section[0])
-    kinds = key_types.kinds_of(key_types.hints(schema.Config)[name], schema.tags()[name])
+    kinds = key_types.kinds_of(section.type, section.tag)
     return [value for value, kind in kinds.items() if key in key_types.field_names(kind)]
 
 
@@ -192,9 +181,3 @@ def _all_keys(section: str) -> set[str]:
     own = {name for kind in schema.sections()[section] for name in key_types.field_names(kind)}
     return own | {"center"} if section == "indenter" else own
 
-
-def _value_at(path: Path, document: Mapping[str, Any]) -> Any:
-    value: Any = document
-    for part in path:
-        value = value[part]
-    return value

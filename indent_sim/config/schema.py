@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -17,7 +17,7 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
-from indent_sim.config.key_types import TaggedBy, core, field_names, hints, kinds_of, members
+from indent_sim.config.key_types import TaggedBy, chosen, core, default_of, field_names, hints, members, tag_of
 from indent_sim.config.strict_yaml import Path
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
@@ -34,6 +34,7 @@ LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the name
 LOOSEST = 1e-9
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
+TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
 
 @dataclass(frozen=True)
@@ -231,8 +232,7 @@ def _leads_out(directory: str) -> bool:
 @cache
 def tags() -> dict[str, str]:
     """The tag key of every section that has one: body -> shape."""
-    marks = {name: getattr(hint, "__metadata__", ()) for name, hint in hints(Config).items()}
-    return {name: mark.tag for name, found in marks.items() for mark in found if isinstance(mark, TaggedBy)}
+    return {name: tag for name, hint in hints(Config).items() if (tag := tag_of(hint)) is not None}
 
 
 @cache
@@ -242,36 +242,72 @@ def sections() -> dict[str, tuple[type, ...]]:
     return {name: kinds for name, kinds in found.items() if dataclasses.is_dataclass(kinds[0])}
 
 
-def kind_of(section: str, document: Mapping[str, Any]) -> type | None:
-    """The dataclass that the document's section chooses, None when it chooses none."""
-    kinds = sections().get(section, ())
-    if section not in tags():
-        return kinds[0] if kinds else None
-    tag = tags()[section]
-    default = getattr(Config.model_fields[section].default, tag, None)
-    body = document.get(section)
-    chosen = body.get(tag, default) if isinstance(body, Mapping) else default
-    return kinds_of(hints(Config)[section], tag).get(chosen) if isinstance(chosen, str) else None
+@dataclass(frozen=True)
+class Spot:
+    """A place in a document, however deep: the type that belongs there, its default, and the value that stands there.
+
+    `type` is None where nothing belongs; `value` is None where nothing stands.
+    """
+
+    path: Path
+    type: Any
+    default: Any
+    value: Any
+
+    @property
+    def tag(self) -> str | None:
+        """The key that chooses what this section is."""
+        return tag_of(self.type)
+
+    @property
+    def choice(self) -> Any:
+        """What the section, or its default, chooses."""
+        default = getattr(self.default, self.tag, None) if self.tag else None
+        return self.value.get(self.tag, default) if isinstance(self.value, Mapping) and self.tag else default
+
+    @property
+    def kind(self) -> Any:
+        """The dataclass of this section; None for a value, and where none is chosen."""
+        return Config if not self.path else chosen(self.type, self.choice) if self.type is not None else None
+
+    def inside(self, part: str | int) -> Spot:
+        """The place of a key or of a list's item."""
+        value = self.value[part] if _holds(self.value, part) else None
+        path, kind = (*self.path, part), self.kind
+        if path == ("indenter", "center"):
+            return Spot(path, hints(Config)["center"], None, value)
+        if kind is not None and part in field_names(kind):
+            return Spot(path, hints(kind)[str(part)], default_of(kind, str(part)), value)
+        bare = core(self.type)
+        item = {tuple: lambda: get_args(bare)[0], dict: lambda: get_args(bare)[1]}.get(get_origin(bare))
+        return Spot(path, item() if item and kind is None else None, None, value)
+
+    def parts(self) -> Iterator[Spot]:
+        """The places of what stands inside this one."""
+        if isinstance(self.value, Mapping):
+            yield from (self.inside(key) for key in self.value)
+        elif isinstance(self.value, (list, tuple)):
+            yield from (self.inside(index) for index in range(len(self.value)))
+
+    def keys(self) -> tuple[str, ...]:
+        """The keys that may stand in this section."""
+        if not self.path:
+            return tuple(name for name in field_names(Config) if name != "center")
+        names = file_order(self.kind) if dataclasses.is_dataclass(self.kind) else ()
+        return (*names, "center") if self.path == ("indenter",) else names
 
 
-def hint_at(path: Path, document: Mapping[str, Any]) -> Any:
-    """The type that belongs at a key path of the document, None where there is none."""
-    if path[:2] == ("indenter", "center"):
-        path = ("center", *path[2:])
-    hint: Any = hints(Config).get(str(path[0])) if path else None
-    for depth, part in enumerate(path[1:]):
-        kind = kind_of(str(path[0]), document) if depth == 0 and path[0] in sections() else core(hint)
-        hint = _inside(kind, part)
-    return hint
+def spot_at(path: Path, document: Any) -> Spot:
+    """The place of a key path in a document."""
+    spot = Spot((), Config, None, document)
+    for part in path:
+        spot = spot.inside(part)
+    return spot
 
 
 def keys_at(path: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
     """The keys that may stand in a section of the document, the root's for ()."""
-    if not path:
-        return tuple(name for name in field_names(Config) if name != "center")
-    kind = kind_of(str(path[0]), document) if len(path) == 1 else core(hint_at(path, document))
-    names = file_order(kind) if dataclasses.is_dataclass(kind) else ()
-    return (*names, "center") if path == ("indenter",) else names
+    return spot_at(path, document).keys()
 
 
 def file_order(kind: Any) -> tuple[str, ...]:
@@ -281,12 +317,10 @@ def file_order(kind: Any) -> tuple[str, ...]:
 
 
 def _is_tag(kind: Any, name: str) -> bool:
-    return name in tags().values() and len(get_args(hints(kind)[name])) == 1
+    return name in TAGS and len(get_args(hints(kind)[name])) == 1
 
 
-def _inside(kind: Any, part: str | int) -> Any:
-    if dataclasses.is_dataclass(kind):
-        return hints(kind).get(str(part))  # type: ignore[arg-type]
-    if get_origin(kind) is tuple:
-        return get_args(kind)[0]
-    return get_args(kind)[1] if get_origin(kind) is dict else None
+def _holds(value: Any, part: str | int) -> bool:
+    if isinstance(value, (list, tuple)):
+        return isinstance(part, int) and part < len(value)
+    return isinstance(value, Mapping) and part in value

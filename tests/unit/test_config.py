@@ -140,7 +140,7 @@ def test_changing_the_method_reports_what_the_new_one_does_not_have():
         ("nonsense", "--set nonsense: is not key=value"),
         ("=1", "--set =1: is not key=value"),
         ("a..b=1", "is not key=value"),
-        ("loading.deltas[0]=1", "is not key=value"),
+        ("loading.deltas[0]=1", "loading.deltas is not a list"),
         ("colour.red=1", "--set colour.red=1: colour: unknown key"),
         ("title.x=1", "title is not a section"),
         ("title=[1", "--set title=[1: title: not YAML"),
