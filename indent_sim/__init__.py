@@ -1,5 +1,39 @@
-"""indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every number."""
+"""indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every number.
+
+The names of a notebook: `load` a scene file, `resolve` it to a Scene, walk its `states` or `condense` its body,
+`simulate` it into a result folder, and `read` one.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from indent_sim.config.file import load
+    from indent_sim.results.reader import read
+    from indent_sim.run.chain import condense, simulate, states
+    from indent_sim.scene.scene import resolve
+
 __version__ = "0.1.0"
+__all__ = ["condense", "load", "read", "resolve", "simulate", "states"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is first asked for: to load a scene needs no solver."""
+    if name == "load":
+        from indent_sim.config.file import load
+
+        return load
+    if name == "resolve":
+        from indent_sim.scene.scene import resolve
+
+        return resolve
+    if name == "read":
+        from indent_sim.results.reader import read
+
+        return read
+    if name in ("simulate", "states", "condense"):
+        from indent_sim.run import chain
+
+        return getattr(chain, name)
+    raise AttributeError(f"module 'indent_sim' has no name {name!r}")

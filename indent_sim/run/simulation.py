@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.fe.environment import load_dolfinx
 from indent_sim.mesh import gmsh
 from indent_sim.model.state import State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
@@ -202,6 +203,7 @@ def backend() -> Any:
     """What solves: `fe.solver`; BackendError when a library is missing."""
     try:
         with uninterrupted():  # a signal inside an import would look like a missing library
+            load_dolfinx()
             from indent_sim.fe import solver
     except ImportError as missing:
         raise BackendError(f"{missing}; `indent-sim doctor` says what is missing") from missing

@@ -393,10 +393,8 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A result folder with nothing wrong."""
     place = tmp_path_factory.mktemp("good")
     (place / "scene.yaml").write_text(dump(SCENE))
-    assert (
-        CliRunner().invoke(commands.program, ["run", str(place / "scene.yaml"), "--output", str(place / "out")]).exit_code
-        == 0
-    )
+    command = ["run", str(place / "scene.yaml"), "--output", str(place / "out")]
+    assert CliRunner().invoke(commands.program, command).exit_code == 0
     config = from_mapping(SCENE)
     assert (place / "out" / "config.yaml").read_text() == to_yaml(resolved(config, resolve(config)))
     return place / "out"

@@ -102,11 +102,11 @@ def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:
 
 def statistics(runs: list[Judged]) -> dict[str, float]:
     """Shares of rows and of last rows inside their bars, and the median of bar over true error."""
-    inside = [simulate.true <= simulate.bar for simulate in runs]
+    inside = [run.true <= run.bar for run in runs]
     return {
         "rows": float(np.mean(np.concatenate(inside))),
         "last rows": float(np.mean([row[-1] for row in inside])),
-        "bar over error": float(np.median(np.concatenate([simulate.bar / simulate.true for simulate in runs]))),
+        "bar over error": float(np.median(np.concatenate([run.bar / run.true for run in runs]))),
     }
 
 

@@ -56,8 +56,8 @@ def by_hand(case: Case, exact: np.ndarray, folder: Path) -> list[Spent]:
 
 def cheapest(runs: Sequence[Spent], target: float, cost: Callable[[Spent], float]) -> float:
     """The least cost of those that keep the target together with all finer ones; infinite when none does."""
-    bad = [simulate for simulate in runs if simulate.error > target]
-    good = [simulate for simulate in runs if not any(miss.near >= simulate.near and miss.far >= simulate.far for miss in bad)]
+    bad = [run for run in runs if run.error > target]
+    good = [run for run in runs if not any(miss.near >= run.near and miss.far >= run.far for miss in bad)]
     return min(map(cost, good), default=float("inf"))
 
 
@@ -67,9 +67,9 @@ Ratios = dict[str, float]
 def compared(own: Spent, runs: Sequence[Spent], target: float) -> Ratios:
     """What `accuracy` costs, as multiples of the cheapest settings by hand."""
     measures: dict[str, Callable[[Spent], float]] = {
-        "as users wait": lambda simulate: START + simulate.seconds,
-        "without start-up": lambda simulate: simulate.seconds,
-        "unknowns": lambda simulate: simulate.dofs,
+        "as users wait": lambda run: START + run.seconds,
+        "without start-up": lambda run: run.seconds,
+        "unknowns": lambda run: run.dofs,
     }
     return {name: cost(own) / cheapest(runs, target, cost) for name, cost in measures.items()}
 
@@ -85,8 +85,8 @@ def test_no_settings_by_hand_are_much_cheaper(tmp_path: Path) -> None:
         runs = by_hand(case, exact, tmp_path / "by hand")
         for target in TARGETS:
             tries = [spent(case.mapping() | {"accuracy": target}, exact, tmp_path / "accuracy") for _ in range(2)]
-            ratios = compared(min(tries, key=lambda simulate: simulate.seconds), runs, target)
-            assert all(simulate.error <= target for simulate in tries)
+            ratios = compared(min(tries, key=lambda run: run.seconds), runs, target)
+            assert all(run.error <= target for run in tries)
             table[target].append(ratios)
             print(f"{target:6g}  " + "  ".join(f"{name} {ratio:5.2f}" for name, ratio in ratios.items()) + f"  {case}")
     for target, rows in table.items():

@@ -64,7 +64,8 @@ def judged(case: Case, folder: Path, **sections: Any) -> dict[str, Judged]:
     names = {"flat_punch": (), "cone": ("a",)}.get(case.tip, ("a", "p_max"))  # a punch's a is given, its edge sharp
     numbers = {name: found(pushed, name, exact[name]) for name in names}
     forces = {"forces": exact["force"].tolist()}
-    pressed = simulate(from_mapping(mapping | sections | {"loading": forces}), directory=folder / "forces", **bars).states
+    config = from_mapping(mapping | sections | {"loading": forces})
+    pressed = simulate(config, directory=folder / "forces", **bars).states
     return numbers | {"delta": found(pressed, "delta", exact["delta"])}
 
 

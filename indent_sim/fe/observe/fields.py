@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from dolfinx import fem
 
 from indent_sim.fe import compat
 from indent_sim.fe.observe import measure
-from indent_sim.fe.problem import Problem
+
+
+class ObservedBody(measure.Observed, Protocol):
+    """A whole body whose fields can be read off."""
+
+    mesh: Any
+    body_mesh: Any
+    unknowns: Any
+    stress: Any  # Cauchy stress (3, 3) [pressure], UFL
+
+    def local_array(self) -> np.ndarray:
+        """The solution's dofs on this rank, ghosts included."""
 
 
 class Fields:
@@ -19,22 +30,22 @@ class Fields:
     A quadratic displacement is shown by its values at the vertices; stress is that of the cells' centroids.
     """
 
-    def __init__(self, problem: Problem):
-        self.problem = problem
+    def __init__(self, body: ObservedBody):
+        self.body = body
 
     @cached_property
     def _stress(self) -> tuple[fem.Function, fem.Expression]:
-        mesh, dim = self.problem.mesh, self.problem.body_mesh.dim
+        mesh, dim = self.body.mesh, self.body.body_mesh.dim
         space = compat.function_space(mesh, compat.piecewise_constant_tensor(dim))
-        expression = fem.Expression(self.problem.stress, compat.interpolation_points(space.element))
+        expression = fem.Expression(self.body.stress, compat.interpolation_points(space.element))
         return fem.Function(space), expression
 
     def gather(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """(displacement, stress, pressure) on rank 0, None on the others."""
-        problem = self.problem
-        mesh = problem.mesh
+        body = self.body
+        mesh = body.mesh
         nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
-        parts: Any = problem.comm.gather((nodes, self._at_nodes(), cells, self._in_cells()), root=0)
+        parts: Any = body.comm.gather((nodes, self._at_nodes(), cells, self._in_cells()), root=0)
         if parts is None:
             return None
         points = _in_order([(p[0], p[1]) for p in parts])
@@ -42,18 +53,18 @@ class Fields:
 
     def _at_nodes(self) -> np.ndarray:
         """Displacement and pressure at the geometry nodes of this rank."""
-        problem = self.problem
-        dim = problem.body_mesh.dim
-        geometry = compat.geometry_dofs(problem.mesh)
-        values = np.zeros((len(problem.mesh.geometry.x), dim + 1))
-        vertices = compat.cell_dofs(problem.unknowns.own_space("u").dofmap)[
+        body = self.body
+        dim = body.body_mesh.dim
+        geometry = compat.geometry_dofs(body.mesh)
+        values = np.zeros((len(body.mesh.geometry.x), dim + 1))
+        vertices = compat.cell_dofs(body.unknowns.own_space("u").dofmap)[
             :, : dim + 1
         ]  # vertices come first in a cell
-        values[geometry, :dim] = problem.local_array()[problem.unknowns.displacement_places(vertices)]
+        values[geometry, :dim] = body.local_array()[body.unknowns.displacement_places(vertices)]
         pressure = np.zeros(vertices.max(initial=0) + 1)
-        corners = problem.trace.node_points()[:dim]
+        corners = body.trace.node_points()[:dim]
         # the true pressure is each facet's own: of those that meet the largest, as where ranks meet
-        np.maximum.at(pressure, problem.trace.nodes[:, :dim], measure.sample(problem, corners).pressure)
+        np.maximum.at(pressure, body.trace.nodes[:, :dim], measure.sample(body, corners).pressure)
         values[geometry, dim] = pressure[vertices]
         return values
 

@@ -1,0 +1,273 @@
+"""The plan of the house, kept true by reading the syntax trees: who may import whom, and who may do what."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "indent_sim"
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+# What each room may import of the others; a room imports only rooms written above it.
+ROOMS: dict[str, set[str]] = {
+    "process": set(),
+    "model": set(),
+    "theory": set(),
+    "config": {"model", "process"},
+    "results": {"config", "model", "process"},
+    "mesh": {"model", "process"},
+    "scene": {"config", "mesh", "model", "theory", "process"},
+    "fe": {"scene", "mesh", "model", "process"},
+    "run": {"fe", "scene", "mesh", "config", "results", "theory", "model", "process"},
+    "study": {"run", "scene", "config", "results", "theory", "model", "process"},
+}
+ROOMS["cli"] = set(ROOMS)
+ROOMS["mesh"] |= {"scene"}  # until mesh takes a Part
+
+# The same inside fe; `environment` and `kernels` are the process's side of dolfinx.
+FE: dict[str, set[str]] = {
+    "compat": set(),
+    "environment": {"compat"},
+    "kernels": {"compat"},
+    "mesh": {"compat"},
+    "observe": {"compat", "mesh"},
+    "body": {"compat", "mesh", "observe"},
+    "terms": {"compat", "mesh", "body", "observe"},
+    "problem": {"compat", "mesh", "body", "observe", "terms"},
+    "solve": {"compat", "mesh", "body", "observe", "terms", "problem"},
+    "condensed": {"compat", "mesh", "body", "observe", "terms", "solve"},
+    "path": {"terms"},
+}
+FE["solver"] = set(FE)  # the door
+
+# Libraries that only these rooms and files may import
+LIBRARIES: dict[str, tuple[str, ...]] = {
+    "dolfinx": ("fe/",),
+    "basix": ("fe/",),
+    "ffcx": ("fe/",),
+    "petsc4py": ("fe/",),
+    "ufl": ("fe/", "model/"),
+    "mpi4py": ("fe/", "run/", "cli/"),
+    "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
+    "h5py": ("results/",),
+    "matplotlib": ("results/pictures/", "study/picture.py"),
+    "scipy": ("theory/", "fe/"),
+    "yaml": ("config/strict_yaml.py",),
+    "click": ("cli/",),
+    "rich": ("cli/",),
+}
+HEAVY = ("dolfinx", "basix", "petsc4py", "mpi4py", "gmsh", "h5py", "matplotlib")
+MOST_NAMES = 12  # in a folder: what can be taken in at a look
+EMPTY_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
+ENDS = {"sys.exit", "os._exit", "os.abort", "SystemExit", "quit", "exit", "MPI.COMM_WORLD", "COMM_WORLD"}
+
+
+def name_of(path: Path) -> str:
+    """Path inside the package."""
+    return path.relative_to(PACKAGE).as_posix()
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Every module that a file imports, wherever in the file, as a dotted name."""
+    package = ["indent_sim", *path.relative_to(PACKAGE).parts[:-1]]
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) + 1 - node.level] if node.level else []
+            base = ".".join([*above, *filter(None, [node.module])])
+            yield from (_module(base, alias.name) for alias in node.names)
+
+
+def _module(base: str, name: str) -> str:
+    """`from base import name` imports the module base.name, if there is one, else base."""
+    inside = PACKAGE.parent.joinpath(*base.split("."), name)
+    return f"{base}.{name}" if inside.with_suffix(".py").exists() or inside.is_dir() else base
+
+
+def place(module: str, depth: int) -> str:
+    """The room (depth 1), or the part of fe (depth 2), of a dotted module; "" for what is above."""
+    parts = module.split(".")
+    return parts[depth] if len(parts) > depth else ""
+
+
+def module_of(path: Path) -> str:
+    """The dotted name of a file."""
+    return ".".join(["indent_sim", *path.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+
+
+def forbidden(files: list[Path], table: dict[str, set[str]], depth: int, within: str) -> list[str]:
+    """Imports that a table does not allow, as 'importer -> imported'."""
+    found = []
+    for path in files:
+        here = place(module_of(path), depth)
+        for module in imports(path):
+            there = place(module, depth) if module.startswith(within) else ""
+            if there and there != here and there not in table.get(here, set()):
+                found.append(f"{name_of(path)} -> {module}")
+    return found
+
+
+def test_rooms_import_as_the_table_says() -> None:
+    assert not forbidden([path for path in FILES if path != PACKAGE / "__init__.py"], ROOMS, 1, "indent_sim.")
+
+
+def test_the_solver_imports_as_its_table_says() -> None:
+    assert not forbidden(sorted((PACKAGE / "fe").rglob("*.py")), FE, 2, "indent_sim.fe.")
+
+
+def test_the_tables_have_no_circle() -> None:
+    """Each room imports only rooms written above it, but for the one arrow that is to go."""
+    for table, allowed in ((ROOMS, {("mesh", "scene")}), (FE, set())):
+        order = list(table)
+        upward = {(a, b) for a, below in table.items() for b in below if order.index(b) >= order.index(a)}
+        assert upward <= allowed
+
+
+def test_no_module_imports_itself_in_a_circle() -> None:
+    """Whatever is imported, also inside functions and for type checking, is imported by nothing above it."""
+    graph = {module_of(path): {m for m in imports(path) if m.startswith("indent_sim.")} for path in FILES}
+    state: dict[str, int] = {}
+
+    def visit(module: str, chain: tuple[str, ...]) -> None:
+        assert state.get(module) != 1, " -> ".join((*chain, module))
+        if state.get(module) == 2:
+            return
+        state[module] = 1
+        for other in graph.get(module, set()) - {module}:
+            visit(other, (*chain, module))
+        state[module] = 2
+
+    for module in graph:
+        visit(module, ())
+
+
+def test_the_longest_chain_of_rooms_is_seven() -> None:
+    """cli, study, run, fe, scene, and two more below: what a reader has to keep in mind at most."""
+    used: dict[str, set[str]] = {}
+    for path in FILES:
+        here = place(module_of(path), 1)
+        there = {place(module, 1) for module in imports(path) if module.startswith("indent_sim.")}
+        used.setdefault(here, set()).update(there - {here, ""})
+    used["mesh"] -= {"scene"}
+
+    def length(room: str) -> int:
+        return 1 + max((length(other) for other in used.get(room, ())), default=0)
+
+    assert length("cli") <= 7
+
+
+def test_every_room_is_in_the_table_and_small_enough() -> None:
+    rooms = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"}
+    assert rooms == set(ROOMS)
+    assert {path.name for path in PACKAGE.iterdir() if path.is_file()} == {"__init__.py", "py.typed"}
+    for folder in {path.parent for path in FILES}:
+        names = {path.stem for path in folder.iterdir() if path.suffix == ".py"}
+        names |= {path.name for path in folder.iterdir() if path.is_dir()}
+        assert len(names - {"__init__", "__pycache__"}) <= MOST_NAMES, name_of(folder)
+
+
+def test_libraries_stay_in_their_rooms() -> None:
+    for path in FILES:
+        taken = {module.split(".")[0] for module in imports(path)}
+        assert not {lib for lib in taken & LIBRARIES.keys() if not name_of(path).startswith(LIBRARIES[lib])}, path
+
+
+def test_only_compat_knows_a_version() -> None:
+    for path in FILES:
+        for node in ast.walk(tree_of(path)) if name_of(path) != "fe/compat.py" else ():
+            if isinstance(node, ast.Attribute):
+                asked = ast.unparse(node)
+                assert asked.split(".")[0] not in LIBRARIES or node.attr != "__version__", asked
+                assert asked != "compat.VERSION", "make it a function of compat"
+
+
+def test_only_the_commands_end_the_process_or_name_the_world() -> None:
+    for path in FILES:
+        if name_of(path) != "cli/commands.py":
+            nodes = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.Attribute | ast.Name)]
+            named = {ast.unparse(node) for node in nodes}
+            assert not named & ENDS, path
+
+
+def test_names_say_something() -> None:
+    assert not [path for path in FILES if EMPTY_NAMES & set(path.stem.split("_"))]
+
+
+def test_public_things_have_docstrings() -> None:
+    for path in FILES:
+        tree = tree_of(path)
+        assert ast.get_docstring(tree) or not tree.body, path
+        assert not [name for name, node in _public(tree) if not ast.get_docstring(node)], path
+
+
+def _public(
+    body: ast.Module | ast.ClassDef, prefix: str = ""
+) -> Iterator[tuple[str, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Public classes and functions at the top of a module, and the public methods of those classes."""
+    for node in body.body:
+        is_definition = isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        if is_definition and not node.name.startswith("_") and not _is_setter(node):
+            yield prefix + node.name, node
+            if isinstance(node, ast.ClassDef):
+                yield from _public(node, f"{node.name}.")
+
+
+def _is_setter(node: ast.AST) -> bool:
+    """Whether a method only sets what a documented property gives."""
+    marks = getattr(node, "decorator_list", ())
+    return any(isinstance(mark, ast.Attribute) and mark.attr == "setter" for mark in marks)
+
+
+def test_the_tree_in_contributing_is_the_tree_on_disk() -> None:
+    """The drawing has one line a file or folder of the package, indented by two spaces a level."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    drawn, stack = set(), []
+    for line in re.search(r"```\nindent_sim/\n(.*?)```", text, re.DOTALL)[1].splitlines():  # type: ignore[index]
+        indent, names = re.match(r"( +)([\w/]+(?: · [\w/]+)*)", line).groups()  # type: ignore[union-attr]
+        stack = stack[: len(indent) // 2 - 1]
+        drawn |= {"".join([*stack, name]) for name in names.split(" · ")}
+        if names.endswith("/"):
+            stack.append(names)
+    files = {name_of(path).removesuffix(".py") for path in FILES if path.name != "__init__.py"}
+    folders = {name_of(path.parent) + "/" for path in FILES if path.parent != PACKAGE}
+    assert drawn == files | folders
+
+
+def test_a_scene_is_resolved_without_any_heavy_library() -> None:
+    """`plan` and a config error must not wait for, nor need, the solver's libraries."""
+    program = f"""
+import sys
+sys.modules.update(dict.fromkeys({HEAVY!r}))  # importing any of these fails now
+import indent_sim, indent_sim.theory.strip, indent_sim.fe.path.steps
+assert indent_sim.resolve(indent_sim.load(sys.argv[1])).prediction["force"] > 0
+"""
+    command = [sys.executable, "-c", program, str(ROOT / "configs" / "hertz.yaml")]
+    finished = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert finished.returncode == 0, finished.stderr
+
+
+# ---- the tests above can fail ---------------------------------------------------------------------------------
+
+
+def test_imports_are_found_wherever_they_stand() -> None:
+    assert "indent_sim.fe.solver" in set(imports(PACKAGE / "run" / "simulation.py"))  # inside a function
+    assert "mpi4py" in set(imports(PACKAGE / "run" / "chain.py"))
+    assert "indent_sim.theory.solution" in set(imports(PACKAGE / "theory" / "layer.py"))  # relative
+
+
+def test_an_arrow_that_the_table_lacks_is_found() -> None:
+    without = ROOMS | {"run": ROOMS["run"] - {"fe"}}
+    assert "run/simulation.py -> indent_sim.fe.solver" in forbidden(FILES, without, 1, "indent_sim.")
