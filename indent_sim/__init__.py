@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from indent_sim.run.chain import condense, simulate, states
     from indent_sim.scene.scene import resolve
 
+
 __version__ = "0.1.0"
 __all__ = ["condense", "load", "read", "resolve", "simulate", "states"]
 

@@ -271,13 +271,13 @@ def compare(first: Path, second: Path, rtol: float) -> None:
 def plot(paths: tuple[Path, ...], output: Path | None) -> None:
     """Draw finished results over one another. Prints the picture's path."""
     from indent_sim.results import reader
-    from indent_sim.results.pictures import forces
+    from indent_sim.results.pictures import canvas, forces
 
     runs = [reader.read(path) for path in paths]
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
-        output = (first if len(paths) == 1 else Path()) / forces.PICTURE
-        forces.refuse_foreign(output)
+        output = (first if len(paths) == 1 else Path()) / canvas.PICTURE
+        canvas.refuse_foreign(output)
     try:
         forces.overlay(runs, output)
     except OSError as error:

@@ -180,4 +180,3 @@ def _all_keys(section: str) -> set[str]:
         return set()
     own = {name for kind in schema.sections()[section] for name in key_types.field_names(kind)}
     return own | {"center"} if section == "indenter" else own
-

@@ -22,7 +22,7 @@ from indent_sim.config.strict_yaml import Path
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
-from indent_sim.model.materials.law import Material
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable

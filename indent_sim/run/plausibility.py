@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import isfinite, isnan
 
+from indent_sim.model import stability
 from indent_sim.model.contact import Nitsche, Penalty
-from indent_sim.model.materials import stability
 from indent_sim.model.state import State
 from indent_sim.scene.doubts import force_doubt
 from indent_sim.scene.expected import penalty_loss

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
-from indent_sim.model.materials.law import LOCKING, Material
+from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError

@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from indent_sim.mesh.sizes import ENOUGH, Sizes
+from indent_sim.model import stability
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
-from indent_sim.model.materials import stability
-from indent_sim.model.materials.law import LOCKING, Material
+from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import Indenter, Paraboloid
 from indent_sim.scene.expected import (
     SEVERAL,

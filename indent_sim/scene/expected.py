@@ -15,7 +15,7 @@ from indent_sim.model.algebra import cos, tan
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw, Penalty
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials.law import Material
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError

@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials.law import Material
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded, scaled
 from indent_sim.process.errors import ConfigError

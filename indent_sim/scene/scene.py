@@ -11,7 +11,7 @@ from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials.law import Material
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError

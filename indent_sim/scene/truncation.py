@@ -10,7 +10,7 @@ import contextlib
 from dataclasses import dataclass
 
 from indent_sim.model.body import Box, BoxSides, Cylinder
-from indent_sim.model.materials.law import Material
+from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.expected import Oracle, layer_tip, section_depth
 from indent_sim.theory import layer, profiles

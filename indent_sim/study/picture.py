@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from indent_sim.results.pictures import forces
+from indent_sim.results.pictures import canvas
 from indent_sim.study import table
 from indent_sim.study.cases import short
 from indent_sim.study.table import Row
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-MOST_COLOURS = len(forces.COLOURS)
+MOST_COLOURS = len(canvas.COLOURS)
 MOST_NAMED = 8  # points of the front that are named
 APART = (0.03, 0.045)  # of the panel's width or height: points that are nearer have no room for a number each
 FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and by how much for each
@@ -35,28 +35,28 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
     number = _one_number(shown, keys)
     groups = _groups(shown, keys, number)
     height = 5.0 + INCHES * max(0, len(groups) - FEW_COLOURS)
-    with forces.canvas((12.4 if number else 9.6, height)) as figure:
+    with canvas.canvas((12.4 if number else 9.6, height)) as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
             [["work", "number", "names"] if number else ["work", "names"]],
             width_ratios=[1, 1, 0.62] if number else [1, 0.5],
         )
         failed = sum(row["status"] == "failed" for row in rows)
         runs = f"{len(rows)} runs" + (f", {failed} failed" if failed else "")
-        forces.head(figure, title, f"{runs}  ·  force error against {reference}")
+        canvas.head(figure, title, f"{runs}  ·  force error against {reference}")
         _work(panels["work"], groups)
         front = table.pareto(rows)
         named = _front(panels["work"], front)
         if number:
             _against(panels["number"], groups, number)
         _names(panels["names"], panels["work"], named, len(front), _telling(shown, keys))
-        forces.save(figure, path)
+        canvas.save(figure, path)
 
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
         for linear in (False, True):
             mine = [row for row in rows if (row.get("mesh.order") == 1) == linear]
-            look = _mark(i) | (_hollow(i) if linear else {"label": forces.in_picture(name) or "runs"})
+            look = _mark(i) | (_hollow(i) if linear else {"label": canvas.in_picture(name) or "runs"})
             axes.plot([row["cpu_s"] for row in mine], [_error(row) for row in mine], ls="", **look)
     if any(row.get("mesh.order") == 1 for rows in groups.values() for row in rows):
         axes.plot([], [], ls="", **_mark(0) | _hollow(MOST_COLOURS - 1), label="hollow: order 1")
@@ -77,7 +77,7 @@ def _telling(rows: Sequence[Row], keys: Sequence[str]) -> list[str]:
 def _front(axes: Axes, front: Sequence[Row]) -> list[Row]:
     """The Pareto front as a line, the points with room for it numbered; returns these."""
     points = [(row["cpu_s"], _error(row)) for row in front]
-    axes.plot(*zip(*points, strict=True), color=forces.INK, lw=1.2, zorder=2, label="Pareto front")
+    axes.plot(*zip(*points, strict=True), color=canvas.INK, lw=1.2, zorder=2, label="Pareto front")
     places = axes.transLimits.transform(axes.transScale.transform(points))  # in parts of the panel
     named = _spread(_with_room(places))
     for number, i in enumerate(named, start=1):
@@ -112,10 +112,10 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
             ls="-" if is_curve else "",
             lw=1.0,
             **_mark(i),
-            label=forces.in_picture(name),
+            label=canvas.in_picture(name),
         )
     _log_axes(
-        axes, forces.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
+        axes, canvas.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
     )
 
 
@@ -136,7 +136,7 @@ def _brief(row: Row, keys: Sequence[str]) -> str:
     parts = [f"{_last(key)} {short(row[key])}" if _is_number(row[key]) else short(row[key])
              for key in keys if row[key] is not None]  # fmt: skip
     text = ", ".join(parts)
-    return forces.in_picture(text, MOST_LETTERS)
+    return canvas.in_picture(text, MOST_LETTERS)
 
 
 def _last(key: str) -> str:
@@ -172,12 +172,12 @@ def _error(row: Row) -> float:
 
 
 def _mark(i: int) -> dict[str, Any]:
-    colour = forces.COLOURS[i % MOST_COLOURS]
-    return {"color": colour, "marker": forces.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
+    colour = canvas.COLOURS[i % MOST_COLOURS]
+    return {"color": colour, "marker": canvas.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
 
 
 def _hollow(i: int) -> dict[str, Any]:
-    return {"mfc": "white", "mec": forces.COLOURS[i % MOST_COLOURS], "mew": 1.4}
+    return {"mfc": "white", "mec": canvas.COLOURS[i % MOST_COLOURS], "mew": 1.4}
 
 
 def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
@@ -191,8 +191,8 @@ def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -
             axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
             axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter("")
-    axes.axhline(ONE_PERCENT, color=forces.GREY, lw=0.6, ls=":", zorder=1)
+    axes.axhline(ONE_PERCENT, color=canvas.GREY, lw=0.6, ls=":", zorder=1)
     axes.annotate("1 %", (1, ONE_PERCENT), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-                  fontsize=8, color=forces.GREY)  # fmt: skip
+                  fontsize=8, color=canvas.GREY)  # fmt: skip
     axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
     axes.margins(0.08)

@@ -16,7 +16,7 @@ from indent_sim.config.strict_yaml import parse
 from indent_sim.model.body import Box, BoxSides, Cylinder
 from indent_sim.model.contact import AutoContact, Penalty
 from indent_sim.model.loading import Loading, LoadPath
-from indent_sim.model.materials.law import LinearElastic
+from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, Paraboloid
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 

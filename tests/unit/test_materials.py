@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from indent_sim.config.file import from_mapping
 from indent_sim.fe import compat
 from indent_sim.fe.body import symbolic
-from indent_sim.model.materials.law import ArrudaBoyce, Gent, LinearElastic, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.materials import ArrudaBoyce, Gent, LinearElastic, MooneyRivlin, NeoHookean, Ogden, Yeoh
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 

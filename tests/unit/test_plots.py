@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.pictures import forces
+from indent_sim.results.pictures import canvas, forces
 from indent_sim.results.reader import Results
 
 
@@ -47,7 +47,7 @@ def text_of(path: Path) -> str:
 @pytest.fixture
 def svg(tmp_path, monkeypatch):
     """Draw into an SVG whose words can be read."""
-    monkeypatch.setitem(forces.STYLE, "svg.fonttype", "none")
+    monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
     return tmp_path / "picture.svg"
 
 

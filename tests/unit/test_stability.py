@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scenes import WALLED, scene
 
-from indent_sim.model.materials.law import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from indent_sim.model.materials.stability import MODES, doubts, losses, reach
+from indent_sim.model.materials import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.stability import MODES, doubts, losses, reach
 from indent_sim.model.tips import Sphere
 
 STABLE = {

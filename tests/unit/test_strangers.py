@@ -18,7 +18,7 @@ from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results import checkpoint, reader, writer
 from indent_sim.results.folder import Claim
-from indent_sim.results.pictures import forces
+from indent_sim.results.pictures import canvas, forces
 from indent_sim.results.reader import earlier_run
 from indent_sim.results.xdmf import FieldWriter
 from indent_sim.study import picture
@@ -56,7 +56,7 @@ class TestText:
 
     @pytest.mark.parametrize("title", TITLES[:6])
     def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
-        monkeypatch.setitem(forces.STYLE, "svg.fonttype", "none")
+        monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
         run = a_result(title=title, units={"length": title, "force": title})
         forces.overlay([run, a_result(title="another")], tmp_path / "two.svg")
         forces.force_indentation(run, tmp_path / "one.svg")

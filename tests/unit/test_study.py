@@ -620,11 +620,11 @@ class TestPicture:
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):
         """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front as it is listed."""
-        from indent_sim.results.pictures import forces
+        from indent_sim.results.pictures import canvas
         from indent_sim.study import picture
 
         figures = []
-        monkeypatch.setattr(forces, "save", lambda figure, path: figures.append(figure))
+        monkeypatch.setattr(canvas, "save", lambda figure, path: figures.append(figure))
 
         def draw(rows):
             table = [

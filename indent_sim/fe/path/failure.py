@@ -6,7 +6,7 @@ import time
 
 from indent_sim.fe.path.load_control import Pair
 from indent_sim.fe.terms.strain import Crushed
-from indent_sim.model.materials.law import Gent
+from indent_sim.model.materials import Gent
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 

@@ -1,1 +1,405 @@
-"""Material laws."""
+"""Elastic laws as strain-energy densities; UFL differentiates them to stress and tangent.
+
+A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H (3x3) and a
+`mixed_energy` in which a pressure-like field q replaces the volumetric stiffness (q = lame_lambda tr eps, or
+lambda ln J, or kappa ln J at the solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL constants.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal
+
+from annotated_types import Gt, Len
+
+from indent_sim.model.algebra import (
+    CLOSE,
+    exp,
+    expm1_remainder,
+    log1p,
+    log1p_remainder,
+    power_sum,
+    unimodular_stretches,
+    where_less,
+)
+from indent_sim.model.units import PRESSURE, AnyModulus, Modulus, PoissonRatio
+
+Formulation = Literal["auto", "displacement", "mixed"]
+LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
+ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
+
+
+class _Law(ABC):
+    """What follows from the small-strain constants E and nu of any law."""
+
+    small_strain: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def constants(self) -> tuple[float, float]:
+        """Small-strain E [pressure] and nu."""
+
+    @property
+    def E_star(self) -> float:
+        """Small-strain plane-strain modulus E/(1 - nu^2) [pressure]."""
+        E, nu = self.constants
+        return E / (1 - nu * nu)
+
+
+@dataclass(frozen=True)
+class _TwoConstants(_Law):
+    """Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure]."""
+
+    E: Modulus | None = None
+    nu: PoissonRatio | None = None
+    mu: Modulus | None = None
+    kappa: Modulus | None = None
+    lame_lambda: AnyModulus | None = None
+    formulation: Formulation = "auto"
+
+    def canonical(self) -> Any:
+        """The same material said by E and nu; ValueError when it is not said by exactly two constants."""
+        given = {name: getattr(self, name) for name in ISOTROPIC_CONSTANTS if getattr(self, name) is not None}
+        E, nu = young_and_poisson(given)
+        return type(self)(E=E, nu=nu, formulation=self.formulation)
+
+    @property
+    def constants(self) -> tuple[float, float]:
+        """E [pressure] and nu of a canonical material."""
+        assert self.E is not None and self.nu is not None
+        return self.E, self.nu
+
+    @property
+    def shear_modulus(self) -> Any:
+        """mu = E / (2 (1 + nu)) [pressure]."""
+        return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
+
+    @property
+    def inverse_lambda(self) -> Any:
+        """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
+        return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]
+
+
+@dataclass(frozen=True)
+class LinearElastic(_TwoConstants):
+    """Isotropic Hooke's law at small strain, psi = mu eps:eps + lame_lambda/2 (tr eps)^2 (notes 2.1-2.4).
+
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    """
+
+    model: Literal["linear_elastic"] = "linear_elastic"
+
+    small_strain: ClassVar[bool] = True
+
+    def energy(self, H: Any) -> Any:
+        """psi [pressure]."""
+        from ufl import inner, sym, tr
+
+        eps = sym(H)
+        return self.shear_modulus * inner(eps, eps) + tr(eps) ** 2 / (2 * self.inverse_lambda)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """psi = mu eps:eps + q tr eps - q^2/(2 lame_lambda) [pressure]."""
+        from ufl import inner, sym, tr
+
+        eps = sym(H)
+        return self.shear_modulus * inner(eps, eps) + q * tr(eps) - q * q * self.inverse_lambda / 2
+
+
+@dataclass(frozen=True)
+class NeoHookean(_TwoConstants):
+    """psi = mu/2 (I1 - 3) - mu ln J + lame_lambda/2 (ln J)^2.
+
+    Any two of E [pressure], nu [1], mu [pressure], kappa [pressure], lame_lambda [pressure] say it.
+    """
+
+    model: Literal["neo_hookean"] = "neo_hookean"
+
+    def energy(self, H: Any) -> Any:
+        """psi [pressure]."""
+        excess, log_J = _excess_and_log_J(H)
+        return self.shear_modulus * excess + log_J**2 / (2 * self.inverse_lambda)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """mu/2 (I1 - 3) - mu ln J + q ln J - q^2/(2 lame_lambda) [pressure]."""
+        excess, log_J = _excess_and_log_J(H)
+        return self.shear_modulus * excess + q * log_J - q * q * self.inverse_lambda / 2
+
+
+def _excess_and_log_J(H: Any) -> tuple[Any, Any]:
+    """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives where H is small.
+
+    J - 1 = tr H + (tr^2 H - tr H^2)/2 + det H, and (I1 - 3)/2 = tr H + H:H/2, whose first parts cancel.
+    """
+    from ufl import det, inner, tr
+
+    curved = (tr(H) ** 2 - tr(H * H)) / 2 + det(H)
+    growth = tr(H) + curved
+    return inner(H, H) / 2 - curved + log1p_remainder(growth), log1p(growth)
+
+
+@dataclass(frozen=True)
+class _Isochoric(_Law):
+    """psi = isochoric(J^-2/3 C) + kappa/2 (ln J)^2, with the law's own constants and nu or kappa."""
+
+    nu: PoissonRatio | None = None
+    kappa: Modulus | None = None
+    formulation: Formulation = "auto"
+
+    @property
+    @abstractmethod
+    def small_strain_mu(self) -> Any:
+        """Shear modulus at small strain [pressure]."""
+
+    @abstractmethod
+    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det dev C; det C = 1.
+
+        All three are of second order or more in the strain, so that their derivatives and the stress vanish at rest.
+        """
+
+    @abstractmethod
+    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+        """Isochoric energy [pressure] of principal stretches whose product is one (floats or arrays)."""
+
+    def canonical(self) -> Any:
+        """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
+        if (self.nu is None) == (self.kappa is None):
+            raise ValueError("needs exactly one of nu, kappa beside the law's own constants")
+        mu = self.small_strain_mu
+        if not (math.isfinite(mu) and mu > 0):
+            raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
+        if self.kappa is None:
+            return self
+        nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
+        if not nu > -1:
+            raise ValueError(f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits")
+        return replace(self, nu=nu, kappa=None)
+
+    @property
+    def constants(self) -> tuple[float, float]:
+        """Small-strain E [pressure] and nu of a canonical material."""
+        assert self.nu is not None
+        return 2 * self.small_strain_mu * (1 + self.nu), self.nu
+
+    @property
+    def inverse_kappa(self) -> Any:
+        """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
+        return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
+
+    def energy(self, H: Any) -> Any:
+        """psi [pressure]."""
+        shear, log_J = self._parts(H)
+        return shear + log_J**2 / (2 * self.inverse_kappa)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """isochoric + q ln J - q^2/(2 kappa) [pressure]."""
+        shear, log_J = self._parts(H)
+        return shear + q * log_J - q * q * self.inverse_kappa / 2
+
+    def _parts(self, H: Any) -> tuple[Any, Any]:
+        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass.
+
+        With w = (I1 - 3)/2 - ln J and s = 2/3 ln J, tr C/3 = 1 + s + 2/3 w, of which J^(2/3) = e^s is taken: what is
+        left is of second order, and so are the parts of it that are written here. dev C is that of C - 1.
+        """
+        from ufl import Identity, det, inner, tr, variable
+
+        w, log_J = map(variable, _excess_and_log_J(H))
+        strain = H + H.T + H.T * H
+        deviator = strain - tr(strain) / 3 * Identity(3)
+        square, cube = variable(inner(deviator, deviator) / 6), variable(det(deviator))
+        shrink = exp(-2 * log_J / 3)
+        excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
+        return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
+
+
+@dataclass(frozen=True)
+class _OfInvariants(_Isochoric):
+    """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
+
+    @abstractmethod
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """Isochoric energy [pressure] of i1 = J^-2/3 I1 - 3 and i2 = J^-4/3 I2 - 3."""
+
+    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+        """As `_Isochoric`: i1 = 3 excess, i2 = 3 (2 excess + excess^2 - square)."""
+        return self.energy_of_invariants(3 * excess, 3 * (excess * (2 + excess) - square))
+
+    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+        """As `_Isochoric`: I1 and I2 are sums of the squares and of their products."""
+        a, b, c = l1 * l1, l2 * l2, l3 * l3
+        return self.energy_of_invariants(a + b + c - 3, a * b + b * c + c * a - 3)
+
+
+@dataclass(frozen=True)
+class MooneyRivlin(_OfInvariants):
+    """C10 (I1 - 3) + C01 (I2 - 3)."""
+
+    C10: AnyModulus = 0.0
+    C01: AnyModulus = 0.0
+    model: Literal["mooney_rivlin"] = "mooney_rivlin"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """2 (C10 + C01)."""
+        return 2 * (self.C10 + self.C01)
+
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """C10 i1 + C01 i2."""
+        return self.C10 * i1 + self.C01 * i2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Yeoh(_OfInvariants):
+    """C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3."""
+
+    C10: Modulus
+    C20: AnyModulus = 0.0
+    C30: AnyModulus = 0.0
+    model: Literal["yeoh"] = "yeoh"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """2 C10."""
+        return 2 * self.C10
+
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """C10 i1 + C20 i1^2 + C30 i1^3."""
+        return i1 * (self.C10 + i1 * (self.C20 + i1 * self.C30))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ogden(_Isochoric):
+    """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); small-strain mu = sum mu_i alpha_i / 2."""
+
+    mu: Annotated[tuple[float, ...], Len(1, 20), PRESSURE]
+    alpha: Annotated[tuple[float, ...], Len(1, 20)]
+    model: Literal["ogden"] = "ogden"
+
+    def canonical(self) -> Any:
+        """As `_Isochoric`; ValueError too when mu and alpha differ in length or an alpha is zero."""
+        if len(self.mu) != len(self.alpha):
+            raise ValueError(f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs")
+        if 0 in self.alpha:
+            raise ValueError("an alpha of zero has no meaning")
+        return super().canonical()
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """sum mu_i alpha_i / 2."""
+        return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
+
+    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+        """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
+        far = self.energy_of_stretches(*unimodular_stretches(1 + excess, square, cube))
+        return where_less(square, CLOSE**2 / 6, self._near_rest(excess, square, cube), far)
+
+    def _near_rest(self, excess: Any, square: Any, cube: Any) -> Any:
+        """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a traceless tensor."""
+        mean, total = 1 + excess, 0.0 * excess
+        for mu, alpha in zip(self.mu, self.alpha, strict=True):
+            growth = alpha / 2 * log1p(excess)
+            growth += expm1_remainder(growth)  # mean^(alpha/2) - 1
+            total += mu / alpha * (3 * growth + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3))
+        return total
+
+    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+        """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
+        stretches = (l1, l2, l3)
+        terms = zip(self.mu, self.alpha, strict=True)
+        return sum(mu / alpha * (sum(stretch**alpha for stretch in stretches) - 3) for mu, alpha in terms)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gent(_OfInvariants):
+    """-mu Jm/2 ln(1 - (I1 - 3)/Jm): stiffens without bound as I1 - 3 comes to Jm."""
+
+    mu: Modulus
+    Jm: Annotated[float, Gt(0)]
+    model: Literal["gent"] = "gent"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """mu."""
+        return self.mu
+
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """-mu Jm/2 ln(1 - i1/Jm); not a number beyond the limit, which ends a Newton step."""
+        return -self.mu * self.Jm / 2 * log1p(-i1 / self.Jm)
+
+
+# Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)
+ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrudaBoyce(_OfInvariants):
+    """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), c = 1/2, 1/20, 11/1050, 19/7000, 519/673750."""
+
+    mu: Modulus
+    lambda_m: Annotated[float, Gt(1)]
+    model: Literal["arruda_boyce"] = "arruda_boyce"
+
+    @property
+    def small_strain_mu(self) -> Any:
+        """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), twice the derivative of psi at I1 = 3."""
+        terms = (i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i) for i, c in enumerate(ARRUDA_BOYCE, start=1))
+        return 2 * self.mu * sum(terms)
+
+    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+        """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), I1^i - 3^i = i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1))."""
+        I1, slope, power = 3 + i1, 0.0, 1.0
+        for i, c in enumerate(ARRUDA_BOYCE, start=1):
+            slope, power = slope + c * self.lambda_m ** (2 - 2 * i) * power, I1 * power + 3.0**i
+        return self.mu * i1 * slope
+
+
+Material = LinearElastic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
+
+
+def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
+    """E and nu from exactly two isotropic constants.
+
+    Everything passes through E = 9 kappa mu / (3 kappa + mu) and its kin (Slaughter 2002, table 5.1).
+    Raises ValueError when not exactly two are given, or when they belong to no stable material.
+    """
+    if len(given) != 2:
+        raise ValueError(f"needs exactly two of {', '.join(ISOTROPIC_CONSTANTS)}; got {', '.join(given) or 'none'}")
+    try:
+        E, nu = _from_two(given)
+    except ZeroDivisionError:
+        E, nu = math.nan, math.nan
+    if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
+        raise ValueError(
+            f"these constants give E = {E:g} and nu = {nu:g}; a stable material has E > 0 and -1 < nu <= 0.5"
+        )
+    return E, nu
+
+
+def _from_two(given: dict[str, float]) -> tuple[float, float]:
+    match given:
+        case {"E": E, "nu": nu}:
+            return E, nu
+        case {"E": E, "mu": mu}:
+            return E, E / (2 * mu) - 1
+        case {"E": E, "kappa": kappa}:
+            return E, (3 * kappa - E) / (6 * kappa)
+        case {"E": E, "lame_lambda": lam}:
+            root = math.sqrt(E * E + 9 * lam * lam + 2 * E * lam)
+            return E, 2 * lam / (E + lam + root)
+        case {"nu": nu, "mu": mu}:
+            return 2 * mu * (1 + nu), nu
+        case {"nu": nu, "kappa": kappa}:
+            return 3 * kappa * (1 - 2 * nu), nu
+        case {"nu": nu, "lame_lambda": lam}:
+            return (lam * (1 + nu) * (1 - 2 * nu) / nu if nu else math.nan), nu
+        case {"mu": mu, "kappa": kappa}:
+            return 9 * kappa * mu / (3 * kappa + mu), (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
+        case {"mu": mu, "lame_lambda": lam}:
+            return mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
+        case {"kappa": kappa, "lame_lambda": lam}:
+            return 9 * kappa * (kappa - lam) / (3 * kappa - lam), lam / (3 * kappa - lam)
+    raise ValueError(f"unknown isotropic constants {', '.join(given)}")

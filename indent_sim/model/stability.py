@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.materials.law import Gent, LinearElastic, Material, NeoHookean
+from indent_sim.model.materials import Gent, LinearElastic, Material, NeoHookean
 from indent_sim.model.tips import Indenter
 
 # principal logarithmic strains (e1, e2) at a stretch exp(e)
