@@ -19,8 +19,8 @@ from petsc4py import PETSc
 
 from indent_sim.fe.body import Body
 from indent_sim.fe.observe.surface import Trace
-from indent_sim.process.errors import NotConverged
 from indent_sim.fe.terms.matter import matter
+from indent_sim.process.errors import NotConverged
 
 BLOCK = 128  # right-hand sides solved at once
 
