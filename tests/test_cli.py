@@ -248,7 +248,6 @@ class TestJson:
             (VerificationError("not so"), 6, "failed"),
             (BackendError("gone"), 7, "failed"),
             (KeyError("a bug"), 1, "failed"),
-            (MemoryError(), 1, "failed"),
             (Stopped(signal.SIGTERM), 143, "interrupted"),
         ],
         ids=str,

@@ -15,6 +15,7 @@ import random
 import shutil
 import stat
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -121,6 +122,7 @@ def watched(place: Path) -> Iterator[list[str]]:
         elif event == "open" and isinstance(arguments[0], (str, bytes)):
             path = os.path.abspath(os.fsdecode(arguments[0]))
             is_writing = bool((arguments[2] or 0) & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC))
+            is_writing &= path != tempfile.gettempdir()  # a file without a name, gone when it is closed
             if is_writing and not path.startswith(fine) and "__pycache__" not in path and "/fenics" not in path:
                 seen.append(f"writes {path}")
 

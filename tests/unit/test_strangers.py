@@ -58,7 +58,7 @@ class TestText:
     def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
         monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
         run = a_result(title=title, units={"length": title, "force": title})
-        forces.overlay([run, a_result(title="another")], tmp_path / "two.svg")
+        forces.overlay([run, a_result(title="another", units=run.report["units"])], tmp_path / "two.svg")
         forces.force_indentation(run, tmp_path / "one.svg")
         for name in ("one", "two"):
             text = (tmp_path / f"{name}.svg").read_text()

@@ -88,10 +88,6 @@ FLAGGED: dict[str, Any] = {
     ),
     "one and a half elements": (lambda: layer(contact={"method": "active_set"}, mesh={"h_contact": 0.069}), "only 1.5"),
     "a coarse punch": (lambda: layer(indenter=PUNCH, mesh={"h_contact": 0.1}, **once(1e-3)), "at the punch's edge"),
-    "linear elements": (
-        lambda: layer(nu=0.48, R=100.0, mesh={"order": 1, "h_contact": 0.1}, **once(0.01)),
-        "linear elements",
-    ),
     "a stiff penalty on a squeezed layer": (
         lambda: layer(
             WIDE | {"radius": 20.0},

@@ -133,7 +133,7 @@ def judged(config: dict[str, Any]) -> Verdict:
     pairs = [(big[0], fine[-1])]
     if len(big) == 2 and big[1].converged and len(fine) >= steps // 2:
         pairs.append((big[1], fine[steps // 2 - 1]))
-    stated = max(scene.prediction["force_error"], TELLING)  # what is smaller is not worth a warning
+    stated = max(scene.prediction.get("force_error", 0.0), TELLING)  # what is smaller is not worth a warning
     return min((compared(*pair, stated) for pair in pairs), key=lambda verdict: WORST.index(verdict.outcome))
 
 

@@ -76,7 +76,7 @@ def test_a_tip_in_contact_to_its_end() -> None:
     """A profile pressed in deeper than it is high touches everywhere: its end stands for the contact radius."""
     base = over({"shape": "profile", "points": [[0, 0], [0.1, 0.01]]}, 0.05)
     assert base.body.height * base.scales.length > 100 * 0.1
-    assert any("deeper than the profile is high" in warning for warning in base.warnings)
+    assert any("deeper than the tip has a shape" in warning for warning in base.warnings)
 
 
 def test_three_dimensions_on_request() -> None:
