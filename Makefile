@@ -16,7 +16,7 @@ export PRTE_MCA_hwloc_default_binding_policy := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMPI_MCA_btl := ^tcp
 
-.PHONY: help setup demo test lint verify bench stress debian13 clean
+.PHONY: help setup demo check test system lint verify bench stress debian13 clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -28,8 +28,14 @@ setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim
 demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
 	@$(VENV)/indent-sim run configs/hertz.yaml
 
-test: setup lint ## ruff, mypy and the tests, under 15 minutes on two cores
-	$(VENV)/python -m pytest -q --durations=15
+check: setup lint ## ruff, mypy, and the tests that run nothing: a minute
+	$(VENV)/python -m pytest -q tests/unit tests/laws
+
+test: setup lint ## ruff, mypy, and all tests but `system`
+	$(VENV)/python -m pytest -q -n 2 --durations=15 tests/unit tests/laws tests/physics tests/regression
+
+system: setup ## commands, ranks, signals, kills, full disks, batch jobs, studies
+	$(VENV)/python -m pytest -q -n 2 --durations=15 tests/system
 
 lint: setup ## ruff and mypy only
 	$(VENV)/ruff check .

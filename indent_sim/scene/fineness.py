@@ -15,7 +15,7 @@ from indent_sim.mesh.sizes import GivenSizes
 
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # The error bar of the force is about CONSTANT n^-RATE at the worst step (by (dim, order)), as
-# `python -m pytest -m verify tests/verification/test_accuracy.py -s` prints it for every scene
+# `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene
 CONSTANT = {(2, 2): 0.65, (2, 1): 1.3, (3, 2): 0.33, (3, 1): 1.0}
 RATE = {2: 2.5, 1: 1.7}
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE

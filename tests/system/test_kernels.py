@@ -16,7 +16,7 @@ import pytest
 
 from indent_sim.fe import kernels
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
 body: {shape: cylinder, radius: 1.0, height: 1.0}
 material: {model: linear_elastic, E: 1.0, nu: 0.3}

@@ -278,4 +278,4 @@ def test_an_unknown_format_is_refused(tmp_path):
 
 def test_matplotlib_waits_until_it_is_needed():
     script = "import sys, indent_sim.results.pictures.forces; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[2]).returncode == 0
+    assert subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[3]).returncode == 0

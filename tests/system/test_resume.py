@@ -28,7 +28,7 @@ from indent_sim.results.reader import read
 from indent_sim.results.xdmf import FieldWriter
 from indent_sim.run import chain, simulation
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
 body: {{shape: cylinder, radius: 1.0, height: 1.0, sides: roller}}
 material: {{{material}, E: 1.0, nu: 0.3}}

@@ -45,7 +45,7 @@ def call(tmp_path: Path) -> Call:
     programs = tmp_path / "bin"
     programs.mkdir()
     for name in ("sbatch", "srun", "scontrol"):
-        written = (ROOT / "tests" / "stand_in_slurm.py").read_text().split("\n", 1)[1]
+        written = (ROOT / "tests" / "system" / "stand_in_slurm.py").read_text().split("\n", 1)[1]
         (programs / name).write_text(f"#!{sys.executable}\n{written}")
         (programs / name).chmod(0o755)
     (programs / "indent-sim").write_text(f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli.commands "$@"\n')

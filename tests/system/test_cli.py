@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from unit.test_malformed import MALFORMED
+from test_malformed import MALFORMED
 
 from indent_sim.cli import commands, doctor
 from indent_sim.process.errors import BackendError, ConfigError, MeshError, NotConverged, UsageError, VerificationError
@@ -29,7 +29,7 @@ indenter: {shape: paraboloid, R: 1.0}
 loading: {delta: 0.01, steps: 3}
 mesh: {h_contact: 0.03, h_far: 0.5}
 """
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 Run = Callable[..., Result]
 

@@ -329,7 +329,7 @@ class TestFullDisk:
 KILLED_RUN = """
 import sys, time
 from pathlib import Path
-from tests.unit.test_results import *
+from tests.unit.results.test_results import *
 with ResultFolder(Path(sys.argv[1]), "", surface="all") as run:
     run.open_fields(POINTS, CELLS, keep="all", steps=5000)
     for step in range(1, int(sys.argv[2]) + 1):
@@ -345,7 +345,7 @@ with ResultFolder(Path(sys.argv[1]), "", surface="all") as run:
 IDLE_RUN = """
 import sys, time
 from pathlib import Path
-from tests.unit.test_results import *
+from tests.unit.results.test_results import *
 with ResultFolder(Path(sys.argv[1]), "") as run:
     print("ready", flush=True)
     time.sleep(60)
@@ -353,7 +353,7 @@ with ResultFolder(Path(sys.argv[1]), "") as run:
 
 
 def killed(script: str, *args, after: float = 0.0, with_signal: int = signal.SIGKILL) -> int:
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     command = [sys.executable, "-c", script, *map(str, args)]
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         assert process.stdout and process.stdout.readline() == b"ready\n"
