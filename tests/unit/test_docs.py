@@ -9,7 +9,7 @@ import pytest
 
 from indent_sim.config.reference import pages
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 LINK = re.compile(r"\]\(([^)\s]+)(?:\s+\"[^\"]*\")?\)")
 CONFIG = re.compile(r"\bconfigs/[\w./-]*\w")
