@@ -305,7 +305,7 @@ def _formula(latex: str) -> str:
 def symbols_markdown() -> str:
     """docs/symbols.md."""
     parts = [
-        "# Symbols\n\nGenerated from `indent_sim/symbols.py` by `python -m indent_sim.config.reference`.\n",
+        "# Symbols\n\nGenerated from `indent_sim/model/symbols.py` by `python -m indent_sim.config.reference`.\n",
         "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
     ]
     for title, group in GROUPS.items():
