@@ -32,9 +32,9 @@ def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     walk = solver.walk(base, solver.distribute(gmsh.build(base), base, MPI.COMM_SELF))
     for state in walk.states(base.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
-        trace = walk.observed.trace
+        trace = walk.equilibrium.observed.trace
         r = trace.X[..., 0].ravel()
-        lam = np.broadcast_to(walk.observed.multiplier_at(trace.node_points()), trace.X.shape[:2]).ravel()
+        lam = np.broadcast_to(walk.equilibrium.observed.multiplier_at(trace.node_points()), trace.X.shape[:2]).ravel()
         places, first = np.unique(np.round(r, 10), return_index=True)
         assert places == pytest.approx(state.surface.x, abs=1e-9)
         yield state.surface, lam[first], state.delta, state.force
