@@ -44,9 +44,9 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
             name: int(cell) if name in INTEGERS else number(cell) if name in MAY_BE_EMPTY else float(cell)
             for name, cell in zip(names, cells, strict=True)
         }
-    except ValueError:
+        known = all(math.isfinite(value) for name, value in values.items() if name not in UNKNOWN)
+    except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
-    known = all(math.isfinite(value) for name, value in values.items() if name not in UNKNOWN)
     return State(**values) if known and not any(map(math.isinf, values.values())) else None
 
 

@@ -12,7 +12,7 @@ from indent_sim.model.contact import ContactLaw
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
-from indent_sim.model.tips import Indenter
+from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.usage import machine_memory
@@ -25,6 +25,7 @@ from indent_sim.scene.expected import Oracle, peakless, prediction_of, tip_warni
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Premises, premises
 from indent_sim.scene.reduction import Pins
+from indent_sim.scene.sizing import AT_END
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -72,7 +73,13 @@ class Scene:
         return LoadPath("depth", self.deltas) if self.forces is None else LoadPath("force", self.forces)
 
     def has_peak(self, a: float) -> bool:
-        """Whether the pressures of a contact of radius a [length] have a largest one that a mesh can know."""
+        """Whether the pressures of a contact of radius a [length] have a largest one that a mesh can know.
+
+        Not where contact ends at the end of a tip, as under a punch.
+        """
+        ends = self.sizes.edge is not None and not isinstance(self.indenter, FlatPunch)
+        if ends and a >= AT_END * reach(self.indenter):
+            return False
         return not peakless(self.body, self.indenter, self.center, self.sizes, a)
 
 

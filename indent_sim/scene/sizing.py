@@ -122,6 +122,9 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) ->
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
+    if edge is not None:
+        size = float(found.at(np.array(edge), np.array(0.0)))
+        _refuse_coarse_edge(edge * given.scales.length, size * given.scales.length)
     return found
 
 
@@ -180,6 +183,13 @@ def _refuse_lost(smallest: float, least: float) -> None:
     if smallest < least * (1 - 1e-9):
         problem = f"elements of {smallest:.3g} are too small for a body of this size, at least {least:.3g}"
         raise ConfigError("mesh", problem, "make the body smaller: one of 1e5 contact radii feels like a half-space")
+
+
+def _refuse_coarse_edge(radius: float, size: float) -> None:
+    """ConfigError for elements larger than the radius of an edge: they know nothing of the contact."""
+    if size > radius * (1 + 1e-9):
+        raise ConfigError("mesh.h_contact", f"elements of {size:.3g} are larger than the tip's radius {radius:.3g}",
+                          f"at most {radius / 4:.3g}, or auto; are both in the same unit of length?")  # fmt: skip
 
 
 def _refuse_lost_edge(radius: float, least: float) -> None:

@@ -230,3 +230,13 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
         assert "one unit" in " ".join(scene.warnings)
     with pytest.raises(ConfigError, match="unit of length"):
         resolve(from_mapping(deep | {"contact": {"method": "auto", "gap": "current"}}))
+
+
+def test_a_contact_is_no_wider_than_its_ball() -> None:
+    """Around a ball deeper than its radius the surface hangs over; projected from above it ends at the equator, R = 1.
+
+    A thousandth is for the facets' own roundness.
+    """
+    states = list(chain.states(resolve(load(GEL, ("loading={deltas: [0.9, 1.4, 1.85]}",))), with_surface=False))
+    a = [state.a for state in states]
+    assert 0.9 < a[0] < a[1] <= 1.001 and a[2] <= 1.001

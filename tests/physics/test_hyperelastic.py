@@ -284,9 +284,9 @@ def test_half_a_strip_is_a_strip() -> None:
 RANKS = """
 import json, sys
 from mpi4py import MPI
-from indent_sim.config import from_mapping
-from indent_sim.run import states
-from indent_sim.scene import resolve
+from indent_sim.config.file import from_mapping
+from indent_sim.run.chain import states
+from indent_sim.scene.scene import resolve
 rows = [[s.force, s.a, s.energy, s.newton_iterations]
         for s in states(resolve(from_mapping(json.loads(sys.argv[1]))), MPI.COMM_WORLD)]
 if MPI.COMM_WORLD.rank == 0:

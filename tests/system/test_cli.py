@@ -410,11 +410,11 @@ class TestCompareAndPlot:
 ALONE = """
 import sys
 from mpi4py import MPI
-from indent_sim import cli
-from indent_sim.errors import NotConverged
-cli.PATIENCE = 0.5
+from indent_sim.cli import commands
+from indent_sim.process.errors import NotConverged
+commands.PATIENCE = 0.5
 comm = MPI.COMM_WORLD
-with cli.together(comm):
+with commands.together(comm):
     if comm.rank == 1:
         raise {error}
     comm.Barrier()

@@ -226,7 +226,8 @@ SMALL = SCENE.format(body="{shape: cylinder, radius: 1.0, height: 1.0}", tip="{s
 
 def program(draw: str) -> list[str]:
     """`run scene.yaml` with something else in the place where gmsh draws."""
-    script = f"import os, time\nfrom indent_sim import cli, geometry\ngeometry._draw = lambda *_: {draw}\ncli.main()"
+    imports = "import os, time\nfrom indent_sim.cli import commands\nfrom indent_sim.mesh import gmsh"
+    script = f"{imports}\ngmsh._draw = lambda *_: {draw}\ncommands.main()"
     return ["-c", script, "run", "scene.yaml", "--output", "out"]
 
 

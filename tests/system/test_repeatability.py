@@ -12,9 +12,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
 from dolfinx import fem, mesh
 from mpi4py import MPI
-from indent_sim.config import from_mapping
-from indent_sim.run import states
-from indent_sim.scene import resolve
+from indent_sim.config.file import from_mapping
+from indent_sim.run.chain import states
+from indent_sim.scene.scene import resolve
 
 scene = resolve(from_mapping({
     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},

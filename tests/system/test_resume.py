@@ -59,7 +59,7 @@ def watch(event, args):
         if left == 0:
             os.kill(os.getpid(), signal.SIGKILL)
 sys.addaudithook(watch)
-from indent_sim.cli import main
+from indent_sim.cli.commands import main
 main()
 """
 
@@ -248,8 +248,8 @@ class TestStopped:
 
         interrupt(tmp_path)
         with monkeypatch.context() as patch:
-            patch.setattr("indent_sim.results.folder.append_whole", full)
-            patch.setattr("indent_sim.results.folder.write_atomically", full)
+            patch.setattr("indent_sim.results.writer.append_whole", full)
+            patch.setattr("indent_sim.results.checkpoint.write_atomically", full)
             failed = indent_sim("--resume")
         assert failed.exit_code == 5 and "No space left" in failed.stderr and len(read(tmp_path / "out")) == SOME
         assert indent_sim("--resume").exit_code == 0

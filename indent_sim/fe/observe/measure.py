@@ -128,7 +128,7 @@ def contact(body: Observed) -> dict[str, float]:
     s = sample(body, np.vstack([grid, inner, nodes]))
     begin, end = len(grid), len(grid) + len(inner)
     x = s.X if body.scene.gap == "reference" else s.X + s.u
-    size = _region(body, x[:, :begin, :-1], s.p_hat[:, :begin], simplices)
+    size = _region(body, s.X[:, :begin, :-1], x[:, :begin, :-1], s.p_hat[:, :begin], simplices)
     size = body.scene.copies * body.comm.allreduce(size, op=MPI.SUM)
     size = size if body.depth > 0 else 0.0  # no tip touches a body at rest before; what is there is round-off
     a = size / 2 if body.scene.kinematics.name == "plane_strain" else float(np.sqrt(size / pi))
@@ -159,12 +159,26 @@ def penetration(body: Observed) -> float:
     return body.comm.allreduce(float((-gap).max(initial=0.0)), op=MPI.MAX)
 
 
-def _region(body: Observed, x: np.ndarray, p_hat: np.ndarray, simplices: np.ndarray) -> float:
-    """Area (length in plane strain) of this rank's region with p_hat > 0."""
+def _region(body: Observed, X: np.ndarray, x: np.ndarray, p_hat: np.ndarray, simplices: np.ndarray) -> float:
+    """Area (length in plane strain) of this rank's region with p_hat > 0 at the horizontal places x.
+
+    Where the surface hangs over, as around a ball deeper than its radius, it lies above what is counted already: there
+    the simplices at x are turned over from what they are at the reference places X.
+    """
     if body.trace.dim == 2:
-        return _positive_length(body, x[:, simplices, 0], p_hat[:, simplices])
+        ends, p = x[:, simplices, 0], np.array(p_hat[:, simplices])
+        p[(np.diff(ends) * np.diff(X[:, simplices, 0]))[..., 0] < 0] = -1.0
+        return _positive_length(body, ends, p)
     touched = np.flatnonzero((p_hat > 0).any(axis=1))
-    return _positive_area(x[touched][:, simplices], p_hat[touched][:, simplices])
+    corners, p = x[touched][:, simplices], p_hat[touched][:, simplices]
+    overhangs = _signed_area(corners) * _signed_area(X[touched][:, simplices]) < 0
+    return _positive_area(corners, np.where(overhangs[..., None], -1.0, p))
+
+
+def _signed_area(corners: np.ndarray) -> np.ndarray:
+    """Area of triangles (..., 3, 2), negative where their corners go round the other way."""
+    first, second = np.moveaxis(corners[..., 1:, :] - corners[..., :1, :], -2, 0)
+    return 0.5 * (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 def _positive_length(body: Observed, ends: np.ndarray, p_hat: np.ndarray) -> float:
@@ -181,8 +195,7 @@ def _positive_length(body: Observed, ends: np.ndarray, p_hat: np.ndarray) -> flo
 
 def _positive_area(corners: np.ndarray, p_hat: np.ndarray) -> float:
     """Area of the parts of triangles where the linear p_hat is positive."""
-    edges = corners[..., 1:, :] - corners[..., :1, :]
-    area = 0.5 * np.abs(edges[..., 0, 0] * edges[..., 1, 1] - edges[..., 0, 1] * edges[..., 1, 0])
+    area = np.abs(_signed_area(corners))
     a, b, c = np.moveaxis(np.sort(p_hat, axis=-1), -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         tip = c * c / ((c - a) * (c - b))  # one corner in contact
