@@ -32,7 +32,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "current_gap": {
         "body": CYLINDER,
         "contact": {"method": "auto", "gap": "current"},
-        "mesh": {"h_contact": 0.02, "order": 1},
+        "mesh": {"h_contact": 0.03},
         "loading": {"delta": 0.01, "steps": 2},
     },
     "newton": {
@@ -82,9 +82,9 @@ SCENES |= EVERY_METHOD
 PROGRAM = f"""
 import json, sys
 from mpi4py import MPI
-from indent_sim.config import from_mapping
-from indent_sim.run import states
-from indent_sim.scene import resolve
+from indent_sim.config.file import from_mapping
+from indent_sim.run.chain import states
+from indent_sim.scene.scene import resolve
 
 comm = MPI.COMM_WORLD
 result = {{}}
@@ -192,14 +192,14 @@ def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path)
 # Rank 0 is stopped while it writes the second row: the others wait for it there
 STOPPED_IN_A_ROW = """
 import os, signal, sys
-from indent_sim.results import ResultFolder
+from indent_sim.results.writer import ResultFolder
 append = ResultFolder.append
 def stop(folder, state):
     append(folder, state)
     if state.step == 2:
         os.kill(os.getpid(), signal.SIGTERM)
 ResultFolder.append = stop
-from indent_sim.cli import main
+from indent_sim.cli.commands import main
 main()
 """
 
