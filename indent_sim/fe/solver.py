@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -10,17 +11,23 @@ from indent_sim.fe.body import Body
 from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
 from indent_sim.fe.kernels import compiling, watch_the_cache
-from indent_sim.fe.mesh import BodyMesh, distribute
+from indent_sim.fe.mesh import BodyMesh
+from indent_sim.fe.mesh import distribute as spread
 from indent_sim.fe.observe.fields import Fields
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.walk import Walk
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.equilibrium import BodyEquilibrium
+from indent_sim.mesh.grid import Grid
 from indent_sim.scene.scene import Scene
 
 __all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions", "walk"]
 
-watch_the_cache()
+
+def distribute(grid: Grid | None, scene: Scene, comm: Any) -> BodyMesh:
+    """The grid of rank 0 over all ranks (collective), as `mesh.distribute`; everything that compiles comes after."""
+    watch_the_cache()
+    return spread(grid, scene, comm)
 
 
 def equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
