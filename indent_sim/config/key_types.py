@@ -25,17 +25,10 @@ class TaggedBy:
         return core_schema.tagged_union_schema(choices, discriminator=self.tag)
 
 
-@dataclass(frozen=True)
-class Remedy:
-    """Marks a value with what to do in place of one that is refused, for its error message."""
-
-    words: str
-
-
 def remedy_of(hint: Any) -> str:
-    """The remedy that a type is marked with, "" for none."""
+    """What the message of a refused value says to do: the words that its type is marked with, "" for none."""
     marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
-    return next((mark.words for mark in marks if isinstance(mark, Remedy)), "")
+    return next((mark for mark in marks if isinstance(mark, str)), "")
 
 
 def field_names(kind: Any) -> tuple[str, ...]:

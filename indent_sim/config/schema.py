@@ -17,7 +17,7 @@ from annotated_types import Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
-from indent_sim.config.key_types import Remedy, TaggedBy, chosen, core, default_of, field_names, hints, members, tag_of
+from indent_sim.config.key_types import TaggedBy, chosen, core, default_of, field_names, hints, members, tag_of
 from indent_sim.config.strict_yaml import Path
 from indent_sim.model.body import AnyBody, HalfSpace, Strip
 from indent_sim.model.contact import AutoContact, Contact
@@ -56,7 +56,7 @@ class MeshSettings:
     h_corner: Length | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
-    order: Annotated[Literal[2], Remedy(NO_LINEAR)] = 2
+    order: Annotated[Literal[2], NO_LINEAR] = 2
     symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
 
 

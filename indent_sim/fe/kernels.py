@@ -32,8 +32,7 @@ logger = logging.getLogger("indent_sim")
 FAILED = "Failed just-in-time compilation"  # so dolfinx tells the other ranks
 OWN = {"get_cached_module": ("module_name", "object_names", "cache_dir", "timeout"),
        "_compile_objects": ("decl", "ufl_objects", "object_names", "module_name")}  # of FFCx: parameters  # fmt: skip
-OTHERWISE = ("this version of FFCx keeps its kernels in another way than is known here: processes that need the same "
-             "ones for the first time may have to be started again")  # fmt: skip
+OTHERWISE = "FFCx keeps kernels in another way than is known here: runs that compile at once may have to be repeated"
 _found: Callable[..., Any]
 _compiled: Callable[..., Any]
 _told: set[str] = set()

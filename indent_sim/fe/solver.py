@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-from typing import Any
 
 from petsc4py import PETSc
 
@@ -11,27 +10,20 @@ from indent_sim.fe.body import Body
 from indent_sim.fe.compat import versions
 from indent_sim.fe.condensed.equilibrium import CondensedEquilibrium
 from indent_sim.fe.kernels import compiling, watch_the_cache
-from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.mesh import distribute as spread
+from indent_sim.fe.mesh import BodyMesh, distribute
 from indent_sim.fe.observe.fields import Fields
 from indent_sim.fe.path.equilibrium import Equilibrium
 from indent_sim.fe.path.walk import Walk
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.equilibrium import BodyEquilibrium
-from indent_sim.mesh.grid import Grid
 from indent_sim.scene.scene import Scene
 
 __all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions", "walk"]
 
 
-def distribute(grid: Grid | None, scene: Scene, comm: Any) -> BodyMesh:
-    """The grid of rank 0 over all ranks (collective), as `mesh.distribute`; everything that compiles comes after."""
-    watch_the_cache()
-    return spread(grid, scene, comm)
-
-
 def equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """The body of a scene on its mesh, whole or condensed, by the scene's solver."""
+    watch_the_cache()
     solver = dict(scene.solver)
     with compiling():
         if solver.pop("method") == "condensed":

@@ -124,10 +124,8 @@ def field_files(fields: Path) -> list[Path]:
 
 
 def _discard_fields(fields: Path) -> None:
-    """Delete this program's files in a folder of fields, and the folder when nothing else is in it."""
-    if fields.is_symlink():
-        fields.unlink()
-    for path in field_files(fields):
+    """Delete this program's files in a folder of fields, and the folder when nothing else is in it; a link alone."""
+    for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
         if path.is_symlink() or path.is_file():
             path.unlink()
     with suppress(OSError):

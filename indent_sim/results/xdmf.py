@@ -71,7 +71,7 @@ class FieldWriter:
         values = {"displacement": in_space(displacement), "stress": stress, "pressure": pressure}
         arrays = {name: np.reshape(value, self._shape(name)).astype("<f8") for name, value in values.items()}
         write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
-        state = _Kept(step, delta, self._grid(step, delta))
+        state = self._state(step, delta)
         if self._all:
             append_whole(self.directory / XDMF, state.text.encode(), sync=False, tail=TAIL.encode())
             return
@@ -97,15 +97,10 @@ class FieldWriter:
             if not (np.array_equal(mesh["points"], self._points) and np.array_equal(mesh["cells"], self._cells)):
                 return None
             grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
-            kept = [_Kept(int(grid["step"]), float(grid["delta"]), grid[0]) for grid in grids]
-            kept = [self._again(state) for state in kept if state.step <= done]
+            kept = [self._state(int(grid["step"]), float(grid["delta"])) for grid in grids if int(grid["step"]) <= done]
             return kept if all(self._is_whole(state.step) for state in kept) else None
         except Exception:  # HDF5 has an error for every way of being damaged
             return None
-
-    def _again(self, state: _Kept) -> _Kept:
-        """A state as it is written here, whatever else its text says."""
-        return _Kept(state.step, state.delta, self._grid(state.step, state.delta))
 
     def _is_whole(self, step: int) -> bool:
         arrays = _arrays(self._fields / _file(step))
@@ -115,16 +110,15 @@ class FieldWriter:
         center, _, components = ARRAYS[name]
         return (self._counts[center], *components)
 
-    def _grid(self, step: int, delta: float) -> str:
+    def _state(self, step: int, delta: float) -> _Kept:
         attributes = "".join(
             f'<Attribute Name="{name}" Center="{center}" AttributeType="{kind}">'
             f"{_item(_file(step), name, self._shape(name))}</Attribute>\n"
             for name, (center, kind, _) in ARRAYS.items()
         )
-        return (
-            f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
-            f'<Information Name="delta" Value="{delta:.17g}"/>\n{self._mesh()}{attributes}</Grid>\n'
-        )
+        head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
+        depth = f'<Information Name="delta" Value="{delta:.17g}"/>\n'
+        return _Kept(step, delta, f"{head}{depth}{self._mesh()}{attributes}</Grid>\n")
 
     def _mesh(self) -> str:
         cells, corners = self._cells.shape
