@@ -25,6 +25,12 @@ class TaggedBy:
         return core_schema.tagged_union_schema(choices, discriminator=self.tag)
 
 
+def remedy_of(hint: Any) -> str:
+    """What the message of a refused value says to do: the words that its type is marked with, "" for none."""
+    marks = hint.__metadata__ if get_origin(hint) is Annotated else ()
+    return next((mark for mark in marks if isinstance(mark, str)), "")
+
+
 def field_names(kind: Any) -> tuple[str, ...]:
     """The fields of a dataclass or pydantic model in order."""
     if dataclasses.is_dataclass(kind):

@@ -151,7 +151,7 @@ def _wrong_value(spot: schema.Spot) -> ConfigError:
         allowed = allowed.removeprefix("a number ")
     if type(value) is int:
         allowed = allowed.removeprefix("a whole number ")
-    remedy = _did_you_mean(value, key_types.words_of(hint))
+    remedy = _did_you_mean(value, key_types.words_of(hint)) or key_types.remedy_of(hint)
     return ConfigError(key_text(path), f"must be {allowed}, got {shown(value)}", remedy)
 
 

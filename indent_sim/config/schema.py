@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
@@ -32,6 +32,7 @@ LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the name
 # Every row's contact force must equal the reactions to 1e-8 (simulation.py). A looser residual would save an iteration,
 # and leave a row that fails that audit or an error of the force that nobody could state.
 LOOSEST = 1e-9
+NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
@@ -47,7 +48,7 @@ class Units:
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """Element sizes [length], order and the part of the body that is modelled."""
+    """Element sizes [length] and the part of the body that is modelled."""
 
     h_contact: Length | Auto = "auto"
     h_axis: Length | None = None
@@ -55,7 +56,7 @@ class MeshSettings:
     h_corner: Length | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
-    order: Annotated[int, Ge(1), Le(2)] = 2
+    order: Annotated[Literal[2], NO_LINEAR] = 2
     symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
 
 

@@ -18,19 +18,22 @@ from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
 from indent_sim.scene.scene import Scene
 
+ORDER = 2  # of the displacement
+DEGREE = 2 * ORDER  # of the quadrature of the volume and of the wall
+
 
 class Unknowns:
     """Space, solution and dof numbering; `fields` maps the name of each unknown to its UFL expression.
 
-    u has the displacement's order, q (mixed formulation) one less, lam (on the whole body, but constrained to zero
+    u has ORDER, q (mixed formulation) one less, lam (on the whole body, but constrained to zero
     off the contact surface) the order given by `multiplier`, 0 for none.
     """
 
-    def __init__(self, mesh: Any, order: int, *, body_pressure: bool, multiplier: int):
+    def __init__(self, mesh: Any, *, body_pressure: bool, multiplier: int):
         dim = mesh.geometry.dim
-        elements = {"u": compat.lagrange(dim, order, dim)}
+        elements = {"u": compat.lagrange(dim, ORDER, dim)}
         if body_pressure:
-            elements["q"] = compat.lagrange(dim, 1)
+            elements["q"] = compat.lagrange(dim, ORDER - 1)
         if multiplier:
             elements["lam"] = compat.lagrange(dim, multiplier)
         self.names = tuple(elements)
@@ -115,7 +118,7 @@ class Body:
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
         mixed = scene.formulation == "mixed"
-        self.unknowns = Unknowns(self.mesh, scene.sizes.order, body_pressure=mixed, multiplier=multiplier)
+        self.unknowns = Unknowns(self.mesh, body_pressure=mixed, multiplier=multiplier)
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.kinematics.weight(self.X)
@@ -131,14 +134,9 @@ class Body:
         order = np.argsort(facets)
         self._facet_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets[order], tags[order])
 
-    @property
-    def degree(self) -> int:
-        """Quadrature degree of the volume and of the wall."""
-        return 2 * self.scene.sizes.order
-
     def over_volume(self, density: Any) -> Any:
         """The integral of a density over the body, as a UFL form."""
-        return density * self.weight * ufl.dx(metadata={"quadrature_degree": self.degree})
+        return density * self.weight * ufl.dx(metadata={"quadrature_degree": DEGREE})
 
     def over_contact(self, integrand: Any) -> Any:
         """The integral of an expression over the contact surface, as a UFL form."""
@@ -146,7 +144,7 @@ class Body:
 
     def over_wall(self, integrand: Any) -> Any:
         """The integral of an expression over the curved wall of a cylinder in three dimensions, as a UFL form."""
-        return integrand * self._surface(WALL, self.degree)
+        return integrand * self._surface(WALL, DEGREE)
 
     def _surface(self, tag: int, degree: int) -> Any:
         metadata = {"quadrature_degree": degree}
@@ -157,7 +155,7 @@ class Body:
         nodes = facet_nodes(self.mesh, space, self.body_mesh.surfaces["top"])
         coordinates = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim]
         dofs = self.unknowns.displacement_places(nodes)
-        return Trace(nodes, coordinates[nodes], dofs, self.scene.sizes.order)
+        return Trace(nodes, coordinates[nodes], dofs)
 
     # ---- what is held ------------------------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import atexit
 import fcntl
+import inspect
 import logging
 import os
 import struct
@@ -29,16 +30,34 @@ STALE = 30.0  # s without a change in an unfinished entry that nobody has locked
 PAUSE = 0.1  # s between two looks at an entry that is waited for
 logger = logging.getLogger("indent_sim")
 FAILED = "Failed just-in-time compilation"  # so dolfinx tells the other ranks
-_found: Callable[..., Any] = jit.get_cached_module
-_compiled: Callable[..., Any] = jit._compile_objects
+OWN = {"get_cached_module": ("module_name", "object_names", "cache_dir", "timeout"),
+       "_compile_objects": ("decl", "ufl_objects", "object_names", "module_name")}  # of FFCx: parameters  # fmt: skip
+OTHERWISE = "FFCx keeps kernels in another way than is known here: runs that compile at once may have to be repeated"
+_found: Callable[..., Any]
+_compiled: Callable[..., Any]
 _told: set[str] = set()
 _claimed: dict[Path, int | None] = {}  # entries this process has begun, and their locks
 
 
-def watch_the_cache() -> None:
-    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more often at will."""
-    jit.get_cached_module = lookup
-    jit._compile_objects = compile_kernels
+def watch_the_cache() -> bool:
+    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more often at will.
+
+    Both take the place of functions that FFCx does not promise to keep: where one is missing, or has other parameters,
+    that is said and everything is left to FFCx (False).
+    """
+    global _found, _compiled
+    if getattr(jit, "get_cached_module", None) is lookup:
+        return True
+    if not all(_takes(getattr(jit, name, None), parameters) for name, parameters in OWN.items()):
+        _tell(OTHERWISE)
+        return False
+    _found, _compiled = (getattr(jit, name) for name in OWN)
+    jit.get_cached_module, jit._compile_objects = lookup, compile_kernels
+    return True
+
+
+def _takes(function: Any, parameters: tuple[str, ...]) -> bool:
+    return callable(function) and tuple(inspect.signature(function).parameters)[: len(parameters)] == parameters
 
 
 @contextmanager

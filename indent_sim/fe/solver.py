@@ -20,11 +20,10 @@ from indent_sim.scene.scene import Scene
 
 __all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions", "walk"]
 
-watch_the_cache()
-
 
 def equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """The body of a scene on its mesh, whole or condensed, by the scene's solver."""
+    watch_the_cache()
     solver = dict(scene.solver)
     with compiling():
         if solver.pop("method") == "condensed":

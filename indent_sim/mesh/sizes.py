@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ENOUGH = {2: 3.0, 1: 10.0}  # elements per contact radius below which results are doubtful, by order
+ENOUGH = 3.0  # elements per contact radius below which results are doubtful
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Element sizes [length] and order.
+    """Element sizes [length].
 
     h_contact inside `patch` of the tip's axis, growing by `grading` per unit distance outside it up to h_far;
     around a sharp edge at radius `edge` it shrinks to h_edge, around `corners` (r, depth) to h_corner. Where h_axis is
@@ -22,7 +22,6 @@ class Sizes:
     h_contact: float
     h_far: float
     patch: float
-    order: int = 2
     grading: float = 0.2
     edge: float | None = None
     h_edge: float | None = None
@@ -74,8 +73,7 @@ class Sizes:
 
     def is_enough(self, a: float) -> bool:
         """Whether a contact of radius a is resolved; a punch's is known before, and its edge refined."""
-        return self.edge is not None or self.elements(a) >= ENOUGH[self.order]
-
+        return self.edge is not None or self.elements(a) >= ENOUGH
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ SCENE = (
     Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
     Symbol("contact", "", "how contact is enforced", WORD),
     Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
-    Symbol("mesh", "", "element sizes, order, and how much of the body is modelled", WORD),
+    Symbol("mesh", "", "element sizes, and how much of the body is modelled", WORD),
     Symbol(
         "accuracy",
         "",
@@ -153,7 +153,7 @@ MESH = (
     ),
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
-    Symbol("order", "", "polynomial order of the displacement", "1"),
+    Symbol("order", "", "polynomial order of the displacement; linear elements (1) are gone", "1"),
     Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),
 )
 

@@ -14,9 +14,10 @@ import errno
 import fcntl
 import json
 import os
+import re
 import shutil
 import stat
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,10 @@ PROGRAM = "indent-sim"
 LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
 REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
-FILES = {REPORT, TABLE, CONFIG, "surface.csv", "fields.xdmf", "fields.h5", "force_indentation.png", "checkpoint.h5"}
+FILES = {REPORT, TABLE, CONFIG, "surface.csv", "fields.xdmf", "force_indentation.png", "checkpoint.h5",
+         "fields.h5"}  # the last one of version 0.1.0  # fmt: skip
+FIELDS = "fields"  # a folder inside, and what in it is ours, finished or not
+FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
 MARK = b"indent-sim\n"  # how a lock begins that this program made
 MOST_BYTES = 10**9  # of a file that is read back
 BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
@@ -55,15 +59,16 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.new")
 
 
-def append_whole(path: Path, data: bytes, sync: bool = True) -> None:
-    """Append in one write, or not at all: what a full disk cut off is taken back."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+def append_whole(path: Path, data: bytes, sync: bool = True, tail: bytes = b"") -> None:
+    """Append in one write, or not at all: what a full disk cut off is taken back. The file ends in `tail`, still."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     try:
         size = os.fstat(descriptor).st_size
         try:
-            if os.write(descriptor, data) != len(data):
+            if os.pwrite(descriptor, data + tail, size - len(tail)) != len(data + tail):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         except OSError:
+            os.pwrite(descriptor, tail, size - len(tail))
             os.ftruncate(descriptor, size)
             raise
         if sync:
@@ -102,6 +107,7 @@ def discard(folder: Path) -> None:
     for name in (".staging", ".old"):
         if is_ours(folder / name):
             discard(folder / name)
+    _discard_fields(folder / FIELDS)
     names = sorted(FILES, key=lambda name: name == REPORT)
     for path in [folder / name for name in names] + [_temporary(folder / name) for name in names] + [folder / LOCK]:
         if path.is_symlink() or path.is_file():
@@ -110,9 +116,28 @@ def discard(folder: Path) -> None:
         folder.rmdir()
 
 
+def field_files(fields: Path) -> list[Path]:
+    """This program's files in a folder of fields, none where that is a link or no folder."""
+    if fields.is_symlink() or not fields.is_dir():
+        return []
+    return [path for path in fields.iterdir() if FIELD_FILE.fullmatch(path.name)]
+
+
+def _discard_fields(fields: Path) -> None:
+    """Delete this program's files in a folder of fields, and the folder when nothing else is in it; a link alone."""
+    for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
+        if path.is_symlink() or path.is_file():
+            path.unlink()
+    with suppress(OSError):
+        fields.rmdir()
+
+
 def refuse_links(folder: Path) -> None:
     """UsageError when one of the files that a run would go on writing is a link, or no file: it may be anything."""
-    for path in [folder / name for name in sorted(FILES | {LOCK})]:
+    fields = folder / FIELDS
+    if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
+        raise UsageError(f"{fields} is a link, or no folder: nothing is written through it")
+    for path in [*(folder / name for name in sorted(FILES | {LOCK})), *field_files(fields)]:
         with suppress(FileNotFoundError):
             found = path.lstat()
             if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
@@ -169,6 +194,9 @@ class Claim:
             _mark(descriptor)
             for name in FILES:  # of a write that was killed
                 _temporary(self.target / name).unlink(missing_ok=True)
+            for path in field_files(self.target / FIELDS):
+                if path.name.startswith("."):
+                    path.unlink()
         except OSError as error:
             raise UsageError(f"cannot write {self.target}: {error.strerror or error}") from error
         staging, held = self.path, self._lock
@@ -276,6 +304,9 @@ class Claim:
             if not (self._old / REPORT).exists():  # the target was empty before
                 for name in FILES:
                     (self.target / name).unlink(missing_ok=True)
+                _discard_fields(self.target / FIELDS)
+            if (self._old / FIELDS).is_dir():
+                _discard_fields(self.target / FIELDS)
             for entry in self._old.iterdir():
                 if entry.name != LOCK:
                     os.replace(entry, self.target / entry.name)
@@ -301,10 +332,18 @@ class Claim:
     def _delete_old(self) -> None:
         if not self._old.is_dir():
             return
-        for entry in self._old.iterdir():
-            if entry.name not in FILES | HIDDEN and not os.path.lexists(self.target / entry.name):
-                shutil.move(entry, self.target / entry.name)
+        _discard_fields(self._old / FIELDS)  # what is left of it is not ours
+        _move_new(self._old, self.target, FILES | HIDDEN)
+        if (self._old / FIELDS).is_dir():
+            _move_new(self._old / FIELDS, self.target / FIELDS, ())
         discard(self._old)
+
+
+def _move_new(source: Path, target: Path, apart_from: Collection[str]) -> None:
+    """Move the entries of a folder into another that has none of their names."""
+    for entry in source.iterdir():
+        if entry.name not in apart_from and not os.path.lexists(target / entry.name):
+            shutil.move(entry, target / entry.name)
 
 
 def _real(target: Path) -> Path:

@@ -119,13 +119,13 @@ class ResultFolder:
             if sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, points: np.ndarray, cells: np.ndarray, *, keep: Keep, steps: int) -> None:
-        """Prepare fields.xdmf and fields.h5 for `steps` states of this mesh (see `xdmf.FieldWriter`)."""
+    def open_fields(self, points: np.ndarray, cells: np.ndarray, *, keep: Keep) -> None:
+        """Prepare fields.xdmf and fields/ for states of this mesh (see `xdmf.FieldWriter`)."""
         if keep == "none":
             return
         with uninterrupted(), self._writing():
-            slots = steps if keep == "all" else None
-            self._fields = FieldWriter(self.path, points, cells, slots, self.rows if self.earlier else None)
+            done = self.rows if self.earlier else None
+            self._fields = FieldWriter(self.path, points, cells, keep_all=keep == "all", done=done)
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]
@@ -145,11 +145,6 @@ class ResultFolder:
     def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
         """The last equilibria of the run that is continued; an empty one when they are of no use."""
         return checkpoint.read(self.path / CHECKPOINT, identity)
-
-    def save_report(self) -> None:
-        """Write run.json as `report` stands."""
-        with uninterrupted(), self._writing():
-            self._save_report()
 
     def finish(self, status: str, exit_code: int, reason: str = "") -> None:
         """Say how the run ended; the first word counts."""
@@ -173,8 +168,6 @@ class ResultFolder:
                     if not self._claim.published:
                         self._publish()
             finally:
-                if self._fields is not None:
-                    self._fields.close()
                 self._claim.release()
 
     def _leaves_nothing(self) -> bool:

@@ -105,7 +105,7 @@ def _finer(
     if attempts >= ATTEMPTS:
         return None, f"{attempts} attempts were not enough"
     room = (allowed - worst.truncation) / (worst.total - worst.truncation)
-    factor = min(max(AIM * room ** (-1 / RATE[fineness.order]), LEAST), GREATEST)
+    factor = min(max(AIM * room ** (-1 / RATE), LEAST), GREATEST)
     if fineness.n * factor > MOST:
         return None, f"more than {MOST:g} elements in the contact radius would be needed"
     try:

@@ -101,9 +101,9 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     height = scene.extent[-1][1] - scene.extent[-1][0]
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
-    edge = sizes.h_edge and min(ratio ** RATE[sizes.order] * sizes.h_edge, fine)
-    corner = sizes.h_corner and min(ratio ** (RATE[sizes.order] / POWER) * sizes.h_corner, fine)
-    growth = ratio ** EASING[sizes.order]
+    edge = sizes.h_edge and min(ratio**RATE * sizes.h_edge, fine)
+    corner = sizes.h_corner and min(ratio ** (RATE / POWER) * sizes.h_corner, fine)
+    growth = ratio**EASING
     larger = replace(
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
         patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
@@ -240,7 +240,7 @@ class ErrorBars:
     def _error(self, a: float, ratio: float = 1.0) -> float:
         """The error of a force with the contact radius a on a mesh of sizes larger by a ratio, up to a factor."""
         n, slow = self._elements(a, self._uncornered) / ratio, self._slow_rate(a)
-        return n**-slow if slow and n > 0 else fading(n, self._sizes.order)
+        return n**-slow if slow and n > 0 else fading(n)
 
     def _slow_rate(self, a: float) -> float | None:
         """The rate at which the force converges where not the elements in the contact radius rule it; None: they do."""

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from indent_sim.model.state import State
 from indent_sim.process.ranks import on_root
+from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.reader import Earlier
-from indent_sim.results.writer import ResultFolder
+from indent_sim.results.writer import Keep, ResultFolder
+
+T = TypeVar("T")
 
 
 class Record:
@@ -36,9 +41,29 @@ class Record:
         self._folder.__exit__(*error)
         self.report = dict(self._folder.report)
 
-    def __call__(self, method: str, *args: Any, **options: Any) -> Any:
-        """Call a method of the folder on rank 0; what it returns stays there."""
-        return on_root(self.comm, lambda: getattr(self._folder, method)(*args, **options))
+    def open_fields(self, points: Any, cells: Any, keep: Keep) -> None:
+        """Prepare the field files, from the mesh that rank 0 has."""
+        self._on_root(ResultFolder.open_fields, points, cells, keep=keep)
+
+    def write_fields(self, state: State, displacement: Any, stress: Any, pressure: Any) -> None:
+        """Write the fields of a state, which rank 0 has; call before its `append`."""
+        self._on_root(ResultFolder.write_fields, state, displacement, stress, pressure)
+
+    def append(self, state: State) -> None:
+        """Add the row of a converged state."""
+        self._on_root(ResultFolder.append, state)
+
+    def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
+        """Keep the last equilibria for `--resume`."""
+        self._on_root(ResultFolder.save_checkpoint, saved, identity)
+
+    def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
+        """The last equilibria of the run that is continued; an empty checkpoint on several ranks, whose numbering of
+        the unknowns is another."""
+        return (self.comm.size == 1 and self._on_root(ResultFolder.read_checkpoint, identity)) or Checkpoint()
+
+    def _on_root(self, act: Callable[..., T], *args: Any, **options: Any) -> T | None:
+        return on_root(self.comm, lambda: act(self._folder, *args, **options))
 
     def note(self, **entries: Any) -> None:
         """Add entries to run.json."""

@@ -75,15 +75,14 @@ class Simulation:
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
             points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
-            steps = len(scene.deltas) if self.output.fields == "all" else 1
-            record("open_fields", points, cells, keep=self.output.fields, steps=steps)
+            record.open_fields(points, cells, self.output.fields)
 
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
-        done, comm = len(self.states), self.record.comm
+        done = len(self.states)
         if done in (0, len(self.scene.deltas)):
             return
-        saved = self.record("read_checkpoint", self._identity) if comm.size == 1 else Checkpoint()
+        saved = self.record.read_checkpoint(self._identity)
         with self.clock.stage("resume"):
             if not self._walk.resume(saved.points, self._depths()[saved.step :]):
                 depth = f"delta = {self.states[-1].delta:.6g}"
@@ -101,7 +100,7 @@ class Simulation:
         if not self.states or not (now or began >= self._next_checkpoint):
             return
         if points := self._walk.points:
-            self.record("save_checkpoint", Checkpoint(len(self.states), points), self._identity)
+            self.record.save_checkpoint(Checkpoint(len(self.states), points), self._identity)
             ended = time.monotonic()
             self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
 
@@ -159,7 +158,7 @@ class Simulation:
         with self.clock.stage("write"):
             if self.output.fields == "all" or state.step in self._kept_steps:
                 self._write_fields(state)
-            self.record("append", state)
+            self.record.append(state)
             self.states.append(state)
             if not last:
                 self._save_checkpoint()
@@ -192,7 +191,7 @@ class Simulation:
         displacement, stress, pressure = self._fields.gather() or (None, None, None)
         if displacement is not None and stress is not None and pressure is not None:
             displacement, stress, pressure = displacement * L, stress * P, pressure * P
-        self.record("write_fields", state, displacement, stress, pressure)
+        self.record.write_fields(state, displacement, stress, pressure)
 
     def _save_last_fields(self) -> None:
         if self.states and self.output.fields == "last":

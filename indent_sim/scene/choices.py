@@ -55,7 +55,7 @@ def model(given: Premises) -> list[Choice]:
     ]
 
 
-def formulation(config: Config, material: Material) -> tuple[str, Choice]:
+def formulation(material: Material) -> tuple[str, Choice]:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     (_, nu), wanted = material.constants, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
@@ -63,8 +63,6 @@ def formulation(config: Config, material: Material) -> tuple[str, Choice]:
         raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
         raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
-    if chosen == "mixed" and config.mesh.order == 1:
-        raise ConfigError("mesh.order", "the mixed formulation needs quadratic displacement", "use order: 2")
     why = "as given" if wanted != "auto" else f"nu = {nu:g} {'>=' if chosen == 'mixed' else '<'} {LOCKING:g}"
     return chosen, Choice("material.formulation", chosen, why)
 
@@ -180,7 +178,6 @@ def mesh(config: Config, given: Premises, sizes: Sizes, fineness: Fineness | Non
         *([Choice("mesh.h_axis", sizes.h_axis * L, "sizes grow from this at the axis to h_contact where the deepest "
                   "contact ends")] if sizes.h_axis else []),
         Choice("mesh.h_far", sizes.h_far * L, far),
-        Choice("mesh.order", sizes.order, "quadratic" if sizes.order == 2 else "linear, as given"),
     ]  # fmt: skip
     if sizes.h_edge is not None:
         choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))

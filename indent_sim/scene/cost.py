@@ -15,7 +15,7 @@ import numpy as np
 from indent_sim.mesh.sizes import Sizes
 
 CELLS = {2: 2.63, 3: 5.8}  # per size^dim
-NODES = {(2, 2): 2.12, (2, 1): 0.55, (3, 2): 1.65, (3, 1): 0.25}  # per cell, by (dim, order)
+NODES = {2: 2.12, 3: 1.65}  # per cell
 VERTICES = {2: 0.55, 3: 0.25}  # per cell
 FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
 CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
@@ -62,7 +62,7 @@ def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[fl
     """Predict what a scene will cost; `is_round`: the extent is that of a cylinder in three dimensions."""
     dim = len(extent)
     cells = _cells(sizes, extent, center, is_round)
-    dofs = cells * (NODES[dim, sizes.order] * dim + (VERTICES[dim] if work.mixed else 0.0))
+    dofs = cells * (NODES[dim] * dim + (VERTICES[dim] if work.mixed else 0.0))
     memory = PROCESS + (6e3 * dofs if dim == 2 else 900.0 * dofs**1.25)
     if work.method == "condensed":
         n = candidates(sizes, extent, center)

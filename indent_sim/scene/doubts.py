@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from indent_sim.mesh.sizes import ENOUGH, Sizes
 from indent_sim.model import stability
 from indent_sim.model.body import Body
@@ -23,8 +21,6 @@ from indent_sim.scene.expected import (
     penalty_loss,
 )
 from indent_sim.scene.sizing import HARDLY
-
-LINEAR = 0.006  # of the force, what linear elements far from the contact cost
 
 
 def in_words(error: float) -> str:
@@ -114,25 +110,20 @@ def _half_space_warning(
 def force_doubt(sizes: Sizes, a: float, nu: float) -> float:
     """The relative error of the force to fear on this mesh with the expected contact radius a; 0 for none.
 
-    Measured on a layer (axisymmetric, all methods, quadratic elements): at most 0.3, 0.9, 2.3, 2.4, 5.5, 15, 20 and
-    117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements: below 7/n^2 %. Linear elements, nu = 0 to 0.3: 0.9,
-    0.6, 0.4 and 0.3 % with n = 10, 16, 40 and 80, twice as much with nu = 0.45. A punch's sharp edge: below a
-    quarter of the size of its elements over its radius (axisymmetric and in three dimensions), 0.65 of it where the
-    body hardly compresses; times `keenness`.
+    Measured on a layer (axisymmetric, all methods): at most 0.3, 0.9, 2.3, 2.4, 5.5, 15, 20 and
+    117 % with n = 3, 2, 1.5, 1, 0.7, 0.5, 0.3 and 0.1 elements: below 7/n^2 %. A punch's sharp edge: below a quarter
+    of the size of its elements over its radius (axisymmetric and in three dimensions), 0.65 of it where the body
+    hardly compresses; times `keenness`.
     """
-    n = sizes.elements(a)
-    linear = (LINEAR + 0.25 / min(n, n**2)) * max(1.0, 0.6 / np.sqrt(1 - 2 * nu)) if sizes.order == 1 else 0.0
     if sizes.edge is not None and sizes.h_edge is not None:
-        blunt = (0.25 if nu < HARDLY else 0.65) * sizes.keenness * sizes.h_edge / sizes.edge
-        return float(max(blunt, LINEAR if linear else 0.0))
-    return float(linear) if linear else 0.0 if sizes.is_enough(a) else 0.07 / n**2
+        return (0.25 if nu < HARDLY else 0.65) * sizes.keenness * sizes.h_edge / sizes.edge
+    return 0.0 if sizes.is_enough(a) else 0.07 / sizes.elements(a) ** 2
 
 
 def resolution_doubts(sizes: Sizes, a: float, nu: float) -> list[str]:
     """What too few elements in the expected contact radius a will do to the results, in words.
 
-    Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: the force is wrong by up to
-    25/n % with linear elements (too high); a by 5 % with quadratic and 11 % with linear elements.
+    Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: a is wrong by up to 5 %.
     """
     likely, doubts = force_doubt(sizes, a, nu), []
     if sizes.corner_error >= TELLING:
@@ -148,12 +139,8 @@ def resolution_doubts(sizes: Sizes, a: float, nu: float) -> list[str]:
             )
         return doubts
     if not sizes.is_enough(a):
-        of_a = {1: 11, 2: 5}[sizes.order]
         doubts.append(
             f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
-            f"{in_words(likely)}, a by up to {of_a} %; give h_contact at most {1 / ENOUGH[sizes.order]:.2g} of the "
-            "contact radius"
+            f"{in_words(likely)}, a by up to 5 %; give h_contact at most {1 / ENOUGH:.2g} of the contact radius"
         )
-    elif sizes.order == 1:
-        doubts.append(f"linear elements: the force may be too high by {in_words(likely)}; order: 2 costs no more")
     return doubts

@@ -14,15 +14,15 @@ from dataclasses import dataclass
 from indent_sim.mesh.sizes import GivenSizes
 
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
-# The error bar of the force is about CONSTANT n^-RATE at the worst step (by (dim, order)), as
+# The error bar of the force is about CONSTANT n^-RATE at the worst step (by dim), as
 # `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene
-CONSTANT = {(2, 2): 0.65, (2, 1): 1.3, (3, 2): 0.33, (3, 1): 1.0}
-RATE = {2: 2.5, 1: 1.7}
+CONSTANT = {2: 0.65, 3: 0.33}
+RATE = 2.5
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
 FEWEST = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: two meshes much coarser say nothing
 MOST = 1000.0
-GROWTH = {(2, 2): 1.0, (2, 1): 0.8, (3, 2): 0.6, (3, 1): 0.7}  # grading times n^EASING
-EASING = {order: rate / (2 * order) for order, rate in RATE.items()}  # growth^(2 order) is its error of the energy
+GROWTH = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
+EASING = RATE / 4  # growth^4 is its error of the energy
 STEEPEST = 0.5
 FAR = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
 CONFINED = 1.6  # times as many elements where a layer that hardly compresses is squeezed: its force scatters more
@@ -46,13 +46,12 @@ class Fineness:
     largest: float
     compliance: float
     dim: int
-    order: int
     stiffness_given: bool = False  # the user's penalty stiffness, whose error no mesh can make smaller
 
     @property
     def error(self) -> float:
         """The relative error bar to expect of the mesh."""
-        return float(CONSTANT[self.dim, self.order] * self.n ** -RATE[self.order])
+        return float(CONSTANT[self.dim] * self.n**-RATE)
 
     @property
     def penalty(self) -> float:
@@ -75,9 +74,9 @@ class Fineness:
         return GivenSizes(
             h_contact=fine,
             h_axis=min(self.smallest / n, fine) if edge is None else None,
-            h_edge=min(edge * EDGE[self.dim] * n ** -RATE[self.order] / keenness, fine) if edge is not None else None,
+            h_edge=min(edge * EDGE[self.dim] * n**-RATE / keenness, fine) if edge is not None else None,
             h_far=max(fine, min(FAR[self.dim] / n * max(height, width), (round_radius or float("inf")) / n)),
-            grading=min(STEEPEST, GROWTH[self.dim, self.order] * n ** -EASING[self.order]),
+            grading=min(STEEPEST, GROWTH[self.dim] * n**-EASING),
         )
 
 
@@ -86,22 +85,22 @@ def target_of(accuracy: float | str | None) -> float | None:
     return PRESETS[accuracy] if isinstance(accuracy, str) else accuracy
 
 
-def fading(n: float, order: int) -> float:
+def fading(n: float) -> float:
     """How the error falls with the elements in the contact radius, up to a factor that is the scene's own."""
-    return float((n**4 + BLUNT**4) ** (-RATE[order] / 4))
+    return float((n**4 + BLUNT**4) ** (-RATE / 4))
 
 
-def elements_for(target: float, dim: int, order: int, confined: bool = False) -> float:
+def elements_for(target: float, dim: int, confined: bool = False) -> float:
     """Elements in the contact radius of every step whose error bar is expected within the target.
 
     confined: a contact as wide as a layer that hardly compresses is thick, or wider.
     """
-    n = (CONFINED if confined else 1.0) * (CONSTANT[dim, order] / target) ** (1 / RATE[order])
+    n = (CONFINED if confined else 1.0) * (CONSTANT[dim] / target) ** (1 / RATE)
     return min(max(n, FEWEST[dim]), MOST)
 
 
 def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[float, float, float]], dim: int,
-                order: int, confined: bool, stiffness_given: bool) -> Fineness:  # fmt: skip
+                confined: bool, stiffness_given: bool) -> Fineness:  # fmt: skip
     """The fineness for a relative target, or with that many elements in the radius.
 
     contacts: (depth, expected contact radius, mean pressure) of the shallowest and the deepest step in contact.
@@ -109,5 +108,5 @@ def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[
     largest = max(a for _, a, _ in contacts)
     smallest = max(min(a for _, a, _ in contacts), SMALLEST[dim] * largest)
     compliance = max(SINKING * pressure / delta for delta, _, pressure in contacts)
-    n = elements or elements_for(target, dim, order, confined)
-    return Fineness(target, n, smallest, largest, compliance, dim, order, stiffness_given)
+    n = elements or elements_for(target, dim, confined)
+    return Fineness(target, n, smallest, largest, compliance, dim, stiffness_given)

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
-PER_RADIUS = {(2, 2): 10.0, (2, 1): 40.0, (3, 2): 5.0, (3, 1): 16.0}  # (dim, order)
-GRADING = {2: 0.2, 1: 0.1}  # growth of the size per unit distance, by order
+PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
+GRADING = 0.2  # growth of the size per unit distance
 PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon encloses 0.3 % less than the circle, which
 # an incompressible body between roller walls feels as much
 PATCH = 1.15  # the fine patch reaches this far beyond the expected contact radius
@@ -33,7 +33,7 @@ SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that sti
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
 
-def choose(a: float, height: float, width: float, dim: int, order: int, given: GivenSizes, *, edge: float | None,
+def choose(a: float, height: float, width: float, dim: int, given: GivenSizes, *, edge: float | None,
            last: float | None = None, round_radius: float | None = None, keenness: float = 1.0) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
@@ -41,16 +41,16 @@ def choose(a: float, height: float, width: float, dim: int, order: int, given: G
     round_radius: of a curved wall, which straight facets follow [length].
     keenness: how much finer than usual a punch's edge must be, in two dimensions; in three it would cost too much.
     """
-    fine = rounded(given.h_contact or min(a / PER_RADIUS[dim, order], height / 4))  # what follows must not know
+    fine = rounded(given.h_contact or min(a / PER_RADIUS[dim], height / 4))  # what follows must not know
     wide = min(max(a / width - 0.5, 0.0), 0.5)  # who chose it. Wide contacts feel the corners at the base
-    coarse = (0.25 - 0.3 * wide) * max(height, width) / (1 if order == 2 else 4)
+    coarse = (0.25 - 0.3 * wide) * max(height, width)
     far = given.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
     patch = PATCH * a + 2 * fine
     ratio = EDGE_RATIO[dim] * (keenness if dim == 2 else 1.0)
     h_edge = rounded(given.h_edge or fine / ratio) if edge is not None else None
     axis = rounded(given.h_axis or (fine if given.h_contact else fine * max((last or a) / a, SMALLEST)))
-    grading = rounded(given.grading or GRADING[order])
-    return Sizes(fine, rounded(far), rounded(patch), order, grading, edge, h_edge,
+    grading = rounded(given.grading or GRADING)
+    return Sizes(fine, rounded(far), rounded(patch), grading, edge, h_edge,
                  h_axis=axis if axis < fine else None, a=rounded(a), keenness=keenness)  # fmt: skip
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
@@ -77,7 +77,7 @@ def fineness(config: Config, given: Premises, per_radius: float | None) -> Finen
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
     gives_way = squeezed and given.material.constants[1] >= INCOMPRESSIBLE
     confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
-    return fineness_of(target, per_radius, contacts, given.dim, config.mesh.order, confined, stiffness_given)
+    return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given)
 
 
 def _is_sharp(tip: Indenter) -> bool:
@@ -115,7 +115,7 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) ->
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
-    plain = choose(a, height, width, given.dim, mesh.order, settled, edge=edge, last=last, round_radius=bend,
+    plain = choose(a, height, width, given.dim, settled, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
     found = _at_corners(plain, given, settled, wanted)
     if edge is not None and isinstance(given.body, Box):

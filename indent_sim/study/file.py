@@ -148,14 +148,14 @@ class _Reader:
         """The grids of `vary`: one, or a list of them that follow one another."""
         vary = self.document.get("vary")
         if not vary:
-            raise self.error(("vary",), "says nothing to vary", "give keys and their values, e.g. mesh.order: [1, 2]")
+            raise self.error(("vary",), "says nothing to vary", "give keys and values, e.g. material.nu: [0.2, 0.3]")
         listed = isinstance(vary, list)
         parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
         blocks = []
         for index, part in parts:
             keys: Keys = ("vary", index) if listed else ("vary",)
             if not isinstance(part, dict) or not set(part) - {"zip"}:
-                raise self.error(keys, "must be keys and their values, e.g. mesh.order: [1, 2]")
+                raise self.error(keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]")
             varied = [key for key in part if key != "zip"]
             for key in varied:
                 self.check_key((*keys, key), key)
@@ -176,7 +176,7 @@ class _Reader:
 
     def check_key(self, keys: Keys, key: str) -> None:
         if not key or key != key_text(key_path(key)):
-            raise self.error(keys, "is no key", "write it with dots, e.g. mesh.order")
+            raise self.error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in UNVARIED:
             raise self.error(keys, "does not change the physics", f"a study has one {key.split('.')[0]} of its own")
 

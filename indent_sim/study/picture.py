@@ -54,12 +54,8 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
-        for linear in (False, True):
-            mine = [row for row in rows if (row.get("mesh.order") == 1) == linear]
-            look = _mark(i) | (_hollow(i) if linear else {"label": canvas.in_picture(name) or "runs"})
-            axes.plot([row["cpu_s"] for row in mine], [_error(row) for row in mine], ls="", **look)
-    if any(row.get("mesh.order") == 1 for rows in groups.values() for row in rows):
-        axes.plot([], [], ls="", **_mark(0) | _hollow(MOST_COLOURS - 1), label="hollow: order 1")
+        look = _mark(i) | {"label": canvas.in_picture(name) or "runs"}
+        axes.plot([row["cpu_s"] for row in rows], [_error(row) for row in rows], ls="", **look)
     _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
 
 
@@ -176,8 +172,6 @@ def _mark(i: int) -> dict[str, Any]:
     return {"color": colour, "marker": canvas.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
 
 
-def _hollow(i: int) -> dict[str, Any]:
-    return {"mfc": "white", "mec": canvas.COLOURS[i % MOST_COLOURS], "mew": 1.4}
 
 
 def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:

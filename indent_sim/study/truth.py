@@ -173,10 +173,9 @@ def _is_exact(case: Case) -> bool:
 
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
-    """Sorts cases from coarse to fine: linear elements before quadratic ones, however many they are, and among equal
-    meshes one whose enforcement costs no accuracy last."""
+    """Sorts cases from coarse to fine, and among equal meshes one whose enforcement costs no accuracy last."""
     sizes, exact = case.scene.sizes, case.scene.contact.method == "augmented_lagrangian"
-    return sizes.order, done[case.id].report.get("dofs", 0), -sizes.h_contact, exact, -case.index
+    return done[case.id].report.get("dofs", 0), -sizes.h_contact, exact, -case.index
 
 
 def _error(where: Place, problem: str, remedy: str = "") -> ConfigError:

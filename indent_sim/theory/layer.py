@@ -51,15 +51,6 @@ def curve(
     return march(_Layer(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
 
 
-def wall_error(tip: Tip, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
-    """Relative force error F(wall)/F(infinite layer) - 1 made by a frictionless wall at radius `wall` [L].
-
-    Positive: the wall is too stiff. Arguments and errors as `indent`.
-    """
-    walled = indent(tip, delta, E=E, nu=nu, h=h, base=base, wall=wall)
-    return walled.force / indent(tip, delta, E=E, nu=nu, h=h, base=base).force - 1.0
-
-
 @dataclass(frozen=True)
 class _Linear:
     """The two linear solutions at one contact radius, phi = delta one - shape, in units of h and E*/pi.

@@ -99,15 +99,6 @@ def curve(
     return march(_Strip(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
 
 
-def wall_error(tip: Profile, delta: float, *, E: float, nu: float, h: float, wall: float, base: str = "fixed") -> float:
-    """Relative force error F(wall)/F(infinite strip) - 1 of frictionless walls at +-wall [L].
-
-    Positive: too stiff. Arguments and errors as `indent`.
-    """
-    walled = indent(tip, delta, E=E, nu=nu, h=h, base=base, wall=wall)
-    return walled.force / indent(tip, delta, E=E, nu=nu, h=h, base=base).force - 1.0
-
-
 @dataclass(frozen=True)
 class _Linear:
     """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit pi E*/2.

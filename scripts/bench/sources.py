@@ -30,7 +30,6 @@ class Source:
 SOURCES = (
     Source("near mesh", "mesh", lambda row: plain(row) and row["mesh.h_far"] == 0.05, WORST, ("mesh.h_contact",)),
     Source("far mesh", "mesh", lambda row: plain(row) and row["mesh.h_contact"] == 0.0025, WORST, ("mesh.h_far",)),
-    Source("linear elements", "mesh", lambda row: row["mesh.order"] == 1, WORST, ("mesh.h_contact", "mesh.h_far")),
     Source("enforcement: penalty", "mesh", lambda row: row["contact.method"] == "penalty", WORST, ("stiffness",)),
     Source("load step, linear", "mesh", lambda row: bool(row["loading.steps"]), LAST, ("loading.steps",)),
     Source("truncated half-space", "truncation", lambda row: True, LAST, ("body.radius", "body.height")),
@@ -43,7 +42,7 @@ SOURCES = (
 
 def plain(row: Row) -> bool:
     """Whether nothing but the mesh sizes is varied."""
-    return not any(row[key] for key in ("mesh.order", "contact.method", "loading.steps"))
+    return not any(row[key] for key in ("contact.method", "loading.steps"))
 
 
 def sources(rows: dict[str, Sequence[Row]]) -> str:

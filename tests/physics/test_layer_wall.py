@@ -91,8 +91,8 @@ def test_peak_pressure_of_the_automatic_mesh(solved: tuple[Case, State]) -> None
 
 STIFFNESSES = (200.0, 400.0)  # E*/a
 JITTER = (0.93, 1.0, 1.07)
-LINEAR, QUADRATIC = (4, 8, 16, 32), (4, 6, 8, 12, 16)  # elements in the contact radius
-SHARP = {1: (6.0, 1.2), 2: (25.0, 1.5)}  # by order: far over near size, and grading times elements in the radius
+DIVISIONS = (4, 6, 8, 12, 16)  # elements in the contact radius
+FAR, GRADING = 25.0, 1.5  # far over near size, and grading times elements in the radius
 
 
 @dataclass(frozen=True)
@@ -105,20 +105,19 @@ class Convergence:
 
 
 @cache
-def convergence(name: str, order: int, method: str) -> Convergence:
+def convergence(name: str, method: str) -> Convergence:
     """How the relative errors fall with the mesh."""
-    case, divisions = CASES[name], {1: LINEAR, 2: QUADRATIC}[order]
-    pairs = [[_errors(case, order, method, n, jitter) for jitter in JITTER] for n in divisions]
+    case = CASES[name]
+    pairs = [[_errors(case, method, n, jitter) for jitter in JITTER] for n in DIVISIONS]
     errors = np.sqrt(np.mean(np.square(pairs), axis=1))
-    slopes = -np.polyfit(np.log(divisions), np.log(errors), 1)[0]
+    slopes = -np.polyfit(np.log(DIVISIONS), np.log(errors), 1)[0]
     return Convergence(slopes[0], errors[-1, 0], errors[-1, 1])
 
 
-def _errors(case: Case, order: int, method: str, per_radius: int, jitter: float) -> tuple[float, float]:
+def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[float, float]:
     """Relative errors of force and radius on one mesh."""
     h = case.a / per_radius
-    far, grading = SHARP[order]
-    sizes = Sizes(jitter * h, min(0.5, far * h), 1.15 * case.a + 2 * h, order, grading / per_radius)
+    sizes = Sizes(jitter * h, min(0.5, FAR * h), 1.15 * case.a + 2 * h, GRADING / per_radius)
     base = dataclasses.replace(case.scene(f"mesh.h_contact={h}"), sizes=sizes)
     if method == "augmented_lagrangian":
         (state,) = solve(dataclasses.replace(base, contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
@@ -136,21 +135,13 @@ def cases_of(*default: tuple[str, str]) -> pytest.MarkDecorator:
 
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
-def test_force_of_quadratic_elements_converges_faster_than_h2(name: str, method: str) -> None:
+def test_force_converges_faster_than_h2(name: str, method: str) -> None:
     """The force is a derivative of the energy, whose error for a smooth solution is h^4 with P2; the square-root edge
     of the pressure leaves h^2 to h^3, and the rest of the jitter moves the slope by up to 0.5. The finest mesh must
     be ten times better than 0.1 %."""
-    found = convergence(name, 2, method)
+    found = convergence(name, method)
     assert 2.0 <= found.force_rate <= 4.2
     assert found.force_error < 1e-4
-
-
-@cases_of(("paraboloid", "augmented_lagrangian"))
-def test_force_of_linear_elements_converges_as_h2(name: str, method: str) -> None:
-    """The error of the energy is h^2 with P1; 0.2 for the jitter, and the coarsest mesh is short of the asymptote."""
-    found = convergence(name, 1, method)
-    assert 1.7 <= found.force_rate <= 2.2
-    assert found.force_error < 2e-3
 
 
 @cases_of(("paraboloid", "augmented_lagrangian"), ("plane_strain", "augmented_lagrangian"))
@@ -159,8 +150,8 @@ def test_contact_radius_is_known_to_a_fraction_of_an_element(name: str, method: 
     tenth, where gap and multiplier are weighed as in `observe`; a stiff penalty has ripples that hide it."""
     if method == "penalty":
         pytest.skip("ripples of the pressure")
-    found = convergence(name, 2, method)
-    assert found.radius_error < 0.1 / QUADRATIC[-1]
+    found = convergence(name, method)
+    assert found.radius_error < 0.1 / DIVISIONS[-1]
 
 
 def test_force_of_the_flat_punch_converges_as_h() -> None:

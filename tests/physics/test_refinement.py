@@ -60,10 +60,10 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
 
 def test_the_mesh_is_refined_until_the_bars_are_narrow_enough(tmp_path: Path, monkeypatch: Any, caplog: Any) -> None:
     """With a trade that promises too much the first mesh is too coarse; the estimate notices."""
-    monkeypatch.setitem(fineness.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
     caplog.set_level("INFO", logger="indent_sim")
     outcome = simulate(tmp_path / "run", accuracy=0.001)
-    first = fineness.elements_for(0.001, 2, 2)
+    first = fineness.elements_for(0.001, 2)
     assert "refining" in caplog.text and outcome.report["accuracy"]["elements"] > 1.2 * first
     found = read(tmp_path / "run")
     assert np.all(found["force_error"] <= 0.001 * found["force"]) and len(found) == 5
@@ -82,7 +82,7 @@ def test_what_no_mesh_can_mend_ends_with_exit_code_6_and_the_rows(tmp_path: Path
 
 def test_a_machine_that_is_too_small_ends_the_refinement(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr("indent_sim.run.accuracy.ATTEMPTS", 1)
-    monkeypatch.setitem(fineness.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
     with pytest.raises(AccuracyNotReached, match="1 attempts were not enough"):
         simulate(tmp_path / "run", accuracy=0.001)
     assert len(read(tmp_path / "run")) == 5
@@ -121,7 +121,7 @@ def test_a_later_attempt_that_is_resumed_has_the_same_bars(
 ) -> None:
     """Its companions are the attempts before, whatever the process that computed them. Five rows an attempt, three
     attempts; forces agree to 1e-12 or so, hence their differences to 1e-6."""
-    monkeypatch.setitem(fineness.CONSTANT, (2, 2), 0.02)
+    monkeypatch.setitem(fineness.CONSTANT, 2, 0.02)
     monkeypatch.setattr("indent_sim.run.accuracy.GREATEST", 1.3)  # in small steps
     told: list[int] = []
 

@@ -337,7 +337,7 @@ class TestRuns:
             "force_indentation.csv",
             "surface.csv",
             "fields.xdmf",
-            "fields.h5",
+            "fields",
             "config.yaml",
             "run.json",
         }

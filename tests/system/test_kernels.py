@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -146,11 +147,57 @@ def test_another_process_takes_over_from_a_killed_one(tmp_path):
     assert len(compilations(tmp_path)) == 2
 
 
+class TestAnotherFFCx:
+    """Its functions are not promised: what is not known is left as it is, with a word."""
+
+    @pytest.mark.parametrize("other", ["missing", "another"])
+    @pytest.mark.parametrize("name", kernels.OWN)
+    def test_is_left_alone(self, monkeypatch, caplog, name, other):
+        caplog.set_level("INFO", "indent_sim")
+        monkeypatch.setattr(kernels, "_told", set())
+        own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
+        if other == "missing":
+            delattr(own, name)
+        else:
+            setattr(own, name, lambda key, folder: None)
+        before = dict(vars(own))
+        monkeypatch.setattr(kernels, "jit", own)
+        assert not kernels.watch_the_cache() and vars(own) == before
+        assert "another way" in caplog.text
+
+    def test_one_that_is_known_is_watched(self, monkeypatch):
+        own = SimpleNamespace(get_cached_module=a_lookup, _compile_objects=a_compilation)
+        kernels.watch_the_cache()
+        for name in ("_found", "_compiled"):
+            monkeypatch.setattr(kernels, name, getattr(kernels, name))  # as before, afterwards
+        monkeypatch.setattr(kernels, "jit", own)
+        assert kernels.watch_the_cache() and kernels.watch_the_cache()
+        assert (own.get_cached_module, kernels._found) == (kernels.lookup, a_lookup)
+
+    def test_the_one_here_is_known_and_untouched_by_an_import(self):
+        program = """
+from ffcx.codegeneration import jit
+own = jit.get_cached_module
+from indent_sim.fe import kernels, solver
+assert jit.get_cached_module is own and kernels.watch_the_cache() and jit.get_cached_module is kernels.lookup
+"""
+        subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def a_lookup(module_name, object_names, cache_dir, timeout):
+    return None, None
+
+
+def a_compilation(decl, ufl_objects, object_names, module_name, options, cache_dir):
+    return None
+
+
 class TestAnotherProgramsEntry:
     """One without a lock: it is waited for as long as it changes, by the clock of who waits."""
 
     @pytest.fixture(autouse=True)
     def patience(self, tmp_path, monkeypatch, caplog):
+        kernels.watch_the_cache()
         for name in ("_found", "_compiled", "STALE"):
             monkeypatch.setattr(kernels, name, getattr(kernels, name))  # as before, afterwards
         monkeypatch.setattr(kernels, "_told", set())

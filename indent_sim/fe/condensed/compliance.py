@@ -116,7 +116,7 @@ class Condenser:
         parts = self.body.comm.allgather((self._rows, trace.X))
         rows, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
         order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
-        return Trace(rows[order], X[order], rows[order], trace.order)
+        return Trace(rows[order], X[order], rows[order])
 
     def candidates(self, reach: float, center: tuple[float, ...]) -> int:
         """How many nodes the facets have that come within `reach` [length] of the tip's axis."""
@@ -134,7 +134,7 @@ class Condenser:
         if self._last is None or not np.array_equal(places, self._last.places):
             C, support, stray = self._solve(places)
             nodes = nodes.reshape(surface.nodes[near].shape)
-            trace = Trace(nodes, surface.X[near], nodes, surface.order)
+            trace = Trace(nodes, surface.X[near], nodes)
             self._last = Compliance((C + C.T) / 2, trace, surface, places, support, stray)
         return self._last
 

@@ -90,14 +90,14 @@ class CondensedContact:
     @cached_property
     def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         points, weights = contact_quadrature(self.compliance.trace.dim)
-        return shapes(points, self.compliance.trace.order), *self.rule(points, weights)
+        return shapes(points), *self.rule(points, weights)
 
     @cached_property
     def _mass(self) -> Any:
         """The factored mass matrix M [area] of the whole contact surface."""
         surface = self.compliance.surface
         points, weights = contact_quadrature(surface.dim)
-        N, W, nodes = shapes(points, surface.order), self._areas(surface, points, weights), surface.nodes
+        N, W, nodes = shapes(points), self._areas(surface, points, weights), surface.nodes
         local = np.einsum("fp,pn,pm->fnm", W, N, N)
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         return splu(csc_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2))
@@ -196,10 +196,9 @@ class CondensedContact:
 
         Nodes that carry no pressure have no area.
         """
-        order = self.compliance.trace.order
-        points, weights = split_quadrature(self.compliance.trace.dim, order)
+        points, weights = split_quadrature(self.compliance.trace.dim)
         W, height = self.rule(points, weights)
-        N, psi = shapes(points, order), pressure_functions(points, order)
+        N, psi = shapes(points), pressure_functions(points)
         Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
         heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
         return Q, heights, areas, Q.T @ self.compliance.C @ Q
@@ -316,9 +315,8 @@ class CondensedState:
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
-        order = self.trace.order
         nodal = self.scene.contact.multiplier == "nodal"
-        return pressure_functions(points, order) if nodal else shapes(points, order)
+        return pressure_functions(points) if nodal else shapes(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""

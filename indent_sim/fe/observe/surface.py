@@ -20,40 +20,38 @@ QUADRATURE_DEGREE = {2: 20, 3: 10}  # by dimension: 11 points an edge, 25 a tria
 SUBDIVISIONS = {2: 32, 3: 8}  # of a facet edge, to find the contact edge inside it
 
 
-def shapes(points: np.ndarray, order: int) -> np.ndarray:
-    """Lagrange shape functions (points, nodes) on a facet; vertices first, then edge midpoints opposite them.
+def barycentric(points: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates (points, vertices) of points (n, 1) or (n, 2) of the unit interval or triangle."""
+    return np.column_stack([1 - points.sum(axis=1), points])
 
-    points (n, 1) on the unit interval or (n, 2) on the unit triangle.
-    """
-    bary = np.column_stack([1 - points.sum(axis=1), points])
-    if order == 1:
-        return bary
+
+def shapes(points: np.ndarray) -> np.ndarray:
+    """Quadratic shape functions (points, nodes) on a facet; vertices first, then edge midpoints opposite them."""
+    bary = barycentric(points)
     vertices = bary * (2 * bary - 1)
     pairs = [(0, 1)] if bary.shape[1] == 2 else [(1, 2), (0, 2), (0, 1)]
     return np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in pairs)])
 
 
-def shape_gradients(points: np.ndarray, order: int) -> np.ndarray:
+def shape_gradients(points: np.ndarray) -> np.ndarray:
     """Derivatives (points, nodes, facet dim) of `shapes` with respect to the facet's coordinates."""
-    step = 1e-3  # central differences are exact for the quadratics and linears used here
+    step = 1e-3  # central differences are exact for quadratics
     gradients = []
     for axis in range(points.shape[1]):
         shift = np.zeros(points.shape[1])
         shift[axis] = step
-        gradients.append((shapes(points + shift, order) - shapes(points - shift, order)) / (2 * step))
+        gradients.append((shapes(points + shift) - shapes(points - shift)) / (2 * step))
     return np.stack(gradients, axis=-1)
 
 
-def pressure_functions(points: np.ndarray, order: int) -> np.ndarray:
+def pressure_functions(points: np.ndarray) -> np.ndarray:
     """Functions (points, nodes) of the nodal pressures p_i >= 0 of a facet, which sum to one and are never negative.
 
     On an edge the hats of all its nodes, piecewise linear between them. On a triangle those of its vertices alone,
     zero for the midpoints: the integral of a quadratic displacement's vertex function is zero there, so that a
     pressure at every node would be known only up to a ripple.
     """
-    vertices = shapes(points, 1)
-    if order == 1:
-        return vertices
+    vertices = barycentric(points)
     if points.shape[1] == 2:
         return np.pad(vertices, ((0, 0), (0, 3)))
     ends = np.maximum(2 * vertices - 1, 0.0)
@@ -74,13 +72,11 @@ def from_midpoints(nodal: np.ndarray, gathered: Callable[[np.ndarray], np.ndarra
 
 
 @cache
-def split_quadrature(dim: int, order: int) -> tuple[np.ndarray, np.ndarray]:
+def split_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and weights on the reference facet, a rule for each part on which `pressure_functions` are smooth."""
     if dim == 3:
         return contact_quadrature(dim)
     points, weights = compat.quadrature("interval", 12)
-    if order == 1:
-        return points, weights
     return np.vstack([points / 2, (points + 1) / 2]), np.concatenate([weights, weights]) / 2
 
 
@@ -121,7 +117,6 @@ class Trace:
     nodes: np.ndarray
     X: np.ndarray
     dofs: np.ndarray
-    order: int
 
     @property
     def dim(self) -> int:
@@ -131,7 +126,7 @@ class Trace:
     @property
     def ripples(self) -> bool:
         """Whether a multiplier of these nodes has vertex functions without integral (see `from_midpoints`)."""
-        return self.dim == 3 and self.order == 2
+        return self.dim == 3
 
     @property
     def sizes(self) -> np.ndarray:
@@ -146,17 +141,15 @@ class Trace:
 
     def values(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """A nodal field (facets, n, components) at points: (facets, points, components)."""
-        return np.einsum("pn,fnd->fpd", shapes(points, self.order), nodal)
+        return np.einsum("pn,fnd->fpd", shapes(points), nodal)
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's coordinates."""
-        return np.einsum("pnk,fnd->fpdk", shape_gradients(points, self.order), nodal)
+        return np.einsum("pnk,fnd->fpdk", shape_gradients(points), nodal)
 
     def node_points(self) -> np.ndarray:
         """Reference-facet coordinates of the nodes themselves."""
         corners = np.vstack([np.zeros(self.dim - 1), np.eye(self.dim - 1)])
-        if self.order == 1:
-            return corners
         pairs = [(0, 1)] if self.dim == 2 else [(1, 2), (0, 2), (0, 1)]
         return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in pairs)])
 
@@ -183,7 +176,7 @@ def facet_nodes(mesh: Any, space: Any, facets: np.ndarray) -> np.ndarray:
 def facet_to_cell(points: np.ndarray, local: int, dim: int) -> np.ndarray:
     """Points of the reference facet as points of the reference cell whose facet number `local` it is."""
     corners = np.vstack([np.zeros(dim), np.eye(dim)])
-    return shapes(points, 1) @ np.delete(corners, local, axis=0)
+    return barycentric(points) @ np.delete(corners, local, axis=0)
 
 
 class FacetValues:

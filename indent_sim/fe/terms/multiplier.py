@@ -10,7 +10,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
-from indent_sim.fe.body import Body
+from indent_sim.fe.body import ORDER, Body
 from indent_sim.fe.observe.surface import facet_nodes, from_midpoints
 from indent_sim.scene.scene import Scene
 
@@ -20,9 +20,9 @@ def multiplier_order(scene: Scene) -> int:
     at vertices; 0 where the multiplier is no unknown."""
     match scene.contact.multiplier:
         case "unknown":
-            return scene.sizes.order
+            return ORDER
         case "nodal":
-            return scene.sizes.order if scene.kinematics.dim == 2 else 1
+            return ORDER if scene.kinematics.dim == 2 else 1
     return 0
 
 
@@ -57,7 +57,7 @@ def unknown_field(body: Body) -> SurfaceField:
 
 def given_field(body: Body) -> SurfaceField:
     """lam as a function of the displacement's order that somebody else fills."""
-    space = compat.function_space(body.mesh, compat.lagrange(body.body_mesh.dim, body.scene.sizes.order))
+    space = compat.function_space(body.mesh, compat.lagrange(body.body_mesh.dim, ORDER))
     function, facets = fem.Function(space), body.body_mesh.surfaces["top"]
     return SurfaceField(body, function, compat.vector(function), facet_nodes(body.mesh, space, facets))
 

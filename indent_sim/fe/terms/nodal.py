@@ -36,10 +36,10 @@ class NodalContact:
         self.body, scene = body, body.scene
         self._scale = scene.material.E_star / scene.sizes.h_contact  # c: compares gaps with pressures
         facets = body.body_mesh.surfaces["top"]
-        dim, order = body.body_mesh.dim, scene.sizes.order
+        dim = body.body_mesh.dim
         gap = Gap(body, delta)
-        self._points, reference_weights = split_quadrature(dim, order)
-        self._N = shapes(self._points, order)
+        self._points, reference_weights = split_quadrature(dim)
+        self._N = shapes(self._points)
         fields = ufl.as_vector([gap.g, *_flat(gap.normal, dim), *_flat(gap.slope, dim * dim)])
         self._fields = FacetValues(body.mesh, facets, fields, self._points)
         nodes = facet_nodes(body.mesh, body.unknowns.own_space("lam"), facets)
@@ -62,7 +62,7 @@ class NodalContact:
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The nodal pressures' functions (points, nodes) on the reference facet."""
-        return pressure_functions(points, self.body.scene.sizes.order)[:, : self.lam_places.shape[1]]
+        return pressure_functions(points)[:, : self.lam_places.shape[1]]
 
     def _measures(self) -> np.ndarray:
         """Area (facets, points) per reference-facet area, times the kinematics' weight."""

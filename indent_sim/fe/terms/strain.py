@@ -12,7 +12,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from indent_sim.fe import compat
-from indent_sim.fe.body import Body, symbolic
+from indent_sim.fe.body import DEGREE, Body, symbolic
 from indent_sim.fe.terms.variation import variations
 from indent_sim.scene.scene import Scene
 
@@ -61,7 +61,7 @@ class Strain:
         if body.scene.material.small_strain:
             return None
         dim = body.body_mesh.dim
-        points, _ = compat.quadrature(compat.CELLS[dim], body.degree)
+        points, _ = compat.quadrature(compat.CELLS[dim], DEGREE)
         values = ufl.as_vector([self._volume_ratio, *(body.X[k] for k in range(dim))])
         cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
         table = compat.evaluate(fem.Expression(values, points), body.mesh, cells).reshape(-1, 1 + dim)
@@ -71,7 +71,7 @@ class Strain:
     @cached_property
     def _inverted(self) -> Any:
         inverted = ufl.conditional(ufl.lt(self._volume_ratio, 0.0), 1.0, 0.0)
-        return fem.form(inverted * ufl.dx(self.body.mesh, metadata={"quadrature_degree": self.body.degree}))
+        return fem.form(inverted * ufl.dx(self.body.mesh, metadata={"quadrature_degree": DEGREE}))
 
     def inside_out(self) -> float:
         """Size [length] of the region in which J < 0: the dim-th root of its measure (collective)."""

@@ -48,7 +48,7 @@ material: {model: linear_elastic, mu: 1, kappa: 2}
 indenter: {shape: cone, half_angle: 70.3, center: [0.1, -0.2]}
 contact: {method: penalty, epsilon_n: 1e4, gap: reference}
 loading: {deltas: [0.1, 0.2, -0.05]}
-mesh: {h_contact: 0.01, order: 1, symmetry: half}
+mesh: {h_contact: 0.01, order: 2, symmetry: half}
 solver: {petsc: {ksp_type: cg, ksp_rtol: 1e-8, pc_mg_levels: 3, ksp_knoll: true}}
 output: {directory: out/on, fields: none, plot: false}
 """
@@ -113,9 +113,9 @@ def test_walls_one_by_one():
 
 
 def test_overrides_use_the_same_reader():
-    config = loads(SCENE, overrides=["contact.method=penalty", "contact.epsilon_n=1e3", "mesh.order=1", "title=on"])
+    config = loads(SCENE, overrides=["contact.method=penalty", "contact.epsilon_n=1e3", "mesh.grading=1", "title=on"])
     assert config.contact == Penalty(epsilon_n=1000.0)
-    assert config.mesh.order == 1
+    assert config.mesh.grading == 1
     assert config.title == "on"
     assert loads(SCENE, overrides=["loading={deltas: [0.1, 0.2]}"]).loading.deltas == (0.1, 0.2)
 
@@ -169,11 +169,11 @@ def test_the_same_key_twice_on_the_command_line():
 def test_later_errors_find_their_line(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE)
-    config = load(path, ["mesh.order=1"])
+    config = load(path, ["mesh.grading=1"])
     assert _place(config, "indenter.R") == (str(path), 16)
     assert _place(config, "body.sides") == (str(path), 4)
     assert _place(config, "body.sides.x_min") == (str(path), 4)
-    assert _place(config, "mesh.order") == ("--set mesh.order=1", None)
+    assert _place(config, "mesh.grading") == ("--set mesh.grading=1", None)
     assert _place(config, "output.fields") == (str(path), 1)
     assert _place(config, "") == (str(path), None)
     assert _place(loads(BOX), "loading.deltas[1]") == ("", 5)
@@ -209,12 +209,12 @@ def test_mappings_of_a_notebook():
         "material": {"model": "linear_elastic", "E": np.float64(2), "nu": np.float32(0.25)},
         "indenter": {"shape": "paraboloid", "R": 1, "center": np.array([0.5, 0.25])},
         "loading": Loading(deltas=(0.1,)),
-        "mesh": {"order": np.int64(1)},
+        "solver": {"max_iterations": np.int64(7)},
     }
     config = from_mapping(data, ["title=notebook"])
     assert config.material == LinearElastic(E=2.0, nu=0.25)
     assert config.center == (0.5, 0.25)
-    assert (config.title, config.mesh.order) == ("notebook", 1)
+    assert (config.title, config.solver.max_iterations) == ("notebook", 7)
     assert "title" not in data
 
 

@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -296,10 +297,10 @@ class TestEndings:
 
 class TestFullDisk:
     def test_a_row_that_does_not_fit_is_taken_back(self, tmp_path, monkeypatch):
-        write = os.write
+        pwrite = os.pwrite
         with pytest.raises(NotConverged, match="1 rows are kept"), ResultFolder(tmp_path / "run", "") as run:
             run.append(a_state(1))
-            monkeypatch.setattr(os, "write", lambda file, data: write(file, data[:10]))
+            monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:10], at))
             run.append(a_state(2))
         text = (tmp_path / "run" / "force_indentation.csv").read_text()
         assert text.count("\n") == 2 and text.endswith("\n")
@@ -316,14 +317,28 @@ class TestFullDisk:
             write_atomically(tmp_path / "file", "new")
         assert names(tmp_path) == {"file"} and (tmp_path / "file").read_text() == "old"
 
-    def test_field_files_that_do_not_fit_are_not_begun(self, tmp_path, monkeypatch):
-        def full(descriptor, offset, size):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    def test_fields_that_do_not_fit_are_not_named(self, tmp_path, monkeypatch):
+        """Neither where the file of a state fails, nor where the line that names it does."""
+        replace, pwrite = os.replace, os.pwrite
 
-        monkeypatch.setattr(os, "posix_fallocate", full)
+        def full(source, target):
+            if Path(target).name == "step-2.h5":
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            replace(source, target)
+
+        monkeypatch.setattr(os, "replace", full)
         with pytest.raises(NotConverged, match="No space"), ResultFolder(tmp_path / "run", "") as run:
-            run.open_fields(POINTS, CELLS, keep="all", steps=2)
-        assert names(tmp_path / "run") == FILES - {"surface.csv"}
+            run.open_fields(POINTS, CELLS, keep="all")
+            for step in (1, 2):
+                run.write_fields(a_state(step), *some_fields(step))
+                run.append(a_state(step))
+        assert kept_steps(tmp_path / "run") == [1] and names(tmp_path / "run" / "fields") == {"mesh.h5", "step-1.h5"}
+        writer = FieldWriter(tmp_path, POINTS, CELLS, keep_all=True)
+        writer.write(1, 0.1, *some_fields(1))
+        monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:500], at))
+        with pytest.raises(OSError, match="No space"):
+            writer.write(3, 0.1, *some_fields(3))
+        assert kept_steps(tmp_path) == [1]
 
 
 KILLED_RUN = """
@@ -331,7 +346,7 @@ import sys, time
 from pathlib import Path
 from tests.unit.results.test_results import *
 with ResultFolder(Path(sys.argv[1]), "", surface="all") as run:
-    run.open_fields(POINTS, CELLS, keep="all", steps=5000)
+    run.open_fields(POINTS, CELLS, keep="all")
     for step in range(1, int(sys.argv[2]) + 1):
         run.write_fields(a_state(step), *some_fields(step))
         run.append(a_state(step))
@@ -450,15 +465,28 @@ def some_fields(step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return step * np.arange(8.0).reshape(4, 2), step * np.arange(18.0).reshape(2, 3, 3), step * np.arange(4.0)
 
 
+def kept_steps(folder: Path) -> list[int]:
+    """The steps that fields.xdmf names, as meshio reads it."""
+    import meshio
+
+    with meshio.xdmf.TimeSeriesReader(folder / "fields.xdmf") as reader:
+        reader.read_points_cells()
+        return [int(reader.read_data(k)[0]) for k in range(reader.num_steps)]
+
+
+def bytes_written() -> int:
+    """What this process has handed to the system so far."""
+    return int(re.findall(r"wchar: (\d+)", Path("/proc/self/io").read_text())[0])
+
+
 class TestFields:
-    @pytest.mark.parametrize(("slots", "kept"), [(3, [1, 2, 3]), (None, [3])])
-    def test_what_is_written_is_what_meshio_reads(self, tmp_path, slots, kept):
+    @pytest.mark.parametrize(("keep_all", "kept"), [(True, [1, 2, 3]), (False, [3])])
+    def test_what_is_written_is_what_meshio_reads(self, tmp_path, keep_all, kept):
         import meshio
 
-        writer = FieldWriter(tmp_path, POINTS, CELLS, slots)
+        writer = FieldWriter(tmp_path, POINTS, CELLS, keep_all=keep_all)
         for step in (1, 2, 3):
             writer.write(step, 0.1 * step, *some_fields(step))
-        writer.close()
         with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
             points, cells = reader.read_points_cells()
             assert np.array_equal(points[:, [0, 2]], POINTS) and not points[:, 1].any()
@@ -476,34 +504,60 @@ class TestFields:
         import meshio
 
         points = np.vstack([np.zeros(3), np.eye(3)])
-        writer = FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]), 1)
+        writer = FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]))
         writer.write(1, 0.1, points, np.ones((1, 3, 3)), np.ones(4))
-        writer.close()
         with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
             points_read, cells = reader.read_points_cells()
             assert cells[0].type == "tetra" and np.array_equal(points_read, points)
             assert np.array_equal(reader.read_data(0)[1]["displacement"], points)
 
-    def test_a_state_too_many_is_an_error(self, tmp_path):
-        writer = FieldWriter(tmp_path, POINTS, CELLS, 1)
-        writer.write(1, 0.1, *some_fields(1))
-        with pytest.raises(ValueError, match="taken"):
-            writer.write(2, 0.2, *some_fields(2))
+    @pytest.mark.parametrize("keep_all", [True, False])
+    def test_bytes_grow_with_the_states(self, tmp_path, keep_all):
+        """300 states more cost what 300 cost: 1.1 for the digits of the steps."""
+        writer, costs = FieldWriter(tmp_path, POINTS, CELLS, keep_all=keep_all), []
+        for first in (1, 301):
+            before = bytes_written()
+            for step in range(first, first + 300):
+                writer.write(step, 0.1, *some_fields(step))
+            costs.append(bytes_written() - before)
+        assert 0 < costs[1] < 1.1 * costs[0]
+        assert len(kept_steps(tmp_path)) == (600 if keep_all else 1)
 
-    def test_slots_not_filled_take_no_disk_space(self, tmp_path):
-        points = np.random.default_rng(0).random((10_000, 3))
-        FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]), 100).close()
-        used = (tmp_path / "fields.h5").stat()
-        assert used.st_blocks * 512 < 0.1 * used.st_size
+    def test_a_file_torn_amid_a_state_goes_on_with_those_before(self, tmp_path):
+        writer = FieldWriter(tmp_path, POINTS, CELLS, keep_all=True)
+        for step in (1, 2, 3):
+            writer.write(step, 0.1 * step, *some_fields(step))
+        text = (tmp_path / "fields.xdmf").read_text()
+        (tmp_path / "fields.xdmf").write_text(text[: text.index("step 3") + 300])
+        again = FieldWriter(tmp_path, POINTS, CELLS, keep_all=True, done=2)
+        assert again.continued and kept_steps(tmp_path) == [1, 2]
+        assert names(tmp_path / "fields") == {"mesh.h5", "step-1.h5", "step-2.h5"}
+
+    def test_one_file_of_the_version_before_is_replaced(self, tmp_path):
+        write_run(tmp_path / "run")
+        (tmp_path / "run" / "fields.h5").write_bytes(b"slots")
+        with ResultFolder(tmp_path / "run", "title: x\n", resume=True) as run:
+            run.open_fields(POINTS, CELLS, keep="last")
+        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "fields"}
+
+    def test_a_new_run_takes_our_fields_and_leaves_others(self, tmp_path):
+        with ResultFolder(tmp_path / "run", "") as run:
+            run.open_fields(POINTS, CELLS, keep="all")
+            run.write_fields(a_state(1), *some_fields(1))
+            run.append(a_state(1))
+        (tmp_path / "run" / "fields" / "mine.h5").write_text("mine")
+        write_run(tmp_path / "run")
+        assert names(tmp_path / "run") == FILES | {"fields"} and names(tmp_path) == {"run"}
+        assert names(tmp_path / "run" / "fields") == {"mine.h5"}
 
     def test_fields_move_with_the_folder(self, tmp_path):
         with ResultFolder(tmp_path / "run", "") as run:
-            run.open_fields(POINTS, CELLS, keep="last", steps=2)
+            run.open_fields(POINTS, CELLS, keep="last")
             for step in (1, 2):
                 run.write_fields(a_state(step), *some_fields(step))
                 run.append(a_state(step))
-        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "fields.h5"}
-        assert 'Name="step 2"' in (tmp_path / "run" / "fields.xdmf").read_text()
+        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "fields"}
+        assert kept_steps(tmp_path / "run") == [2]
 
 
 class TestReading:

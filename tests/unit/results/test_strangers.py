@@ -155,13 +155,16 @@ class TestNotOurs:
         assert said("plot", "A", "B").exit_code == 0  # and now it is ours
         assert sorted(os.listdir()) == ["A", "B", "force_indentation.png"]
 
-    @pytest.mark.parametrize("name", ["force_indentation.csv", "surface.csv", "fields.h5", "run.json", ".lock"])
+    @pytest.mark.parametrize(
+        "name", ["force_indentation.csv", "surface.csv", "fields", "fields/step-1.h5", "run.json", ".lock"]
+    )
     def test_nothing_is_written_through_a_link(self, tmp_path, name):
         write_run(tmp_path / "out")
         victim, path = tmp_path / "victim", tmp_path / "out" / name
         victim.write_bytes(path.read_bytes() if path.exists() else b"mine")
         before = victim.read_bytes()
         path.unlink(missing_ok=True)
+        path.parent.mkdir(exist_ok=True)
         path.symlink_to(victim)
         with pytest.raises(UsageError):
             writer.ResultFolder(tmp_path / "out", CONFIG, resume=True).__enter__()
@@ -243,13 +246,13 @@ class TestDamaged:
             checkpoint.write(tmp_path / "checkpoint.h5", saved, identity)
             assert len(checkpoint.read(tmp_path / "checkpoint.h5", identity).points) == points
 
-    def test_fields_with_a_state_that_has_no_place_begin_anew(self, tmp_path):
+    def test_fields_that_name_another_file_read_and_name_their_own(self, tmp_path):
         points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
-        writer = FieldWriter(tmp_path, points, cells, 2)
+        writer = FieldWriter(tmp_path, points, cells, keep_all=True)
         writer.write(1, 0.1, np.zeros((3, 2)), np.zeros((1, 3, 3)), np.zeros(3))
-        writer.close()
         path = tmp_path / "fields.xdmf"
-        path.write_text(path.read_text().replace(":/state/0/", f":/state/{10**30}/"))
-        again = FieldWriter(tmp_path, points, cells, 2, done=1)
-        again.close()
-        assert not again.continued
+        whole = path.read_text()
+        path.write_text(whole.replace("fields/step-1.h5", "/etc/passwd"))
+        assert FieldWriter(tmp_path, points, cells, keep_all=True, done=1).continued and path.read_text() == whole
+        path.write_text(whole.replace("step 1", f"step {10**30}"))
+        assert FieldWriter(tmp_path, points, cells, keep_all=True, done=1).continued and "<Time" not in path.read_text()

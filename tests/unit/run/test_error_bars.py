@@ -36,7 +36,7 @@ def states(error: float, steps: range = range(1, 5), flip: int = 0) -> list[Stat
             for k in steps]  # fmt: skip
 
 
-def companions(rate: float = RATE[2]) -> list[Companion]:
+def companions(rate: float = RATE) -> list[Companion]:
     return [Companion(ratio, states(ERROR * ratio**rate)) for ratio in RATIOS]
 
 
@@ -79,10 +79,10 @@ def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
 def test_a_step_with_more_elements_knows_less_of_its_neighbours_error() -> None:
     """On a uniform mesh the first steps have few elements in their contact and errors that the last does not share."""
     base = scene(mesh={"h_contact": 0.01, "h_far": 0.25})
-    law = [float((a / 0.01) ** -RATE[2]) for a in (0.05 * k**0.5 for k in EXACT)]
+    law = [float((a / 0.01) ** -RATE) for a in (0.05 * k**0.5 for k in EXACT)]
 
     def walked(ratio: float) -> list[State]:
-        share = [1 + 0.1 * error * ratio ** RATE[2] for error in law]
+        share = [1 + 0.1 * error * ratio ** RATE for error in law]
         return [replace(state, force=state.force * s) for state, s in zip(states(0.0), share, strict=True)]
 
     bars = bars_of(base, walked(1.0), [Companion(ratio, walked(ratio)) for ratio in RATIOS])
@@ -175,7 +175,7 @@ def test_with_prescribed_forces_the_depths_differ_and_say_the_same() -> None:
 
     by_depth, by_force = (
         bars_of(scene(accuracy=0.01), walked(ERROR, control),
-                [Companion(q, walked(ERROR * q ** RATE[2], control)) for q in RATIOS])
+                [Companion(q, walked(ERROR * q ** RATE, control)) for q in RATIOS])
         for control in ("depth", "force")
     )  # fmt: skip
     assert by_force == pytest.approx(by_depth, rel=0.02)  # one is relative to the wrong force, 1 + ERROR q^RATE
@@ -195,7 +195,7 @@ def test_a_coarser_scene_is_coarser_everywhere() -> None:
 def test_presets_and_their_order() -> None:
     """Ten times the accuracy costs 10^(1/RATE) times the elements in a radius, where the fewest do not rule."""
     assert scene(accuracy="accurate").sizes == scene(accuracy=PRESETS["accurate"]).sizes
-    assert elements_for(1e-4, 2, 2) / elements_for(1e-3, 2, 2) == pytest.approx(10 ** (1 / RATE[2]))
+    assert elements_for(1e-4, 2) / elements_for(1e-3, 2) == pytest.approx(10 ** (1 / RATE))
 
 
 def test_every_step_sees_the_same_number_of_elements() -> None:

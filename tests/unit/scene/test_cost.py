@@ -68,7 +68,7 @@ STUDIES = {
     "a long list": STUDY + "{material.nu: [" + "0.1," * 150_000 + "]}",
     "no number a computer knows": STUDY + "{indenter.R: {from: 1, to: " + "9" * 350 + ", count: 5}}",
     "an overflowing range": STUDY + "{indenter.R: {from: -1e308, to: 1.7e308, count: 5}}",
-    "an enormous force": "base: scene.yaml\ncompare_to: " + "9" * 350 + "\nvary: {mesh.order: [1]}",
+    "an enormous force": "base: scene.yaml\ncompare_to: " + "9" * 350 + "\nvary: {mesh.h_far: [1]}",
 }
 
 

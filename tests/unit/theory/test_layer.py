@@ -84,8 +84,9 @@ def test_flat_punch_table(a, nu, kappa):
 @pytest.mark.parametrize(("nu", "error2", "error4"), [(0.3, 2.1e-4, 4.5e-6), (0.5, 4.4e-3, 1.6e-4)])
 def test_wall_error(nu, error2, error4):
     # published to two digits, at a/h of about 0.1
-    assert layer.wall_error(PARABOLOID, 0.01, nu=nu, wall=2.0, **UNIT) == pytest.approx(error2, rel=0.08)
-    assert layer.wall_error(PARABOLOID, 0.01, nu=nu, wall=4.0, **UNIT) == pytest.approx(error4, rel=0.08)
+    infinite, near, far = (layer.indent(PARABOLOID, 0.01, nu=nu, wall=wall, **UNIT).force for wall in (None, 2.0, 4.0))
+    assert near / infinite - 1 == pytest.approx(error2, rel=0.08)
+    assert far / infinite - 1 == pytest.approx(error4, rel=0.08)
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
