@@ -358,7 +358,7 @@ def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
     x.array[problem.unknowns.places("u")] = np.column_stack([0 * z, -2 * z]).ravel()
-    problem.set_solution(x)
+    problem.body.set_solution(x)
     assert not problem.is_admissible()
 
 
