@@ -65,8 +65,11 @@ class Case:
 
     def meets_a_side(self) -> bool:
         """Whether the tip comes down onto the top of a fixed side, which nothing moves."""
-        held, tip = self.sides in ("fixed", "one"), from_mapping(self.mapping()).indenter
-        return held and float(tip.height(np.array(self.wide), np.array(0.0))) <= self.depth()
+        if self.sides not in ("fixed", "one") or self.tip == "flat_punch":
+            return False
+        config = from_mapping(self.mapping())
+        delta = config.loading.delta
+        return delta is not None and float(config.indenter.height(np.array(self.wide), np.array(0.0))) <= delta
 
     def depth(self) -> float:
         """Where contact ends at `reach`."""
