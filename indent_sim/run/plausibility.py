@@ -18,6 +18,7 @@ from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
 from indent_sim.scene.doubts import force_doubt
 from indent_sim.scene.expected import penalty_loss
+from indent_sim.scene.given import end_of_sides
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
 
@@ -85,6 +86,14 @@ def _is_wider_than_its_tip(scene: Scene, state: State, earlier: Sequence[State])
     return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * scene.scales.length:.6g}"
 
 
+def _stands_on_a_side(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+    """delta <= f at the top of a fixed side, which no force moves."""
+    end = end_of_sides(scene.body, scene.indenter, scene.center) * scene.scales.length
+    if state.delta <= end * (1 + SAME):
+        return None
+    return f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
+
+
 def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """A new depth is another solution: of no iteration, only where the one foretold was right and the force another."""
     before = earlier[-1] if earlier else None
@@ -145,7 +154,8 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str
     return f"{said}, exact for this body, {expected:.6g}: the error bar {state.force_error:.3g} does not hold it"
 
 
-ALWAYS: tuple[Rule, ...] = (_is_not_a_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_its_tip, _falls)
+ALWAYS: tuple[Rule, ...] = (_is_not_a_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_its_tip, _falls,
+                            _stands_on_a_side)  # fmt: skip
 PRESSED: tuple[Rule, ...] = (_touches_nothing, _stands_still, _energy_is_not_its_work, _is_not_theorys)
 
 

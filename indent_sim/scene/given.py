@@ -69,6 +69,7 @@ def premises(config: Config) -> Premises:
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, material, config.indenter, center, path)
+    _check_ends(whole, config.indenter, center, path)
     scales = Scales(whole.height, material.constants[0], 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
     body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
@@ -135,6 +136,17 @@ def _check_room(body: Body, material: Material, tip: Indenter, center: tuple[flo
         )
 
 
+def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+    delta, end = max(path.values), end_of_sides(body, tip, center)
+    if path.control == "depth" and delta > end:
+        raise ConfigError(
+            "loading",
+            f"depth {delta:g} presses the tip onto the top of a fixed side, which it meets at {end:g}: nothing "
+            "moves it, and the force has no bound",
+            f"stay below {end:g}, free that side, or take a wider body",
+        )
+
+
 def _expected_radius(
     theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
@@ -162,6 +174,17 @@ def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, 
     return float(np.mean(tip.height(x - along_x, y - along_y)))
 
 
+def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
+    """The depth [length] at which the tip meets the top of a fixed side; infinity where no side is fixed.
+
+    Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no displacement of finite
+    energy does, and the force of a mesh grows as the logarithm of its elements there.
+    """
+    x, y = _fixed_ends(body)
+    along_x, along_y = (*center, 0.0)[:2]
+    return float(np.min(tip.height(x - along_x, y - along_y), initial=np.inf))
+
+
 def is_held(body: Body) -> bool:
     """Whether no side lets the body out."""
     sides = body.sides
@@ -179,3 +202,17 @@ def _top(body: Body) -> tuple[np.ndarray, np.ndarray]:
         case "strip":
             return body.width * middles, np.zeros(POINTS)
     return body.size[0] * middles[:, None], body.size[1] * middles[None, :]
+
+
+def _fixed_ends(body: Body) -> np.ndarray:
+    """x and y of points along the top of all fixed sides, shape (2, points)."""
+    share = np.linspace(0, 1, POINTS + 1)
+    if body.shape == "cylinder":
+        angle = 2 * np.pi * share if body.sides == "fixed" else share[:0]
+        return body.radius * np.array([np.cos(angle), np.sin(angle)])
+    lx, ly = (body.width, 0.0) if body.shape == "strip" else body.size[:2]
+    start, along_x, along_y = 0 * share, lx * share, ly * share
+    lines = {"x_min": (start, along_y), "x_max": (start + lx, along_y),
+             "y_min": (along_x, start), "y_max": (along_x, start + ly)}  # fmt: skip
+    fixed = [np.array(lines[name]) for name, support in vars(body.sides).items() if support == "fixed"]
+    return np.hstack([np.empty((2, 0)), *fixed])

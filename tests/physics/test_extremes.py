@@ -164,6 +164,37 @@ def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
     assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).deltas == (0.0101,)
 
 
+SIDES = {"cylinder": {"shape": "cylinder", "radius": 0.5, "height": 1.0, "sides": "fixed"},
+         "strip": {"shape": "strip", "width": 1.0, "height": 1.0, "sides": {"x_max": "fixed"}},
+         "box": {"shape": "box", "size": [3.0, 1.0, 1.0], "sides": {"y_min": "fixed"}}}  # fmt: skip
+BLUNT = {"shape": "paraboloid", "R": 1.25}  # meets all of these at 0.5^2/(2 R) = 0.1
+
+
+@pytest.mark.parametrize("gap", ["reference", "current"])
+@pytest.mark.parametrize("body", SIDES.values(), ids=SIDES)
+def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) -> None:
+    """u_z = 0 there. The surface beside it would have to jump down to the tip, and the force grew with every refinement
+    while its error bar stayed a fifth of that. A free side moves; a tip beyond its end's reach is none of a side's."""
+    scene = {"indenter": BLUNT, "contact": {"method": "auto", "gap": gap}}
+    with pytest.raises(ConfigError, match=r"top of a fixed side, which it meets at 0\.1:") as refused:
+        layer(body, **scene, **once(0.101))
+    assert refused.value.exit_code == 3 and refused.value.key == "loading"
+    assert layer(body, **scene, **once(0.099)).deltas[-1] > 0
+    assert layer(body | {"sides": "free"}, **scene, **once(0.101)).deltas[-1] > 0
+    punch = {"indenter": {"shape": "flat_punch", "radius": 0.49}}
+    assert layer(body, **punch, **once(0.101)).deltas[-1] > 0
+
+
+@pytest.mark.parametrize("centre", [0.5, 0.4])
+def test_a_tip_beside_the_middle_meets_one_side_first(centre: float) -> None:
+    """At (1 - centre)^2/(2 R)."""
+    strip, tip = SIDES["strip"], BLUNT | {"center": [centre]}
+    meets = (1 - centre) ** 2 / 2.5
+    assert layer(strip, indenter=tip, **once(0.99 * meets)).deltas[-1] > 0
+    with pytest.raises(ConfigError, match="top of a fixed side"):
+        layer(strip, indenter=tip, **once(1.01 * meets))
+
+
 @pytest.mark.parametrize(("solver", "h"), [("condensed", H), ("newton", H), ("condensed", 5 * H), ("condensed", H / 3)])
 def test_the_stiffness_of_an_augmented_lagrangian_is_no_matter_of_effort(solver: str, h: float) -> None:
     """From 1e-2 to 1e2 E*/h the iterations at most double, with 2, 10 or 30 elements in the contact."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.folder import CONFIG
+from indent_sim.results.folder import CONFIG, content
 
 if TYPE_CHECKING:
     from indent_sim.results.reader import Results
@@ -54,7 +54,7 @@ def config_of(folder: Path) -> dict[str, Any]:
     from indent_sim.config import strict_yaml
 
     try:
-        sections, _ = strict_yaml.parse((folder / CONFIG).read_text(encoding="utf-8"))
+        sections, _ = strict_yaml.parse(content(folder / CONFIG).decode("utf-8"))
     except (OSError, ValueError, ConfigError):
         return {}
     return dict(_flat(sections)) if isinstance(sections, dict) else {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import canvas, forces
+from indent_sim.results.pictures.names import config_of
 from indent_sim.results.reader import Results
 
 
@@ -279,3 +281,12 @@ def test_an_unknown_format_is_refused(tmp_path):
 def test_matplotlib_waits_until_it_is_needed():
     script = "import sys, indent_sim.results.pictures.forces; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], cwd=Path(__file__).parents[3]).returncode == 0
+
+
+def test_a_config_that_never_ends_is_none(tmp_path):
+    """A pipe in the place of config.yaml: opening it waited for a writer."""
+    os.mkfifo(tmp_path / "config.yaml")
+    assert config_of(tmp_path) == {}
+    (tmp_path / "config.yaml").unlink()
+    (tmp_path / "config.yaml").write_text("body: {height: 1}\n")
+    assert config_of(tmp_path) == {"body.height": 1}

@@ -112,7 +112,16 @@ def test_every_rule_is_tried() -> None:
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
     tried = {rule for rule in ALWAYS + PRESSED if any(rule(base, state, []) for state in states)}
-    assert {rule.__name__ for rule in {*ALWAYS, *PRESSED} - tried} == {"_stands_still", "_falls"}
+    assert {rule.__name__ for rule in {*ALWAYS, *PRESSED} - tried} == {"_stands_still", "_falls", "_stands_on_a_side"}
+
+
+def test_a_tip_on_the_top_of_a_fixed_side() -> None:
+    """Where a force is prescribed no plan knows the depth: here the side is met at r^2/(2 R) = 0.125."""
+    body = {"shape": "cylinder", "radius": 0.5, "height": 2.0, "sides": "fixed"}
+    base = scene(tip="paraboloid", body=body, loading={"force": 0.01, "steps": 1})
+    state = State(1, 0.124, 0.01, 0.4, 0.1, 0.0, 0.0005, 5, 0.1, reaction=0.01)
+    assert contradiction(base, state, []) is None
+    assert "top of a fixed side from 0.125 on" in (contradiction(base, replace(state, delta=0.126), []) or "")
 
 
 def test_nothing_solved() -> None:
