@@ -31,7 +31,9 @@ LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, w
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
 TELLTALE = 4.0  # elements in the contact radius that a second companion needs to know a radius and a pressure
 KINK = 1.8  # how the force converges where a tip's corner lies in an element, measured
-NITSCHE_AT_EDGE = 1.2  # and with Nitsche's method under a sharp edge, whose pressure no body's stress has, measured
+# and at a punch's edge that elements do not meet: with Nitsche's method, since no body's stress has that pressure, and
+# where the edge is rounded and contact ends somewhere in its narrow arc, measured
+AT_EDGE = 1.2
 READING = 0.05  # of the element where the contact ends: so well is its radius read off
 FORCELESS = 1e-6  # of the largest force: a step with less has none that an accuracy could be asked of
 
@@ -140,6 +142,7 @@ class ErrorBars:
         self._sizes, self._scales = scene.sizes, scene.scales
         self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
         self._is_nitsche = isinstance(scene.contact, Nitsche)
+        self._is_rounded = getattr(scene.indenter, "edge_radius", 0.0) > 0
         self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
         self._finds_depths = scene.path.control == "force"
         self._dim, self._creases = scene.kinematics.dim, scene.indenter.creases()
@@ -247,7 +250,7 @@ class ErrorBars:
         if self._sizes.ruled_by_corners:
             return POWER
         if self._sizes.edge is not None:
-            return NITSCHE_AT_EDGE if self._is_nitsche else None
+            return AT_EDGE if self._is_nitsche or self._is_rounded else None
         return KINK if self._is_kinked(a) else None
 
     def _is_kinked(self, a: float) -> bool:

@@ -132,3 +132,11 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
             "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 1e-3}}))  # fmt: skip
         assert found.symmetry == symmetry and found.oracle is not None
         assert found.oracle.exact == (body is strip)
+
+
+@pytest.mark.parametrize("tip", [{"shape": "sphere", "R": 1e-6}, {"shape": "flat_punch", "radius": 1e-5}])
+def test_elements_larger_than_a_tip_are_refused(tip):
+    """Their force was up to sixty times too large; sizes left to the program resolve the tip."""
+    with pytest.raises(ConfigError, match="are larger than the tip's radius"):
+        scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={"h_contact": 0.01})
+    assert scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={}).sizes.finest < 1e-5
