@@ -119,8 +119,8 @@ def contact(body: Observed) -> dict[str, float]:
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
     projected on the horizontal plane; 0 for delta <= 0. The peak is over the contact quadrature points and the
     nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the contact
-    quadrature points. The overlap is how far the deformed surface reaches above the tip's own shape, of which the gap
-    function may know nothing; 0 with a reference gap.
+    quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap function
+    may know nothing; 0 with a reference gap.
     """
     dim = body.trace.dim
     grid, simplices = lattice(dim)
@@ -140,7 +140,12 @@ def contact(body: Observed) -> dict[str, float]:
 
 
 def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
-    """The largest depth - f at deformed points under the tip [length], or -g where that is less: f may be steep."""
+    """How deep a whole deformed facet lies inside the tip [length], the deepest one by that of its points least inside.
+
+    A point is z + depth - f inside, or -g where that is less: f may be steep. A facet that lies over an apex or an edge
+    is inside in its middle by what the tip bends within it, however steep; its ends are not. One that the tip went
+    through is inside with all its points.
+    """
     if body.scene.gap == "reference":
         return 0.0
     tip = body.scene.indenter
@@ -148,7 +153,7 @@ def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
     inside = x[..., -1] + body.depth - tip.height(*horizontal)
     inside = np.where(gap < 0, np.minimum(inside, -gap), inside)
     is_under = np.hypot(*horizontal) < UNDER * tip.radius_at(body.scene.body.height)
-    return float(inside[is_under].max(initial=0.0))
+    return float(np.where(is_under, inside, 0.0).min(axis=1).max(initial=0.0))
 
 
 def penetration(body: Observed) -> float:
