@@ -62,3 +62,15 @@ def test_a_surface_behind_a_ball() -> None:
     """Closed over it, where the gap is positive again: inside the ball's shape by all of the depth."""
     places, ball = H * np.arange(-20, 21), Sphere(1.0)
     assert overlap(ball, 2.5, places, np.zeros_like(places)) > 0.5
+
+
+def test_a_body_that_closes_over_a_ball() -> None:
+    """Facets about the ball up to 36 degrees from its top, beside the stem, then level: outside with all their points.
+
+    The nodes of a polygon about a circle are 1 / cos(half a step) from its centre, which is at z = -1.55.
+    """
+    angles = np.radians(np.arange(180, 35, -6))
+    ring = np.stack([np.sin(angles), np.cos(angles)]) / np.cos(np.radians(3))
+    places, heights = np.concatenate([ring, [[1.5, 3.0], [1.5, 1.5]]], axis=1)
+    assert overlap(Sphere(1.0), 2.55, places, heights - 1.55) <= 1e-12
+    assert overlap(Sphere(1.0), 2.55, places, heights - 1.45) == pytest.approx(0.1, rel=0.1)
