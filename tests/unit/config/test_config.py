@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -291,12 +289,6 @@ def test_bytes_that_are_no_scene(tmp_path):
         load(path)
     path.write_bytes("\ufeff".encode() + SCENE.encode())
     assert load(path) == loads(SCENE)
-
-
-def test_reading_a_config_stays_cheap():
-    heavy = ["ufl", "scipy", "matplotlib", "dolfinx", "gmsh", "rich", "petsc4py", "mpi4py"]
-    code = f"import sys, indent_sim.config.file; print([m for m in {heavy} if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
 
 
 def _place(config: Config, key: str) -> tuple[str, int | None]:
