@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from indent_sim.fe.path.load_control import Pair
-from indent_sim.fe.terms.strain import Crushed
 from indent_sim.model.materials import Gent
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from indent_sim.fe.terms.strain import Crushed
 
 EVEN = "in shorter and shorter substeps too"
 
