@@ -124,7 +124,7 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    fall = LINEAR_FALL if scene.material.small_strain and scene.gap == "reference" else FALL
+    fall = LINEAR_FALL if scene.small_strain and scene.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
     deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
@@ -187,7 +187,7 @@ def _may_soften(scene: Scene) -> bool:
 
 def _is_theorys_problem(scene: Scene) -> bool:
     """Whether this run's equations are theory's own."""
-    return scene.oracle is not None and scene.oracle.exact and scene.material.small_strain and scene.gap == "reference"
+    return scene.oracle is not None and scene.oracle.exact and scene.small_strain and scene.gap == "reference"
 
 
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
@@ -198,7 +198,7 @@ def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
         return left / (EXACT * coarse), EXACT * coarse
     if not _feels_a_half_space(scene, theory.a):
         return 0.0, float("inf")
-    may_stiffen = not scene.material.small_strain and theory.delta > SHALLOW * theory.a
+    may_stiffen = not scene.small_strain and theory.delta > SHALLOW * theory.a
     return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse
 
 

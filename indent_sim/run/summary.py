@@ -95,7 +95,7 @@ def _difference(scene: Scene) -> tuple[str, ...]:
     """What this run's problem has that theory's has not; empty when they are one."""
     assert scene.oracle is not None
     parts = (
-        (not scene.material.small_strain, "strain is finite, theory's small"),
+        (not scene.small_strain, "strain is finite, theory's small"),
         (scene.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
         (not scene.oracle.exact, scene.oracle.why),
     )

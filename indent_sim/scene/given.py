@@ -10,19 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from indent_sim.mesh.part import Part, Region
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials import Material
+from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded, scaled
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import Oracle, depths_of, oracle
-from indent_sim.scene.reduction import Reduction, reduce
+from indent_sim.scene.reduction import reduce
 from indent_sim.scene.truncation import Truncation, expected_depth, half_space_oracle, truncate
 from indent_sim.theory.solution import Solution
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
+
+
+MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,8 @@ class Premises:
     tip: Indenter
     center: tuple[float, ...]
     path: LoadPath
-    reduction: Reduction
+    part: Part
+    part_why: str
     theory: Oracle | None
     deltas: tuple[float, ...]  # requested, or expected at the requested forces
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
@@ -44,7 +49,7 @@ class Premises:
     @property
     def dim(self) -> int:
         """Dimensions of the mesh."""
-        return self.reduction.kinematics.dim
+        return self.part.dim
 
     @property
     def deepest(self) -> float:
@@ -75,10 +80,11 @@ def premises(config: Config) -> Premises:
     body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
+    region = Region("body", material, _formulation(material))
+    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, (region,))
     theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
     return Premises(
-        scales, body, truncation, material, tip, center, path,
-        reduction=reduce(_rounded_body(body), center, config.mesh.symmetry, tip), theory=theory,
+        scales, body, truncation, material, tip, center, path, part, part_why, theory=theory,
         deltas=depths_of(path, theory, tip, material, body.height, scales),
         radius=cache(partial(_expected_radius, theory, tip, body, center)),
     )  # fmt: skip
@@ -90,6 +96,17 @@ def _material(config: Config) -> Material:
     except ValueError as wrong:
         raise ConfigError("material", str(wrong)) from wrong
     return material
+
+
+def _formulation(material: Material) -> str:
+    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
+    (_, nu), wanted = material.constants, material.formulation
+    chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
+    if chosen == "displacement" and nu > MOST_COMPRESSED:
+        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+    if chosen == "mixed" and nu <= 0:
+        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+    return chosen
 
 
 def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None]:
