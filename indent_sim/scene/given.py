@@ -75,7 +75,7 @@ def premises(config: Config) -> Premises:
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, material, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants[0], 2 if whole.shape == "strip" else 3)
+    scales = Scales(whole.height, material.constants[0], whole.dim)
     unit = (scales.length, scales.pressure)
     body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
     center = tuple(rounded(c / scales.length) for c in center)
@@ -174,7 +174,6 @@ def _expected_radius(
     solution = theory.at(delta) if theory else None
     return min(solution.a if solution else tip.radius_at(delta), rim)
 
-POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
 
 
 def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> float:
@@ -184,9 +183,9 @@ def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, 
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
     _, nu = material.constants
-    if nu < 0.5 or not is_held(body):
+    if nu < 0.5 or not body.is_held:
         return float("inf")
-    x, y = _top(body)
+    x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]
     return float(np.mean(tip.height(x - along_x, y - along_y)))
 
@@ -197,39 +196,6 @@ def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
     Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no displacement of finite
     energy does, and the force of a mesh grows as the logarithm of its elements there.
     """
-    x, y = _fixed_ends(body)
+    x, y = body.fixed_ends()
     along_x, along_y = (*center, 0.0)[:2]
     return float(np.min(tip.height(x - along_x, y - along_y), initial=np.inf))
-
-
-def is_held(body: Body) -> bool:
-    """Whether no side lets the body out."""
-    sides = body.sides
-    each = [sides] if isinstance(sides, str) else list(vars(sides).values())
-    return "free" not in each
-
-
-def _top(body: Body) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the top surface, each standing for an equal area."""
-    middles = (np.arange(POINTS) + 0.5) / POINTS
-    match body.shape:
-        case "cylinder":
-            r, angle = body.radius * np.sqrt(middles)[:, None], 2 * np.pi * middles[None, :]
-            return r * np.cos(angle), r * np.sin(angle)
-        case "strip":
-            return body.width * middles, np.zeros(POINTS)
-    return body.size[0] * middles[:, None], body.size[1] * middles[None, :]
-
-
-def _fixed_ends(body: Body) -> np.ndarray:
-    """x and y of points along the top of all fixed sides, shape (2, points)."""
-    share = np.linspace(0, 1, POINTS + 1)
-    if body.shape == "cylinder":
-        angle = 2 * np.pi * share if body.sides == "fixed" else share[:0]
-        return body.radius * np.array([np.cos(angle), np.sin(angle)])
-    lx, ly = (body.width, 0.0) if body.shape == "strip" else body.size[:2]
-    start, along_x, along_y = 0 * share, lx * share, ly * share
-    lines = {"x_min": (start, along_y), "x_max": (start + lx, along_y),
-             "y_min": (along_x, start), "y_max": (along_x, start + ly)}  # fmt: skip
-    fixed = [np.array(lines[name]) for name, support in vars(body.sides).items() if support == "fixed"]
-    return np.hstack([np.empty((2, 0)), *fixed])

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from indent_sim.mesh.sizes import GivenSizes, Sizes
-from indent_sim.model.body import Box
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
 from indent_sim.scene.fineness import Fineness, fineness_of, target_of
-from indent_sim.scene.given import Premises, is_held
+from indent_sim.scene.given import Premises
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
@@ -115,7 +114,7 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) ->
     plain = choose(a, height, width, given.dim, settled, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
     found = replace(_at_corners(plain, given, settled, wanted), axis=given.center)
-    if edge is not None and isinstance(given.body, Box):
+    if edge is not None and part.dim == 3 and bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
@@ -135,7 +134,7 @@ def _keenness(given: Premises, edge: float | None) -> float:
     if edge is None:
         return 1.0
     gap = max(given.body.rim_distance(given.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * given.material.constants[1], 1e-9) ** 0.5 if is_held(given.body) else 1.0
+    squeezed = 1 / max(1 - 2 * given.material.constants[1], 1e-9) ** 0.5 if given.body.is_held else 1.0
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
