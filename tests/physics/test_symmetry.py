@@ -14,7 +14,7 @@ import pytest
 from scenes import BOX, PARABOLOID, STRIP, force, scene, solve
 
 from indent_sim.mesh import gmsh
-from indent_sim.mesh.grid import Grid
+from indent_sim.mesh.grid import Grid, named_surfaces
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 
@@ -35,8 +35,9 @@ def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
 
 def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
     """The states of a scene on a given grid."""
+    named = named_surfaces(grid.points, grid.cells, base.part, base.sizes.finest)
     with monkeypatch.context() as patch:
-        patch.setattr(gmsh, "build", lambda scene: grid)
+        patch.setattr(gmsh, "build", lambda part, sizes: dataclasses.replace(grid, surfaces=named))
         return solve(base)
 
 
@@ -83,7 +84,8 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
     wide with the tip in the middle."""
     wide = scene(STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"})
     narrow = scene(STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]})
-    narrow = dataclasses.replace(narrow, sizes=wide.sizes, contact=wide.contact)
+    sizes = dataclasses.replace(wide.sizes, axis=narrow.sizes.axis)
+    narrow = dataclasses.replace(narrow, sizes=sizes, contact=wide.contact)
     grid = gmsh.build(narrow.part, narrow.sizes)
     whole = Grid(mirrored(grid, 0, 0.0).points + np.array([2.0, 0.0]), mirrored(grid, 0, 0.0).cells)
     beside, middle = on_grid(narrow, grid, monkeypatch)[-1], on_grid(wide, whole, monkeypatch)[-1]
