@@ -172,7 +172,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     """
     fe = backend()
     comm = comm if comm is not None else _alone()
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
     for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
         yield state.in_units(scene.scales)
     fe.release(mesh)
@@ -229,7 +229,8 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
     comm = comm or MPI.COMM_SELF
-    return CondensedBody(scene, fe.equilibrium(scene, fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)))
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
+    return CondensedBody(scene, fe.equilibrium(scene, mesh))
 
 
 def warm_up() -> None:

@@ -122,7 +122,7 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    fall = LINEAR_FALL if scene.material.small_strain and scene.gap == "reference" else FALL
+    fall = LINEAR_FALL if scene.small_strain and scene.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
     deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
@@ -190,7 +190,7 @@ def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
         return left / (EXACT * coarse), EXACT * coarse
     if not _feels_a_half_space(scene, theory.a):
         return 0.0, float("inf")
-    may_stiffen = not scene.material.small_strain and theory.delta > SHALLOW * theory.a
+    may_stiffen = not scene.small_strain and theory.delta > SHALLOW * theory.a
     return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse
 
 
