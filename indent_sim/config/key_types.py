@@ -4,25 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
-from pydantic import GetCoreSchemaHandler
-from pydantic_core import CoreSchema, core_schema
 
-
-@dataclass(frozen=True)
-class TaggedBy:
-    """Marks a section whose dataclass one key chooses; unlike pydantic's mark it knows a union of one."""
-
-    tag: str
-
-    def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        choices = {value: handler.generate_schema(kind) for value, kind in kinds_of(union, self.tag).items()}
-        return core_schema.tagged_union_schema(choices, discriminator=self.tag)
+from indent_sim.model.tagged import TaggedBy
 
 
 def remedy_of(hint: Any) -> str:

@@ -17,12 +17,13 @@ from annotated_types import Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
-from indent_sim.config.key_types import TaggedBy, chosen, core, default_of, field_names, hints, members, tag_of
+from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, members, tag_of
 from indent_sim.config.strict_yaml import Path
 from indent_sim.model.body import AnyBody, HalfSpace
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
+from indent_sim.model.tagged import TaggedBy
 from indent_sim.model.tips import FlatPunch, Indenter, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
