@@ -114,7 +114,7 @@ def _given(value: Any) -> Any:
     """A field's value as a file gives it; equal walls are one word."""
     if dataclasses.is_dataclass(value):
         section = _section(value)
-        is_walls = not any(isinstance(value, kinds) for kinds in schema.sections().values())
+        is_walls = bool(key_types.words_of(type(value)))
         return section if not is_walls or len(set(section.values())) > 1 else next(iter(section.values()))
     return [_given(part) for part in value] if isinstance(value, tuple) else value
 

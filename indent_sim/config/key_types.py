@@ -127,6 +127,7 @@ def _phrase(hint: Any) -> str:
 def _list_phrase(item: str, marks: Sequence[Any]) -> str:
     items = item.removeprefix("a ")
     items = items.replace("list", "lists", 1) if items.startswith("list") else items.replace("number", "numbers")
+    items = items.replace("section", "sections")
     size = next((mark for mark in marks if isinstance(mark, Len)), None)
     if size and size.min_length == size.max_length:
         return f"a list of {size.min_length} {items}"

@@ -8,6 +8,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from annotated_types import Gt, Len
 
+from indent_sim.model.materials import Material
+from indent_sim.model.tagged import TaggedBy
 from indent_sim.model.units import LENGTH, Length
 
 Support = Literal["free", "roller", "fixed"]
@@ -17,6 +19,20 @@ POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is 
 MIDDLES = (np.arange(POINTS) + 0.5) / POINTS
 SHARES = np.linspace(0, 1, POINTS + 1)
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of a body, bonded to its neighbours; of the body's material where it has none of its own.
+
+    The last one of a half-space has no thickness.
+    """
+
+    thickness: Length | None = None
+    material: Annotated[Material | None, TaggedBy("model")] = None
+
+
+Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
 
 
 @dataclass(frozen=True)
@@ -46,6 +62,7 @@ class Cylinder:
     shape: Literal["cylinder"] = "cylinder"
     base: BaseSupport = "fixed"
     sides: Support = "free"
+    layers: Layers | None = None
 
     dim: ClassVar[int] = 3
 
@@ -87,6 +104,7 @@ class Strip:
     shape: Literal["strip"] = "strip"
     base: BaseSupport = "fixed"
     sides: StripSides = StripSides()
+    layers: Layers | None = None
 
     dim: ClassVar[int] = 2  # forces are per unit length
 
@@ -127,6 +145,7 @@ class Box:
     shape: Literal["box"] = "box"
     base: BaseSupport = "fixed"
     sides: BoxSides = BoxSides()
+    layers: Layers | None = None
 
     dim: ClassVar[int] = 3
 
@@ -174,6 +193,7 @@ class HalfSpace:
     """z <= 0 without end. A simulation replaces it by a finite body that is large enough."""
 
     shape: Literal["half_space"] = "half_space"
+    layers: Layers | None = None
 
     dim: ClassVar[int] = 3
 
