@@ -11,7 +11,6 @@ from indent_sim.mesh import gmsh
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import ERRORS, State
 from indent_sim.model.tips import Indenter
-from indent_sim.model.units import scaled
 from indent_sim.process.errors import BackendError, ConfigError
 from indent_sim.process.limits import spent
 from indent_sim.process.ranks import on_root
@@ -189,10 +188,10 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        L, P = self.scene.scales.length, self.scene.scales.pressure
+        L = self.scene.scales.length
         changes: dict[str, Any] = {}
         if indenter is not None:
-            changes["indenter"] = scaled(indenter, L, P)
+            changes["indenter"] = self.scene.scales.scaled(indenter)
         if deltas is not None:
             changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
         if forces is not None:

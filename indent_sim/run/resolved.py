@@ -7,7 +7,6 @@ from typing import Any
 
 from indent_sim.config.file import to_mapping
 from indent_sim.config.schema import Config
-from indent_sim.model.units import rounded
 from indent_sim.scene.scene import Scene
 
 OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
@@ -55,8 +54,6 @@ def _mesh(config: Config, scene: Scene) -> Any:
 
 
 def _contact(config: Config, scene: Scene) -> Any:
-    law = type(scene.contact)
-    given = config.contact if isinstance(config.contact, law) else law()
-    own = rounded(getattr(scene.contact, "stiffness", 0.0) * scene.scales.pressure / scene.scales.length)
-    stiffness = {name: own for name in ("epsilon_n", "gamma") if hasattr(given, name)}
-    return _decided(dataclasses.replace(given, gap=config.contact.gap), gap=scene.gap, **stiffness)
+    law = scene.scales.unscaled(scene.contact)
+    given = config.contact if isinstance(config.contact, type(law)) else type(law)(gap=config.contact.gap)
+    return _decided(given, **vars(law) | {"gap": scene.gap})

@@ -15,7 +15,7 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, r
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
-from indent_sim.scene.doubts import TELLING, penalty_loss
+from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Premises
 from indent_sim.scene.theories import layer_theory
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
-STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
 MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
@@ -101,13 +100,15 @@ def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness |
     name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
     if name is None:
         return kind(), Choice("contact", kind().method, why)
-    auto, in_users = getattr(wanted, name, "auto") == "auto", given.scales.pressure / given.scales.length
-    stiffness = rounded(_stiffness(kind, given, sizes, fineness) * in_users) if auto else getattr(wanted, name)
-    value, unit = stiffness / in_users, given.material.E_star / sizes.h_contact
-    _refuse_soft(kind, name, value / unit, unit * in_users)
+    scales, unit = given.scales, given.material.E_star / sizes.h_contact
+    value: Any = getattr(scales.scaled(wanted), name, "auto")
+    source = f"{name} {'auto' if value == 'auto' else 'as given'}"
+    if value == "auto":
+        value = rounded(_stiffness(kind, given, sizes, fineness))
+    _refuse_soft(kind, name, value / unit, unit * scales.stiffness)
     law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
-    source = f"{name} {'auto' if auto else 'as given'}: {value / unit:.3g} E*/h_contact"
-    return law, Choice("contact", f"{law.method}, {name} = {stiffness:.6g}", f"{why}; {source}")
+    why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
+    return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
 def _stiffness(kind: Any, given: Premises, sizes: Sizes, fineness: Fineness | None) -> float:

@@ -19,6 +19,8 @@ from indent_sim.scene.theories import Theory, half_space_force
 
 TELLING = 0.005  # of the force: a smaller error is not worth a warning
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
+STIFFEST = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
+ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
 SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
 SEVERAL = 0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
 ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
@@ -98,7 +100,8 @@ def _of_contact(given: Premises, law: ContactLaw, gap: str, sizes: Sizes) -> Ite
         words = (f"{law.method} with gap: current: several sets of nodes may be in equilibrium, which one is found "
                  f"depends on the steps, and their forces differ by {in_words(SEVERAL)}")  # fmt: skip
         yield Doubt("several_equilibria", words, SEVERAL)
-    if isinstance(law, Penalty | Nitsche) and law.stiffness > 1e3 * material.E_star / sizes.h_contact:
+    stiffest = (1 + ROUNDING) * STIFFEST * material.E_star / sizes.h_contact
+    if isinstance(law, Penalty | Nitsche) and law.stiffness > stiffest:
         yield Doubt("stiffness", "a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
     if isinstance(law, Penalty):
         lost, at_last = _deepest_and_last(given, lambda delta, a: penalty_loss(law, material, theory, delta, a))

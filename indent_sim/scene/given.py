@@ -14,7 +14,7 @@ from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter
-from indent_sim.model.units import Scales, rounded, scaled
+from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import Reduction, reduce
@@ -72,8 +72,7 @@ def premises(config: Config) -> Premises:
     _check_room(whole, material, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
     scales = Scales(whole.height, material.constants.E, 2 if whole.shape == "strip" else 3)
-    unit = (scales.length, scales.pressure)
-    body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
+    body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)

@@ -143,7 +143,7 @@ def _wall(given: Premises, sizes: Sizes) -> tuple[float, list[Choice]]:
     if given.reduction.radius is None or given.reduction.supports["r_max"] != "roller":
         return 0.0, []
     stiffness = WALL_STIFFNESS * given.material.constants.E / sizes.h_far
-    return stiffness, [Choice("wall", stiffness * given.scales.pressure / given.scales.length, WALL_WHY)]
+    return stiffness, [Choice("wall", stiffness * given.scales.stiffness, WALL_WHY)]
 
 
 def _smooth(given: Premises, gap: str) -> tuple[Indenter, list[Choice]]:
