@@ -43,7 +43,7 @@ class Cylinder:
     sides: Support = "free"
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The axis."""
         return (0.0, 0.0)
 
@@ -67,7 +67,7 @@ class Strip:
     sides: StripSides = StripSides()
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The middle of the top edge."""
         return (self.width / 2,)
 
@@ -95,7 +95,7 @@ class Box:
         return self.size[2]
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The middle of the top surface."""
         return (self.size[0] / 2, self.size[1] / 2)
 
@@ -117,7 +117,7 @@ class HalfSpace:
     shape: Literal["half_space"] = "half_space"
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """Where the tip stands; every place is equal."""
         return (0.0, 0.0)
 

@@ -16,7 +16,7 @@ def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
         "material": _decided(config.material, formulation=scene.formulation),
-        "center": config.center or config.body.centre,
+        "center": config.center or config.body.center,
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
         "accuracy": None,

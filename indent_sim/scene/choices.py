@@ -17,7 +17,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
 from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Premises
+from indent_sim.scene.given import Given
 from indent_sim.scene.theories import layer_theory
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Choice:
     why: str
 
 
-def model(given: Premises) -> list[Choice]:
+def model(given: Given) -> list[Choice]:
     """What of the body is modelled, and how."""
     material, reduction = given.material, given.reduction
     body = f"{given.body.shape}, height {given.scales.length:.4g}"
@@ -67,7 +67,7 @@ def formulation(material: Material) -> tuple[str, Choice]:
     return chosen, Choice("material.formulation", chosen, why)
 
 
-def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
+def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
     """Where the gap is tested, at the undeformed or the deformed point.
 
     ConfigError for a gap at the deformed point that has no answer: a body that slides away, a needle.
@@ -91,7 +91,7 @@ def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
     return chosen, Choice("contact.gap", chosen, why)
 
 
-def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
+def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
         kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
@@ -111,7 +111,7 @@ def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness |
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
-def _stiffness(kind: Any, given: Premises, sizes: Sizes, fineness: Fineness | None) -> float:
+def _stiffness(kind: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
     unit = given.material.E_star / sizes.typical
     usual = float(kind.auto_multiple * unit)
@@ -167,7 +167,7 @@ def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes:
     return Choice("solver.method", wanted, "as given")
 
 
-def mesh(config: Config, given: Premises, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
+def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
     """The element sizes, and where each comes from."""
     L, a, wanted = given.scales.length, given.a, config.mesh
     per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"

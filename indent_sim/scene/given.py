@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Premises:
+class Given:
     """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
 
     scales: Scales
@@ -62,11 +62,11 @@ class Premises:
         return self.theory.at(delta) if self.theory else None
 
 
-def premises(config: Config) -> Premises:
+def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
     material = _material(config)
     whole, truncation = _finite(config, material)
-    center = whole.centre if truncation else config.center or whole.centre
+    center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, material, config.indenter, center, path)
@@ -76,7 +76,7 @@ def premises(config: Config) -> Premises:
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)
-    return Premises(
+    return Given(
         scales, body, truncation, material, tip, center, path,
         reduction=reduce(_rounded_body(body), center, config.mesh.symmetry, tip), theory=theory,
         deltas=depths_of(path, theory, tip, material, body.height, scales),
@@ -116,7 +116,7 @@ def _rounded_body(body: Body) -> Body:
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width = 2 * body.rim_distance(body.centre)
+    width = 2 * body.rim_distance(body.center)
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
         raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                           f"at most {width / 2:g}")  # fmt: skip
@@ -151,7 +151,7 @@ def _expected_radius(
     theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
-    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
+    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
         return 0.2 * rim
     solution = theory.at(delta) if theory else None

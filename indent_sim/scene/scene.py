@@ -23,7 +23,7 @@ from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts
 from indent_sim.scene.expected import peakless, prediction_of
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Premises, premises
+from indent_sim.scene.given import Given, given_by
 from indent_sim.scene.reduction import Pins
 from indent_sim.scene.sizing import AT_END
 from indent_sim.scene.theories import Theory
@@ -110,7 +110,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is expected to need.
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
-    given = premises(config)
+    given = given_by(config)
     fineness = sizing.fineness(config, given, per_radius)
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
@@ -138,7 +138,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     )  # fmt: skip
 
 
-def _wall(given: Premises, sizes: Sizes) -> tuple[float, list[Choice]]:
+def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
     """The stiffness of a curved roller wall in three dimensions [pressure/length, without units]; 0: there is none."""
     if given.reduction.radius is None or given.reduction.supports["r_max"] != "roller":
         return 0.0, []
@@ -146,7 +146,7 @@ def _wall(given: Premises, sizes: Sizes) -> tuple[float, list[Choice]]:
     return stiffness, [Choice("wall", stiffness * given.scales.stiffness, WALL_WHY)]
 
 
-def _smooth(given: Premises, gap: str) -> tuple[Indenter, list[Choice]]:
+def _smooth(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
     """The tip, with a small radius where the gap needs a normal everywhere."""
     blunt = None
     if gap == "current":
@@ -156,18 +156,18 @@ def _smooth(given: Premises, gap: str) -> tuple[Indenter, list[Choice]]:
     return blunt.tip, [Choice(blunt.key, blunt.radius * given.scales.length, blunt.why)]
 
 
-def _peak(given: Premises, tip: Indenter, sizes: Sizes) -> list[Choice]:
+def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
     """That p_max is left empty, and why."""
     why = peakless(given.body, tip, given.center, sizes, given.a if given.deepest > 0 else 0.0)
     return [Choice("p_max", "empty", why)] if why else []
 
 
-def _work(given: Premises, solver: str, gap: str, formulation: str) -> Work:
+def _work(given: Given, solver: str, gap: str, formulation: str) -> Work:
     solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1)
     return Work(solver, formulation == "mixed", solves, gap == "current" or not given.material.small_strain)
 
 
-def _affordable(given: Premises, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
+def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
     """What the scene will cost; ConfigError when that is beyond this machine."""
     reduction = given.reduction
     found = cost_of(sizes, reduction.extent, given.center, work, is_round=reduction.radius is not None)
@@ -179,7 +179,7 @@ def _affordable(given: Premises, sizes: Sizes, work: Work, is_chosen: bool) -> C
     return found
 
 
-def _prediction(given: Premises, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:
+def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:
     """What to expect of the results and of the run, in the user's units."""
     expected = prediction_of(given.path, given.theory, given.tip, given.material, given.deepest, given.a, given.scales)
     truncation = {"truncation_error": given.truncation.error} if given.truncation else {}
