@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import TaggedBy, chosen, core, default_of, field_names, hints, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, HalfSpace, Strip
+from indent_sim.model.body import AnyBody, HalfSpace
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -172,7 +172,7 @@ def _axis(config: Config) -> list[ConfigError]:
 
 def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
-    if isinstance(config.body, Strip) and not tip.of_revolution:
+    if config.body.dim == 2 and not tip.of_revolution:
         return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
     if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
         problem = "must be smaller than the punch's radius"

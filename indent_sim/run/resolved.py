@@ -15,7 +15,7 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
-        "material": _decided(config.material, formulation=scene.formulation),
+        "material": _decided(config.material, formulation=scene.part.regions[0].formulation),
         "center": config.center or config.body.center,
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
@@ -46,7 +46,7 @@ def _decided(section: Any, **found: Any) -> Any:
 def _mesh(config: Config, scene: Scene) -> Any:
     sizes, L = scene.sizes, scene.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
-                    symmetry=scene.symmetry)  # fmt: skip
+                    symmetry=scene.part.symmetry)  # fmt: skip
     if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name in OWN if (length := getattr(sizes, name))}

@@ -28,7 +28,6 @@ FORCE_WHY = "forces are given: each depth is found from the curve force(depth), 
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
-MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
 @dataclass(frozen=True)
@@ -42,29 +41,25 @@ class Choice:
 
 def model(given: Given) -> list[Choice]:
     """What of the body is modelled, and how."""
-    material, reduction = given.material, given.reduction
+    material, part = given.material, given.part
     body = f"{given.body.shape}, height {given.scales.length:.4g}"
     strain = ("small", "the material is linear elastic") if material.small_strain else ("finite", "it is hyperelastic")
     return [
         *([Choice("body", body, given.truncation.why)] if given.truncation else []),
-        Choice("symmetry", reduction.symmetry, reduction.why),
-        Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
+        Choice("symmetry", part.symmetry, given.part_why),
+        Choice("kinematics", part.kinematics.name, part.kinematics.why),
         Choice("strain", *strain),
         *([Choice("control", "force", FORCE_WHY)] if given.path.control == "force" else []),
-        *([Choice("pins", len(reduction.pins), PINS_WHY)] if reduction.pins else []),
+        *([Choice("pins", len(part.pins), PINS_WHY)] if part.pins else []),
     ]
 
 
-def formulation(material: Material) -> tuple[str, Choice]:
-    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
-    nu, wanted = material.constants.nu, material.formulation
-    chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
-    if chosen == "displacement" and nu > MOST_COMPRESSED:
-        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
-    if chosen == "mixed" and nu <= 0:
-        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
-    why = "as given" if wanted != "auto" else f"nu = {nu:g} {'>=' if chosen == 'mixed' else '<'} {LOCKING:g}"
-    return chosen, Choice("material.formulation", chosen, why)
+def formulation(given: Given) -> Choice:
+    """Displacements alone, or with a pressure."""
+    (region,), nu = given.part.regions, given.material.constants.nu
+    sign = ">=" if region.formulation == "mixed" else "<"
+    why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
+    return Choice("material.formulation", region.formulation, why)
 
 
 def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
@@ -80,7 +75,7 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
             "indenter", f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: gap: current "
             "cannot tell how a body gives way to such a needle", "give both in the same unit of length",
         )  # fmt: skip
-    if chosen == "current" and given.reduction.pins:
+    if chosen == "current" and given.part.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",

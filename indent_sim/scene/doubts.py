@@ -42,15 +42,15 @@ class Doubt:
     force_error: float = 0.0
 
 
-def doubts(given: Given, law: ContactLaw, gap: str, formulation: str, sizes: Sizes) -> tuple[Doubt, ...]:
+def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt, ...]:
     """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
     if given.deepest <= 0:
         return (Doubt("no_contact", "the tip never reaches the body: every depth is <= 0"),)
-    of_model = (*_of_model(given, formulation), *_of_tip(given, gap))
+    of_model = (*_of_model(given), *_of_tip(given, gap))
     return (*of_model, *_of_contact(given, law, gap, sizes), *_of_mesh(given, sizes), *_of_truncation(given))
 
 
-def _of_model(given: Given, formulation: str) -> Iterator[Doubt]:
+def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
     nu, (strain, formula) = material.constants.nu, characteristic_strain(tip, delta, a)
@@ -64,7 +64,7 @@ def _of_model(given: Given, formulation: str) -> Iterator[Doubt]:
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(given.center):
         yield Doubt("rim", "the contact comes close to the edge of the body")
-    if formulation == "displacement" and nu >= LOCKING:
+    if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
     for words in stability.instabilities(material, stability.largest_strain(tip, a, delta, body.height)):
         yield Doubt("stability", words)

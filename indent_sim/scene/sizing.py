@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Box
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
 from indent_sim.scene.fineness import Fineness, SettledSizes, fineness_of, target_of
-from indent_sim.scene.given import Given, is_held
+from indent_sim.scene.given import Given
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
@@ -87,7 +85,7 @@ def _is_sharp(tip: Indenter) -> bool:
 def _contact(given: Given, delta: float) -> tuple[float, float, float]:
     """A depth, the contact radius and the mean pressure to expect there."""
     a, solution = given.radius(delta), given.solution(delta)
-    area = pi * a**2 if given.body.shape != "strip" else 2 * a
+    area = given.part.kinematics.contact_area(a)
     return delta, a, solution.force / area if solution else given.material.E_star * delta / (2 * a)
 
 
@@ -104,22 +102,20 @@ def _edge(given: Given, gap: str) -> float | None:
 
 def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
-    mesh, reduction, a = config.mesh, given.reduction, given.a
+    mesh, part, a = config.mesh, given.part, given.a
     edge = _edge(given, gap)
     edge = rounded(edge) if edge is not None else None
-    height = reduction.extent[-1][1] - reduction.extent[-1][0]
-    width = max(high - low for low, high in reduction.extent[:-1])
-    bend, keenness = reduction.radius, _keenness(given, edge)
+    height, width, bend, keenness = part.height, part.width, part.bend, _keenness(given, edge)
     settled = _settled(mesh, given.scales, height, edge)
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
     plain = choose(a, height, width, given.dim, settled, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
-    found = _at_corners(plain, given, settled, wanted)
-    if edge is not None and isinstance(given.body, Box):
+    found = replace(_at_corners(plain, given, settled, wanted), axis=given.center)
+    if edge is not None and part.dim == 3 and bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
-    least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
+    least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
     if edge is not None:
         size = float(found.at(np.array(edge), np.array(0.0)))
@@ -133,11 +129,11 @@ def _keenness(given: Given, edge: float | None) -> float:
     d ln F/d ln a of an incompressible layer grows with a over the gap up to the wall, until its compressibility gives
     way: 2 to 100, by layer theory. A fixed wall holds the surface in the gap too.
     """
-    held = [support for name, support in given.reduction.supports.items() if name != "base"]
+    held = [support for name, support in given.part.supports.items() if name != "base"]
     if edge is None:
         return 1.0
     gap = max(given.body.rim_distance(given.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * given.material.constants.nu, 1e-9) ** 0.5 if is_held(given.body) else 1.0
+    squeezed = 1 / max(1 - 2 * given.material.constants.nu, 1e-9) ** 0.5 if given.body.is_held else 1.0
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
@@ -148,7 +144,7 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
     In three dimensions they are lines, and elements along them would cost more than they give: there it is only said.
     """
     nu, sharp = given.material.constants.nu, plain.edge is not None
-    around = corners(given.reduction, given.center, given.a, nu, sharp) if given.deepest > 0 else []
+    around = corners(given.part, given.center, given.a, nu, sharp) if given.deepest > 0 else []
     if settled.h_corner and (given.dim == 3 or not around):
         raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact in a meshed "
                           "section, and this scene has none", "leave it out")  # fmt: skip
