@@ -85,7 +85,7 @@ def _of_auxetic(material: NeoHookean, strain: float) -> list[str]:
 
 
 def _reached(strain: float) -> str:
-    return f"strains may strain exp(+-{strain:.2g}) here"
+    return f"strains may reach exp(+-{strain:.2g}) here"
 
 
 def _is_stable(psi: Callable[[Any, Any, Any], Any], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:
