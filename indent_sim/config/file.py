@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import errno
 import json
 import math
 import os
 import re
+import stat
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -119,7 +121,9 @@ def _given(value: Any) -> Any:
 
 def _content(name: str) -> bytes:
     try:
-        with open(name, "rb") as stream:
+        with open(name, "rb", opener=_at_once) as stream:
+            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                raise OSError(errno.EINVAL, "not a regular file")
             content = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
@@ -127,6 +131,11 @@ def _content(name: str) -> bytes:
     if len(content) > MAX_BYTES:
         raise ConfigError("", f"longer than {MAX_BYTES} bytes", "this is no scene", name)
     return content
+
+
+def _at_once(path: str, flags: int) -> int:
+    """Open a file; a pipe too, which would wait for its writer."""
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def _decoded(content: bytes, name: str) -> str:

@@ -17,7 +17,7 @@ from indent_sim.process.limits import spent
 from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
-from indent_sim.results.reader import checked_report, earlier_run
+from indent_sim.results.reader import checked_report, earlier_run, lost_files
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.run.record import Record
@@ -26,7 +26,7 @@ from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.scene.scene import Scene, resolve
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
+    from indent_sim.config.schema import Config, OutputSettings
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Run:
 
         config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
         resume = self._resume and not attempt.companions  # only the first one
-        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene)):
+        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, config.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
                     errors=self._errors(scene)) as record, unmasked(), spent():  # fmt: skip
@@ -147,14 +147,22 @@ class Run:
         return list(states(scene, self.comm, with_surface=False))
 
 
-def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene) -> Outcome | None:
-    """The outcome of a run that came to its end before; UsageError when its rows are of another path."""
+def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: OutputSettings) -> Outcome | None:
+    """The outcome of a run that came to its end before; UsageError when its rows are of another path.
+
+    It stays as it is; what has become of its files since is among its warnings.
+    """
     earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml))
     if earlier is None:
         return None
     steps, L = len(scene.deltas), scene.scales.length
     earlier.check([d * L for d in scene.deltas] if scene.path.control == "depth" else None, steps, target)
-    return Outcome(target, earlier.report, list(earlier.states), steps) if earlier.finished(steps) else None
+    if not earlier.finished(steps):
+        return None
+    lost = comm.bcast(on_root(comm, lost_files, target, output.surface != "none", output.fields != "none"))
+    said = [f"{', '.join(lost)}: missing or damaged since; leave --resume out to compute them again"] if lost else []
+    report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *said]}
+    return Outcome(target, report, list(earlier.states), steps)
 
 
 def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iterator[State]:

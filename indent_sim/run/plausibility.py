@@ -105,13 +105,13 @@ def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
 
 def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
-    """The deformed surface stays below the tip, but for what a coarse mesh or a penalty lets it sink in."""
+    """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty lets it sink in."""
     allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.scales.length)
     if isinstance(scene.contact, Penalty | Nitsche):
         allowed += PENETRATIONS * state.penetration
     if state.overlap <= allowed:
         return None
-    return f"the surface reaches {state.overlap:.3g} into the tip, which went through it"
+    return f"a facet of the surface lies {state.overlap:.3g} inside the tip, which went through it"
 
 
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:

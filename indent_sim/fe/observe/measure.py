@@ -38,7 +38,7 @@ class Observed(Protocol):
 
 SAME_PLACE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 ROUNDOFF = 1e-12  # of the body's height: a coordinate below it is zero
-UNDER = 0.7  # of the radius at which a tip ends: inside it no tip is steep, and no body has closed over a ball
+UNDER = 0.5  # of the radius at which a tip ends: no tip is steep there, and a ball has its stem above (tips.STEM)
 # Of E*/h, h the size of the facet, by formulation. Measured on 60 random layers between frictionless walls, two to
 # thirty elements in the contact radius: a is off by 0.01 h in the median, in 95 % of the rows by less than 0.03 h
 # (displacement) and 0.05 h (mixed); half of these values reads it 0.04 h too large, twice as much 0.03 h too small.
@@ -119,8 +119,8 @@ def contact(body: Observed) -> dict[str, float]:
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
     projected on the horizontal plane; 0 for delta <= 0. The peak is over the contact quadrature points and the
     nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the contact
-    quadrature points. The overlap is how far the deformed surface reaches above the tip's own shape, of which the gap
-    function may know nothing; 0 with a reference gap.
+    quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap function
+    may know nothing; 0 with a reference gap.
     """
     dim = body.trace.dim
     grid, simplices = lattice(dim)
@@ -140,7 +140,12 @@ def contact(body: Observed) -> dict[str, float]:
 
 
 def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
-    """The largest depth - f at deformed points under the tip [length], or -g where that is less: f may be steep."""
+    """How deep a whole deformed facet lies inside the tip [length], the deepest one by that of its points least inside.
+
+    A point under the tip is z + depth - f inside, or -g where that is less: f may be steep. A facet that lies over an
+    apex or an edge is inside in its middle by what the tip bends within it, however steep; its ends are not. One that
+    the tip went through is inside with all its points.
+    """
     if body.scene.gap == "reference":
         return 0.0
     tip = body.scene.indenter
@@ -148,7 +153,8 @@ def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
     inside = x[..., -1] + body.depth - tip.height(*horizontal)
     inside = np.where(gap < 0, np.minimum(inside, -gap), inside)
     is_under = np.hypot(*horizontal) < UNDER * tip.radius_at(body.scene.body.height)
-    return float(inside[is_under].max(initial=0.0))
+    least = np.where(is_under, inside, np.inf).min(axis=1)
+    return float(least[is_under.any(axis=1)].max(initial=0.0))
 
 
 def penetration(body: Observed) -> float:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 
 import numpy as np
 import pytest
 import yaml
 
-from indent_sim.config.file import from_mapping, load, loads, located, to_mapping, to_yaml
+from indent_sim.config.file import from_mapping, load, loads, located, read_document, to_mapping, to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import parse
 from indent_sim.model.body import Box, BoxSides, Cylinder
@@ -289,6 +290,15 @@ def test_bytes_that_are_no_scene(tmp_path):
         load(path)
     path.write_bytes("\ufeff".encode() + SCENE.encode())
     assert load(path) == loads(SCENE)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "scene.yaml")
+    for read in (load, read_document):
+        with pytest.raises(UsageError, match=r"cannot read the config .*: not a regular file"):
+            read(tmp_path / "scene.yaml")
+    with pytest.raises(UsageError, match="not a regular file"):
+        load("/dev/zero")
 
 
 def _place(config: Config, key: str) -> tuple[str, int | None]:

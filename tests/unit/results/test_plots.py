@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -214,8 +215,10 @@ class TestSeveralRuns:
             forces.overlay([a_result(), a_result("plane_strain")], tmp_path / "picture.png")
 
     def test_no_unit_is_claimed_for_a_curve_that_names_none(self, svg):
-        forces.overlay([a_result(), a_result(units={})], svg)
-        assert "[" not in text_of(svg).split("<g")[-1]
+        """The axes name none, and the legend says what each is measured in."""
+        forces.overlay([a_result(title="simulated"), a_result(title="measured", units={})], svg)
+        said = re.findall(r">([^<>]*\[[^<>]*\])<", text_of(svg))
+        assert sorted(said) == ["measured [unit unknown]", "simulated [m and N]"]
 
     @pytest.fixture
     def drawn(self, tmp_path, monkeypatch):

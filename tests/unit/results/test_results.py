@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim.model.state import COLUMNS, State, Surface
+from indent_sim.model.state import COLUMNS, ERRORS, State, Surface
 from indent_sim.process.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
 from indent_sim.process.signals import uninterrupted
 from indent_sim.results import folder, tables
 from indent_sim.results.compare import compare
 from indent_sim.results.folder import write_atomically
-from indent_sim.results.reader import read, rows_of
+from indent_sim.results.reader import earlier_run, read, rows_of
 from indent_sim.results.writer import ResultFolder, to_json
 from indent_sim.results.xdmf import FieldWriter
 
@@ -91,6 +91,15 @@ class TestFiles:
         place = rows[0].index("p_max")
         assert (rows[1][place], rows[1][-1]) == ("", "") and float(rows[2][place]) == 1.5
         assert json.loads(to_json(rows_of(states)))[0]["p_max"] is None
+
+    @pytest.mark.parametrize("empty", ["p_max", *ERRORS])
+    def test_a_row_with_an_empty_cell_is_resumed(self, tmp_path, empty):
+        """p_max of a cone is empty, and so is its error."""
+        values = {name: 0.1 for name in ERRORS} | {empty: float("nan")}
+        with ResultFolder(tmp_path / "out", "title: x\n", errors=ERRORS) as run:
+            run.append(a_state(1, **values))
+        found = earlier_run(tmp_path / "out", "title: x\n")
+        assert found is not None and len(found.states) == 1 and np.isnan(getattr(found.states[0], empty))
 
     def test_a_table_of_fewer_errors_goes_on_with_its_own_columns(self, tmp_path):
         """As an older version of this program left it."""
