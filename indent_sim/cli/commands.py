@@ -247,7 +247,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     from indent_sim.cli import terminal
 
     say(terminal.plan(scene, _width()))
-    for warning in scene.warnings:
+    for warning in scene.plan.warnings:
         tell(f"warning: {warning}")
 
 

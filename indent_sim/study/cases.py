@@ -41,17 +41,18 @@ class Case:
     def problem(self) -> str:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
         asked = {key: value for key, value in self.values.items() if not _is_discrete(key)}
-        return inline(asked | {"gap": self.scene.gap, "depth": self.depth, "control": self.scene.path.control})
+        physics = self.scene.physics
+        return inline(asked | {"gap": physics.gap, "depth": self.depth, "control": physics.path.control})
 
     @property
     def depth(self) -> float:
         """The last depth, to expect where forces are prescribed, in the user's units."""
-        return self.scene.deltas[-1] * self.scene.scales.length
+        return self.scene.physics.deltas[-1] * self.scene.physics.scales.length
 
     @property
     def stiffness(self) -> float | None:
         """epsilon_n or gamma in E*/h_contact; None for a method without one."""
-        law = self.scene.contact
+        law = self.scene.physics.contact
         return law.stiffness / stiffness_unit(self.scene) if hasattr(law, "stiffness") else None
 
 
@@ -99,7 +100,7 @@ def identity(scene: Scene) -> str:
 
 def stiffness_unit(scene: Scene) -> float:
     """E*/h_contact in the scene's own units."""
-    return scene.material.E_star / scene.sizes.h_contact
+    return scene.physics.material.E_star / scene.sizes.h_contact
 
 
 class _Builder:
@@ -127,7 +128,7 @@ class _Builder:
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
             scene = _resolved(self._config((*others, auto)), point)
-            self._units[name] = stiffness_unit(scene) * scene.scales.stiffness
+            self._units[name] = stiffness_unit(scene) * scene.physics.scales.stiffness
         return self._units[name]
 
 

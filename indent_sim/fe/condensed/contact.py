@@ -47,7 +47,7 @@ class CondensedContact:
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
         self.compliance = compliance
-        self.law = scene.contact
+        self.law = scene.physics.contact
         self.nodes = compliance.trace.nodes
         self.places = compliance.places
         self.iterations = iterations
@@ -78,14 +78,14 @@ class CondensedContact:
         """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
         trace, scene = self.compliance.trace, self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.part.kinematics.horizontal(x, scene.center)
-        return self._areas(trace, points, weights), scene.indenter.height(*horizontal) - x[-1]
+        horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
+        return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[-1]
 
     def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Areas (facets, points) of quadrature points, times the kinematics' weight."""
         tangents = trace.tangents(trace.X, points)
         area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
-        return area * weights * self.scene.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
+        return area * weights * self.scene.physics.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
 
     @cached_property
     def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -131,7 +131,7 @@ class CondensedContact:
         own; if that is too far, through softer contact to the law's own.
         """
         start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
-        unit = self.scene.material.E_star / self.scene.sizes.h_contact
+        unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
         first = [unit / epsilon_n, 1.0] if is_other else [1.0]
         for factors in (first, softer(self.law, self.scene)):
@@ -216,7 +216,7 @@ class CondensedContact:
         Q, heights, areas, A = self._weighted
         carriers = np.flatnonzero(areas > 0)
         open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
-        scale = self.scene.material.E_star / self.scene.sizes.h_contact
+        scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         p = self.lam[self.places[carriers]]
         p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
         self.iterations += solves
@@ -315,7 +315,7 @@ class CondensedState:
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
-        nodal = self.scene.contact.multiplier == "nodal"
+        nodal = self.scene.physics.contact.multiplier == "nodal"
         return pressure_functions(points) if nodal else shapes(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
@@ -325,7 +325,7 @@ class CondensedState:
     def nodal_pressure(self) -> np.ndarray:
         """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
         lam, nodes = self.contact.multiplier, self.contact.compliance.surface.nodes
-        if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
+        if self.scene.physics.contact.multiplier == "nodal" or not self.trace.ripples:
             return lam
         pressure = lam.copy()
         pressure[nodes] = from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])

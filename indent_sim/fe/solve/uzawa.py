@@ -49,5 +49,5 @@ def settle(
 
 def tolerance(scene: Scene) -> float:
     """The last change of the multiplier, relative: with a soft stiffness small changes do not mean a small gap."""
-    stiffness = scene.contact.stiffness  # type: ignore[union-attr]
-    return TOLERANCE * min(1.0, stiffness * scene.sizes.h_contact / scene.material.E_star)
+    stiffness = scene.physics.contact.stiffness  # type: ignore[union-attr]
+    return TOLERANCE * min(1.0, stiffness * scene.sizes.h_contact / scene.physics.material.E_star)
