@@ -17,7 +17,6 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.study.file import StudyFile
 from indent_sim.study.grid import Multiple, Point, Setting
 
-SPOKEN = ("title", "units", "theory", "choices", "doubts", "prediction")  # what a scene says beside its physics
 MOST_TOLD = 20  # errors
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
 
@@ -94,7 +93,7 @@ def short(value: Any) -> str:
 
 def identity(scene: Scene) -> str:
     """A name for the physics and discretisation of a scene; titles, labels and output have no part in it."""
-    parts = {f.name: getattr(scene, f.name) for f in dataclasses.fields(scene) if f.name not in SPOKEN}
+    parts = (scene.physics, scene.sizes, scene.solver, scene.plan.fineness)
     return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
 
 

@@ -214,8 +214,9 @@ def test_every_step_sees_the_same_number_of_elements() -> None:
 
 def test_a_penalty_left_open_is_stiff_enough() -> None:
     soft, stiff = (scene(accuracy=accuracy, contact={"method": "penalty"}) for accuracy in (0.01, 0.001))
-    assert isinstance(soft.contact, Penalty) and isinstance(stiff.contact, Penalty)
-    assert stiff.contact.stiffness > 4 * soft.contact.stiffness
+    laws = soft.physics.contact, stiff.physics.contact
+    assert isinstance(laws[0], Penalty) and isinstance(laws[1], Penalty)
+    assert laws[1].stiffness > 4 * laws[0].stiffness
 
 
 @pytest.mark.parametrize("key", ["h_contact", "h_far", "h_axis", "h_edge", "grading"])

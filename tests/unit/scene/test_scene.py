@@ -43,7 +43,7 @@ class TestNitsche:
     @pytest.mark.parametrize("gamma", ["auto", unit, 30 * unit])
     def test_enough_is_taken(self, gamma):
         wanted = 10 * self.unit if gamma == "auto" else gamma
-        assert self.with_gamma(gamma).contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
+        assert self.with_gamma(gamma).physics.contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
 
 
 class TestMesh:
