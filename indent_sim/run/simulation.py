@@ -60,12 +60,11 @@ class Simulation:
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
-        size, version = {}, {}
-        if grid is not None:
-            size, version = {"cells": len(grid.cells), "points": len(grid.points)}, {"gmsh": grid.gmsh}
-        dofs = self._walk.equilibrium.dofs
-        record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
-        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": fe.versions()["dolfinx"]}
+        dofs, versions = self._walk.equilibrium.dofs, fe.versions()
+        if grid is not None:  # rank 0, which writes
+            size = {"cells": len(grid.cells), "points": len(grid.points)}
+            record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=versions | {"gmsh": grid.gmsh})
+        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
             other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
@@ -188,10 +187,8 @@ class Simulation:
             return
         L, P = self.scene.scales.length, self.scene.scales.pressure
         self._walk.return_to_row()
-        displacement, stress, pressure = self._fields.gather() or (None, None, None)
-        if displacement is not None and stress is not None and pressure is not None:
-            displacement, stress, pressure = displacement * L, stress * P, pressure * P
-        self.record.write_fields(state, displacement, stress, pressure)
+        fields = self._fields.gather() or ()  # rank 0 has them
+        self.record.write_fields(state, *(field * unit for field, unit in zip(fields, (L, P, P), strict=False)))
 
     def _save_last_fields(self) -> None:
         if self.states and self.output.fields == "last":

@@ -13,11 +13,6 @@ from indent_sim.fe.solve.newton import Newton, finest
 from indent_sim.fe.terms.traction import Traction
 
 
-def _simultaneous(newton: Newton) -> Callable[[], bool]:
-    """Nitsche, active set: one semismooth Newton for everything."""
-    return newton.solve
-
-
 def _approaching(newton: Newton) -> Callable[[], bool]:
     """Penalty, augmented Lagrangian: one semismooth Newton, which comes to a stiff contact through softer ones.
 
@@ -56,7 +51,7 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
 ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {
     "none": _approaching,
     "unknown": _approaching,
-    "stress": _simultaneous,
+    "stress": lambda newton: newton.solve,
     "frozen": _uzawa,
-    "nodal": _simultaneous,
+    "nodal": lambda newton: newton.solve,
 }
