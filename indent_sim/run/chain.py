@@ -11,7 +11,6 @@ from indent_sim.mesh import gmsh
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import ERRORS, State
 from indent_sim.model.tips import Indenter
-from indent_sim.model.units import scaled
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
 from indent_sim.process.limits import spent
 from indent_sim.process.ranks import on_root
@@ -172,7 +171,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     """
     fe = backend()
     comm = comm if comm is not None else _alone()
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
     for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
         yield state.in_units(scene.scales)
     fe.release(mesh)
@@ -203,10 +202,10 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        L, P = self.scene.scales.length, self.scene.scales.pressure
+        L = self.scene.scales.length
         changes: dict[str, Any] = {}
         if indenter is not None:
-            changes["indenter"] = scaled(indenter, L, P)
+            changes["indenter"] = self.scene.scales.scaled(indenter)
         if deltas is not None:
             changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
         if forces is not None:
@@ -229,7 +228,8 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
     comm = comm or MPI.COMM_SELF
-    return CondensedBody(scene, fe.equilibrium(scene, fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)))
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
+    return CondensedBody(scene, fe.equilibrium(scene, mesh))
 
 
 def warm_up() -> None:

@@ -34,7 +34,6 @@ ROOMS: dict[str, set[str]] = {
     "study": {"run", "scene", "config", "results", "theory", "model", "process"},
 }
 ROOMS["cli"] = set(ROOMS)
-ROOMS["mesh"] |= {"scene"}  # until mesh takes a Part
 
 # The same inside fe; `environment` and `kernels` are the process's side of dolfinx.
 FE: dict[str, set[str]] = {

@@ -75,17 +75,17 @@ class CondensedContact:
     # ---- the surface ---------------------------------------------------------------------------------------------
 
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted areas (facets, points) and the tip's height (facets, points) there."""
+        """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
         trace, scene = self.compliance.trace, self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.kinematics.horizontal(x, scene.center)
-        return self._areas(trace, points, weights), scene.indenter.height(*horizontal)
+        horizontal = scene.part.kinematics.horizontal(x, scene.center)
+        return self._areas(trace, points, weights), scene.indenter.height(*horizontal) - x[-1]
 
     def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Areas (facets, points) of quadrature points, times the kinematics' weight."""
         tangents = trace.tangents(trace.X, points)
         area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
-        return area * weights * self.scene.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
+        return area * weights * self.scene.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
 
     @cached_property
     def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

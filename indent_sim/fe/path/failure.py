@@ -43,10 +43,10 @@ def _advice(scene: Scene) -> str:
     """What a user can change, the most promising first."""
     rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.indenter, key, 0.0)), None)
     ways = [
-        *(["a hyperelastic material"] if scene.material.small_strain and scene.gap == "current" else []),
+        *(["a hyperelastic material"] if scene.small_strain and scene.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),
         *(["contact.method: augmented_lagrangian"] if scene.contact.method != "augmented_lagrangian" else []),
-        *(["nu slightly below 0.5"] if scene.material.constants[1] == 0.5 else []),
+        *(["nu slightly below 0.5"] if scene.material.constants.nu == 0.5 else []),
         "another mesh.h_contact",
     ]
     return " or ".join(ways)
