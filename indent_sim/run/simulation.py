@@ -67,8 +67,7 @@ class Simulation:
         self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
-            other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
-            record.warn(other)
+            record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
         self._take_up()
         wanted = self.output.fields != "none" and len(self.states) < len(scene.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
@@ -119,7 +118,8 @@ class Simulation:
             # a signal reaches the ranks one by one: only a failure is known to all of them
             if isinstance(end, NotConverged) or self.record.comm.size == 1:
                 self._save_checkpoint(now=True)
-                self._save_last_fields()
+                if self.states and self.output.fields == "last":
+                    self._write_fields(self.states[-1])
             raise
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
@@ -189,10 +189,6 @@ class Simulation:
         self._walk.return_to_row()
         fields = self._fields.gather() or ()  # rank 0 has them
         self.record.write_fields(state, *(field * unit for field, unit in zip(fields, (L, P, P), strict=False)))
-
-    def _save_last_fields(self) -> None:
-        if self.states and self.output.fields == "last":
-            self._write_fields(self.states[-1])
 
 
 def backend() -> Any:

@@ -33,14 +33,13 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     """Newton with lam held, in Uzawa's loop; on the way to its own stiffness lam is updated too."""
     problem, contact = newton.problem, newton.problem.contact
     assert isinstance(contact, Traction)
-    projection = contact.projection
     newton.rtol = min(newton.rtol, finest(problem))
 
     def solve() -> bool:
         before = problem.snapshot()
-        if not newton.approach(projection.update):
+        if not newton.approach(contact.projection.update):
             problem.restore(before)
-        if uzawa.settle(newton, problem.scene, problem.comm, newton.solve, projection.update):
+        if uzawa.settle(newton, problem.scene, problem.comm, newton.solve, contact.projection.update):
             return True
         problem.restore(before)
         return False
