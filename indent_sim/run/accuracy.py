@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ class Attempt:
             end = f"refining to {finer.plan.fineness.n:.3g} elements in the contact radius"
             ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
             last = [Companion(1.0, states, self.scene), *bars.companions][: len(RATIOS)]
-            self.following = Attempt(finer, tried, [companion.beside(ratio) for companion in last])
+            self.following = Attempt(finer, tried, [replace(one, ratio=one.ratio * ratio) for one in last])
         self.missed = (f"accuracy not reached: the error at step {worst.step} is estimated as {found:.2g} of the "
                        f"force, {fineness.target:g} is asked for; {end}")  # fmt: skip
 

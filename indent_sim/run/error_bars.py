@@ -65,10 +65,6 @@ class Companion:
     states: Sequence[State]
     scene: Scene | None = field(default=None, repr=False)
 
-    def beside(self, finer: float) -> Companion:
-        """The same run as companion of a mesh that is finer by this ratio."""
-        return replace(self, ratio=self.ratio * finer)
-
     @property
     def curve(self) -> Curve:
         """The state of every step that was reached."""

@@ -61,16 +61,14 @@ class Simulation:
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
-        size, version = {}, {}
-        if grid is not None:
-            size, version = {"cells": len(grid.cells), "points": len(grid.points)}, {"gmsh": grid.gmsh}
-        dofs = self._walk.equilibrium.dofs
-        record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
-        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": fe.versions()["dolfinx"]}
+        dofs, versions = self._walk.equilibrium.dofs, fe.versions()
+        if grid is not None:  # rank 0, which writes
+            size = {"cells": len(grid.cells), "points": len(grid.points)}
+            record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=versions | {"gmsh": grid.gmsh})
+        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
-            other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
-            record.warn(other)
+            record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
         self._take_up()
         wanted = self.output.fields != "none" and len(self.states) < len(scene.physics.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
@@ -121,7 +119,8 @@ class Simulation:
             # a signal reaches the ranks one by one: only a failure is known to all of them
             if isinstance(end, NotConverged) or self.record.comm.size == 1:
                 self._save_checkpoint(now=True)
-                self._save_last_fields()
+                if self.states and self.output.fields == "last":
+                    self._write_fields(self.states[-1])
             raise
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
@@ -189,14 +188,8 @@ class Simulation:
             return
         L, P = self.scene.physics.scales.length, self.scene.physics.scales.pressure
         self._walk.return_to_row()
-        displacement, stress, pressure = self._fields.gather() or (None, None, None)
-        if displacement is not None and stress is not None and pressure is not None:
-            displacement, stress, pressure = displacement * L, stress * P, pressure * P
-        self.record.write_fields(state, displacement, stress, pressure)
-
-    def _save_last_fields(self) -> None:
-        if self.states and self.output.fields == "last":
-            self._write_fields(self.states[-1])
+        fields = self._fields.gather() or ()  # rank 0 has them
+        self.record.write_fields(state, *(field * unit for field, unit in zip(fields, (L, P, P), strict=False)))
 
 
 def backend() -> Any:

@@ -124,8 +124,8 @@ class CondensedContact:
 
     # ---- laws with a stiffness -----------------------------------------------------------------------------------
 
-    def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero.
+    def newton(self, delta: float, *, with_multiplier: bool = False) -> bool:
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is.
 
         From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
         own; if that is too far, through softer contact to the law's own.
@@ -136,7 +136,7 @@ class CondensedContact:
         first = [unit / epsilon_n, 1.0] if is_other else [1.0]
         for factors in (first, softer(self.law, self.scene)):
             self.F = start
-            if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
+            if all(self._newton(delta, factor * epsilon_n, with_multiplier) for factor in factors):
                 return True
         self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
         return False
@@ -149,13 +149,13 @@ class CondensedContact:
         size = max(np.linalg.norm(before), np.linalg.norm(image))
         return float(change / size) if change > nothing else 0.0
 
-    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
+    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool) -> bool:
         N, W, height = self._quadrature
         C = self.compliance.C
         D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
-        if frozen is not None:
-            offset = offset + frozen[self.places][self.nodes] @ N.T
+        if not with_multiplier:
+            offset = offset + self.lam[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
         before: np.ndarray | None = None
         nothing = self.nothing(lambda F: np.abs(F).max(initial=0.0))
@@ -263,10 +263,6 @@ def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tu
     return p, len(seen) + 1
 
 
-def _penalty(contact: CondensedContact) -> Callable[[float], bool]:
-    return lambda delta: contact.newton(delta, with_multiplier=False)
-
-
 def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
@@ -279,16 +275,13 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
-        def held(rtol: float) -> bool:
-            return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
-
-        return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, held, contact.update)
+        return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, lambda rtol: contact.newton(delta), contact.update)
 
     return solve
 
 
 ALGORITHMS: dict[str, Callable[[CondensedContact], Callable[[float], bool]]] = {
-    "none": _penalty,
+    "none": lambda contact: contact.newton,
     "unknown": _augmented_lagrangian,
     "frozen": _uzawa,
     "nodal": lambda contact: contact.active_set,
