@@ -67,6 +67,31 @@ def test_a_split_near_a_corner_is_meshed(kind):
         assert size.sum() == pytest.approx(width, rel=1e-9) and (size > 0).all()
 
 
+@pytest.mark.parametrize("place", [1.5, 1.4999999999985643])
+def test_no_triangle_is_flat(place):
+    """gmsh left one on three points of the top, of no area at all: nothing converged."""
+    tip = f"{{shape: cone, half_angle: 70.0, center: [{place!r}]}}"
+    scene = SCENE.format(body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}")
+    found = gmsh.build(resolve(loads(scene, overrides=["loading.delta=0.0005"])))
+    assert areas(found).sum() == pytest.approx(2 / 3, rel=1e-9) and (areas(found) > 0).all()
+
+
+def test_a_flat_cell_is_told():
+    """Three points of the upper side of a square; and a triangle as thin as beside the narrowest split."""
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 1.0], [1e-8, 0.0]])
+    halves = [[0, 1, 2], [0, 2, 3], [0, 5, 3]]
+    assert not gmsh.has_flat_cells(Grid(points, np.array(halves), ""))
+    assert gmsh.has_flat_cells(Grid(points, np.array([*halves, [2, 4, 3]]), ""))
+
+
+def test_a_mesh_that_stays_flat_is_refused(monkeypatch):
+    monkeypatch.setattr(gmsh, "has_flat_cells", lambda grid: True)
+    gmsh._mesher.stop()  # forked anew, it knows
+    with pytest.raises(MeshError, match="cells without volume"):
+        gmsh.build(resolve(loads(SMALL)))
+    gmsh._mesher.stop()
+
+
 def test_a_dropped_split_does_not_change_the_force():
     """A punch 5e-9 narrower than the body presses like one as wide; the force grows with the radius, not faster."""
     (wide,), (narrow,) = (chain.states(near_a_corner("edge beside the wall", d, 1.0, 0.1)) for d in (0.0, 5e-9))
