@@ -63,12 +63,17 @@ def _answered(answer: Callable[[], Grid]) -> Grid:
 
 
 def _meshed(part: Part, aloud: bool = False) -> Grid:
-    """The mesh of a part; gmsh's shift may leave cells without volume, which a smaller one does not."""
+    """The mesh of a part; gmsh's shift may make it fail, or leave cells without volume, where a smaller one does not."""
+    failure = MeshError("gmsh left cells without volume; another mesh.h_contact may help")
     for milder in MILDER:
-        grid = _generated(part, milder * _shake(part), aloud)
+        try:
+            grid = _generated(part, milder * _shake(part), aloud)
+        except MeshError as error:
+            failure = error
+            continue
         if not has_flat_cells(grid):
             return grid
-    raise MeshError("gmsh left cells without volume; another mesh.h_contact may help")
+    raise failure
 
 
 def _generated(part: Part, shake: float, aloud: bool) -> Grid:
