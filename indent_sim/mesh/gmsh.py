@@ -63,7 +63,7 @@ def _answered(answer: Callable[[], Grid]) -> Grid:
 
 
 def _meshed(part: Part, aloud: bool = False) -> Grid:
-    """The mesh of a part; gmsh's shift may make it fail, or leave cells without volume, where a smaller one does not."""
+    """The mesh of a part; gmsh may fail, or leave cells without volume, by its shift: then with a smaller one."""
     failure = MeshError("gmsh left cells without volume; another mesh.h_contact may help")
     for milder in MILDER:
         try:
