@@ -6,6 +6,7 @@ from typing import Any
 
 from indent_sim.config.file import from_mapping
 from indent_sim.mesh import gmsh
+from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.run import chain
@@ -35,14 +36,18 @@ def with_penalty(base: Scene, epsilon_n: float) -> Scene:
     return base.with_physics(contact=Penalty(epsilon_n=epsilon_n))
 
 
+def grid_of(base: Scene) -> Grid:
+    """The mesh of a scene as gmsh makes it."""
+    return gmsh.build(base.physics.part, base.sizes)
+
+
 def meshed(base: Scene) -> Any:
     """The mesh of a scene as the solver takes it, on this process alone."""
     from mpi4py import MPI
 
     from indent_sim.fe import solver
 
-    part = base.physics.part
-    return solver.distribute(gmsh.build(part, base.sizes), part, MPI.COMM_SELF)
+    return solver.distribute(grid_of(base), base.physics.part, MPI.COMM_SELF)
 
 
 def solve(base: Scene) -> list[State]:

@@ -52,8 +52,8 @@ def choose(a: float, height: float, width: float, dim: int, settled: SettledSize
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 AT_END = 0.999  # of the radius at which a tip ends: a contact that reaches it ends as under a punch
-FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
-# r = 0 and coordinates have all their digits, gmsh aborts or never ends
+FINEST, ON_AXIS = 5e-9, 1e-10  # of the longest side of what is meshed: with smaller elements (up to 3e-9 were seen, and
+# where the tip is at r = 0 and coordinates have all their digits below 1e-10) gmsh aborts or never ends
 LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 the edge is lost in the tolerance of
 # gmsh's CAD kernel, 1e-7, and it fails or aborts
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import grid_of
 
 from indent_sim.config.file import load
-from indent_sim.mesh import gmsh
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +28,7 @@ def assert_close(predicted: float, found: float) -> None:
 def test_cells(path: Path) -> None:
     """The count that all other predictions come from; the mesh alone is quickly made."""
     scene = resolve(load(path))
-    assert_close(scene.plan.prediction["cells"], len(gmsh.build(scene.physics.part, scene.sizes).cells))
+    assert_close(scene.plan.prediction["cells"], len(grid_of(scene).cells))
 
 
 @pytest.mark.verify

@@ -16,13 +16,13 @@ from scenes import (
     PENALTY,
     STRIP,
     WALLED,
+    grid_of,
     meshed,
     scene,
     solve,
     with_penalty,
 )
 
-from indent_sim.mesh import gmsh
 from indent_sim.model.state import State
 
 SAME = 1e-9  # the same equations but for round-off, which their solution amplifies by less than 1e5
@@ -65,7 +65,7 @@ def reference(request: pytest.FixtureRequest) -> tuple[dict[str, Any], dict[str,
     body, sections = SHAPES[request.param]
     sections = sections | {"material": ELASTIC | {"E": 5.0}}
     base = scene(body, **sections)
-    return body, sections, solve(base), gmsh.build(base.physics.part, base.sizes).hash
+    return body, sections, solve(base), grid_of(base).hash
 
 
 @pytest.mark.parametrize("units", UNITS)
@@ -78,7 +78,7 @@ def test_units_do_not_matter(reference: Any, units: str) -> None:
     converted["indenter"] = in_other_units(PARABOLOID, length)
     converted.setdefault("loading", {"delta": 0.01 * length, "steps": 1})
     other = scene(in_other_units(body, length), **converted)
-    assert gmsh.build(other.physics.part, other.sizes).hash == mesh
+    assert grid_of(other).hash == mesh
     force = pressure * length ** (1 if body["shape"] == "strip" else 2)
     scales = [length, force, length, pressure, length, force * length, force]
     for here, there in zip(expected, solve(other), strict=True):

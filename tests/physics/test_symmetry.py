@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BOX, PARABOLOID, STRIP, force, scene, solve
+from scenes import BOX, PARABOLOID, STRIP, force, grid_of, scene, solve
 
 from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid, named_surfaces
@@ -56,7 +56,7 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
     half, full = (scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
                   for symmetry in ("half", "full"))  # fmt: skip
     assert (half.physics.part.copies, full.physics.part.copies) == (2, 1)
-    grid = gmsh.build(half.physics.part, half.sizes)
+    grid = grid_of(half)
     assert_same(on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch))
 
 
@@ -72,7 +72,7 @@ def test_box_by_its_quarter_and_half(
     quarter, half, full = (scene(body, contact=contact, mesh={"h_contact": 0.15, "symmetry": symmetry}, **DEEP)
                            for symmetry in ("quarter", "half", "full"))  # fmt: skip
     assert (quarter.physics.part.copies, half.physics.part.copies, full.physics.part.copies) == (4, 2, 1)
-    grid = gmsh.build(quarter.physics.part, quarter.sizes)
+    grid = grid_of(quarter)
     by_quarter = on_grid(quarter, grid, monkeypatch)
     grid = mirrored(grid, 1, 1.0)
     assert_same(by_quarter, on_grid(half, grid, monkeypatch))
@@ -86,7 +86,7 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
     narrow = scene(STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]})
     sizes = dataclasses.replace(wide.sizes, axis=narrow.sizes.axis)
     narrow = dataclasses.replace(narrow.with_physics(contact=wide.physics.contact), sizes=sizes)
-    grid = gmsh.build(narrow.physics.part, narrow.sizes)
+    grid = grid_of(narrow)
     whole = Grid(mirrored(grid, 0, 0.0).points + np.array([2.0, 0.0]), mirrored(grid, 0, 0.0).cells)
     beside, middle = on_grid(narrow, grid, monkeypatch)[-1], on_grid(wide, whole, monkeypatch)[-1]
     assert 2 * beside.force == pytest.approx(middle.force, rel=SAME)
