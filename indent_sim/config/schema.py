@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, members, tag_of
-from indent_sim.config.strict_yaml import Path
+from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.model.body import AnyBody, HalfSpace
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
@@ -89,9 +89,9 @@ class Source:
     """
 
     name: str = field(default="", compare=False)
-    places: dict[Path, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
+    places: dict[KeyPath, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
 
-    def place(self, path: Path) -> tuple[str, int | None]:
+    def place(self, path: KeyPath) -> tuple[str, int | None]:
         """File and line of a key, or of the nearest section around it."""
         for end in range(len(path), -1, -1):
             if path[:end] in self.places:
@@ -161,7 +161,7 @@ def _path(config: Config) -> list[ConfigError]:
 
 
 def _axis(config: Config) -> list[ConfigError]:
-    center, needed = config.center, len(config.body.centre)
+    center, needed = config.center, len(config.body.center)
     if isinstance(config.body, HalfSpace) and center is not None and any(center):
         return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
     if center is None or len(center) == needed:
@@ -251,7 +251,7 @@ class Spot:
     `type` is None where nothing belongs; `value` is None where nothing stands.
     """
 
-    path: Path
+    path: KeyPath
     type: Any
     default: Any
     value: Any
@@ -299,7 +299,7 @@ class Spot:
         return (*names, "center") if self.path == ("indenter",) else names
 
 
-def spot_at(path: Path, document: Any) -> Spot:
+def spot_at(path: KeyPath, document: Any) -> Spot:
     """The place of a key path in a document."""
     spot = Spot((), Config, None, document)
     for part in path:
@@ -307,7 +307,7 @@ def spot_at(path: Path, document: Any) -> Spot:
     return spot
 
 
-def keys_at(path: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
+def keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
     """The keys that may stand in a section of the document, the root's for ()."""
     return spot_at(path, document).keys()
 

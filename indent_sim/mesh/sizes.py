@@ -77,18 +77,6 @@ class Sizes:
         return self.edge is not None or self.elements(a) >= ENOUGH
 
 
-@dataclass(frozen=True)
-class GivenSizes:
-    """Sizes [length] and grading that are settled; None: left to `choose`."""
-
-    h_contact: float | None = None
-    h_axis: float | None = None
-    h_edge: float | None = None
-    h_corner: float | None = None
-    h_far: float | None = None
-    grading: float | None = None
-
-
 def size_formula(sizes: Sizes, dim: int) -> str:
     """The element size at (x, y[, z]) as a gmsh MathEval expression (gmsh has no min or max there)."""
     number = "{:.12g}".format

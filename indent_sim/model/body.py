@@ -67,7 +67,7 @@ class Cylinder:
     dim: ClassVar[int] = 3
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The axis."""
         return (0.0, 0.0)
 
@@ -109,7 +109,7 @@ class Strip:
     dim: ClassVar[int] = 2  # forces are per unit length
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The middle of the top edge."""
         return (self.width / 2,)
 
@@ -155,7 +155,7 @@ class Box:
         return self.size[2]
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The middle of the top surface."""
         return (self.size[0] / 2, self.size[1] / 2)
 
@@ -198,7 +198,7 @@ class HalfSpace:
     dim: ClassVar[int] = 3
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """Where the tip stands; every place is equal."""
         return (0.0, 0.0)
 

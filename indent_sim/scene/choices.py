@@ -15,9 +15,9 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, r
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
-from indent_sim.scene.doubts import TELLING, penalty_loss
+from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Premises
+from indent_sim.scene.given import Given
 from indent_sim.scene.theories import layer_theory
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
-STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
 
 
@@ -40,7 +39,7 @@ class Choice:
     why: str
 
 
-def model(given: Premises) -> list[Choice]:
+def model(given: Given) -> list[Choice]:
     """What of the body is modelled, and how."""
     material, part = given.material, given.part
     body = f"{given.body.shape}, height {given.scales.length:.4g}"
@@ -55,7 +54,7 @@ def model(given: Premises) -> list[Choice]:
     ]
 
 
-def formulation(given: Premises) -> Choice:
+def formulation(given: Given) -> Choice:
     """Displacements alone, or with a pressure."""
     (region,), nu = given.part.regions, given.material.constants.nu
     sign = ">=" if region.formulation == "mixed" else "<"
@@ -63,7 +62,7 @@ def formulation(given: Premises) -> Choice:
     return Choice("material.formulation", region.formulation, why)
 
 
-def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
+def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
     """Where the gap is tested, at the undeformed or the deformed point.
 
     ConfigError for a gap at the deformed point that has no answer: a body that slides away, a needle.
@@ -87,7 +86,7 @@ def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
     return chosen, Choice("contact.gap", chosen, why)
 
 
-def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
+def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
         kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
@@ -96,16 +95,18 @@ def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness |
     name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
     if name is None:
         return kind(), Choice("contact", kind().method, why)
-    auto, in_users = getattr(wanted, name, "auto") == "auto", given.scales.pressure / given.scales.length
-    stiffness = rounded(_stiffness(kind, given, sizes, fineness) * in_users) if auto else getattr(wanted, name)
-    value, unit = stiffness / in_users, given.material.E_star / sizes.h_contact
-    _refuse_soft(kind, name, value / unit, unit * in_users)
+    scales, unit = given.scales, given.material.E_star / sizes.h_contact
+    value: Any = getattr(scales.scaled(wanted), name, "auto")
+    source = f"{name} {'auto' if value == 'auto' else 'as given'}"
+    if value == "auto":
+        value = rounded(_stiffness(kind, given, sizes, fineness))
+    _refuse_soft(kind, name, value / unit, unit * scales.stiffness)
     law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
-    source = f"{name} {'auto' if auto else 'as given'}: {value / unit:.3g} E*/h_contact"
-    return law, Choice("contact", f"{law.method}, {name} = {stiffness:.6g}", f"{why}; {source}")
+    why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
+    return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
-def _stiffness(kind: Any, given: Premises, sizes: Sizes, fineness: Fineness | None) -> float:
+def _stiffness(kind: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
     unit = given.material.E_star / sizes.typical
     usual = float(kind.auto_multiple * unit)
@@ -161,7 +162,7 @@ def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes:
     return Choice("solver.method", wanted, "as given")
 
 
-def mesh(config: Config, given: Premises, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
+def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
     """The element sizes, and where each comes from."""
     L, a, wanted = given.scales.length, given.a, config.mesh
     per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"

@@ -15,7 +15,7 @@ from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
-from indent_sim.model.units import Scales, rounded, scaled
+from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
@@ -31,7 +31,7 @@ MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element
 
 
 @dataclass(frozen=True)
-class Premises:
+class Given:
     """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
 
     scales: Scales
@@ -67,24 +67,23 @@ class Premises:
         return self.theory.at(delta) if self.theory else None
 
 
-def premises(config: Config) -> Premises:
+def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
     material = _material(config)
     whole, truncation = _finite(config, material)
-    center = whole.centre if truncation else config.center or whole.centre
+    center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, material, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
     scales = Scales(whole.height, material.constants.E, whole.dim)
-    unit = (scales.length, scales.pressure)
-    body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
+    body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     region = Region("body", material, _formulation(material))
     part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, (region,))
     theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)
-    return Premises(
+    return Given(
         scales, body, truncation, material, tip, center, path, part, part_why, theory=theory,
         deltas=depths_of(path, theory, tip, material, body.height, scales),
         radius=cache(partial(_expected_radius, theory, tip, body, center)),
@@ -134,7 +133,7 @@ def _rounded_body(body: Body) -> Body:
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width = 2 * body.rim_distance(body.centre)
+    width = 2 * body.rim_distance(body.center)
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
         raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                           f"at most {width / 2:g}")  # fmt: skip
@@ -169,7 +168,7 @@ def _expected_radius(
     theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
-    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
+    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
         return 0.2 * rim
     solution = theory.at(delta) if theory else None

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.mesh.sizes import GivenSizes, Sizes
+from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
-from indent_sim.scene.fineness import Fineness, fineness_of, target_of
-from indent_sim.scene.given import Premises
+from indent_sim.scene.fineness import Fineness, SettledSizes, fineness_of, target_of
+from indent_sim.scene.given import Given
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
@@ -30,7 +30,7 @@ SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that sti
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
 
-def choose(a: float, height: float, width: float, dim: int, given: GivenSizes, *, edge: float | None,
+def choose(a: float, height: float, width: float, dim: int, settled: SettledSizes, *, edge: float | None,
            last: float | None = None, round_radius: float | None = None, keenness: float = 1.0) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
@@ -38,22 +38,22 @@ def choose(a: float, height: float, width: float, dim: int, given: GivenSizes, *
     round_radius: of a curved wall, which straight facets follow [length].
     keenness: how much finer than usual a punch's edge must be, in two dimensions; in three it would cost too much.
     """
-    fine = rounded(given.h_contact or min(a / PER_RADIUS[dim], height / 4))  # what follows must not know
+    fine = rounded(settled.h_contact or min(a / PER_RADIUS[dim], height / 4))  # what follows must not know
     wide = min(max(a / width - 0.5, 0.0), 0.5)  # who chose it. Wide contacts feel the corners at the base
     coarse = (0.25 - 0.3 * wide) * max(height, width)
-    far = given.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
+    far = settled.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
     patch = PATCH * a + 2 * fine
     ratio = EDGE_RATIO[dim] * (keenness if dim == 2 else 1.0)
-    h_edge = rounded(given.h_edge or fine / ratio) if edge is not None else None
-    axis = rounded(given.h_axis or (fine if given.h_contact else fine * max((last or a) / a, SMALLEST)))
-    grading = rounded(given.grading or GRADING)
+    h_edge = rounded(settled.h_edge or fine / ratio) if edge is not None else None
+    axis = rounded(settled.h_axis or (fine if settled.h_contact else fine * max((last or a) / a, SMALLEST)))
+    grading = rounded(settled.grading or GRADING)
     return Sizes(fine, rounded(far), rounded(patch), grading, edge, h_edge,
                  h_axis=axis if axis < fine else None, a=rounded(a), keenness=keenness)  # fmt: skip
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 AT_END = 0.999  # of the radius at which a tip ends: a contact that reaches it ends as under a punch
-FINEST, ON_AXIS = 1e-9, 1e-10  # of the longest side of what is meshed: with smaller elements, even where the tip is at
-# r = 0 and coordinates have all their digits, gmsh aborts or never ends
+FINEST, ON_AXIS = 5e-9, 1e-10  # of the longest side of what is meshed: with smaller elements (up to 3e-9 were seen, and
+# where the tip is at r = 0 and coordinates have all their digits below 1e-10) gmsh aborts or never ends
 LEAST_DISK = 1e-5  # of the longest side of a box, a punch's radius: below 3e-6 the edge is lost in the tolerance of
 # gmsh's CAD kernel, 1e-7, and it fails or aborts
 WIDE = 1.0  # contact radius over height from which a layer is squeezed rather than indented
@@ -63,7 +63,7 @@ RULE = 0.25  # and from what share on they rule how the force converges
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
-def fineness(config: Config, given: Premises, per_radius: float | None) -> Fineness | None:
+def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness | None:
     """What `accuracy` asks of the mesh; the shallowest and the deepest contact know it."""
     target = target_of(config.accuracy)
     if target is None:
@@ -82,14 +82,14 @@ def _is_sharp(tip: Indenter) -> bool:
     return isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
 
 
-def _contact(given: Premises, delta: float) -> tuple[float, float, float]:
+def _contact(given: Given, delta: float) -> tuple[float, float, float]:
     """A depth, the contact radius and the mean pressure to expect there."""
     a, solution = given.radius(delta), given.solution(delta)
     area = given.part.kinematics.contact_area(a)
     return delta, a, solution.force / area if solution else given.material.E_star * delta / (2 * a)
 
 
-def _edge(given: Premises, gap: str) -> float | None:
+def _edge(given: Given, gap: str) -> float | None:
     """Radius of an edge at which the pressure is singular, or nearly: a punch's, or where contact reaches a tip's end.
 
     With a gap at the deformed point the body goes around the end of a tip.
@@ -100,7 +100,7 @@ def _edge(given: Premises, gap: str) -> float | None:
     return reach(tip) if gap == "reference" and a >= AT_END * reach(tip) else None
 
 
-def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) -> Sizes:
+def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
     mesh, part, a = config.mesh, given.part, given.a
     edge = _edge(given, gap)
@@ -123,7 +123,7 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) ->
     return found
 
 
-def _keenness(given: Premises, edge: float | None) -> float:
+def _keenness(given: Given, edge: float | None) -> float:
     """How much more than on a far larger body the force feels the radius of a sharp punch.
 
     d ln F/d ln a of an incompressible layer grows with a over the gap up to the wall, until its compressibility gives
@@ -138,7 +138,7 @@ def _keenness(given: Premises, edge: float | None) -> float:
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
 
-def _at_corners(plain: Sizes, given: Premises, settled: GivenSizes, wanted: Fineness | None) -> Sizes:
+def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
     """The sizes, smaller towards the corners that the contact feels; all of them where it feels one.
 
     In three dimensions they are lines, and elements along them would cost more than they give: there it is only said.
@@ -194,7 +194,7 @@ def _refuse_lost_edge(radius: float, least: float) -> None:
         raise ConfigError("indenter.radius", problem, "make the box smaller, or the body a half_space")
 
 
-def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> GivenSizes:
+def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> SettledSizes:
     """The sizes of the config; ConfigError where they contradict one another or the scene."""
     names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far")
     lengths = {name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")}
@@ -212,4 +212,4 @@ def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | No
         problem = "is for the sharp edge of a flat punch, or of a tip that ends inside the contact"
         raise ConfigError("mesh.h_edge", problem, "leave it out")
     grading = None if mesh.grading == "auto" else mesh.grading
-    return GivenSizes(**{name: length / scales.length for name, length in lengths.items()}, grading=grading)
+    return SettledSizes(**{name: length / scales.length for name, length in lengths.items()}, grading=grading)

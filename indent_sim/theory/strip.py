@@ -67,18 +67,24 @@ class Strip(LayerContact):
         theta = (np.arange(n) + 0.5) * math.pi / (2 * n)  # the positive half of the 2n Chebyshev points
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
-        scale = a / 2.0 if math.isinf(self.wall) else math.sin(math.pi * a / (2.0 * self.wall))
-        eigenvalue = np.concatenate([[-math.pi * math.log(scale)], math.pi / (2.0 * np.arange(1, n))])
+        scale = self._log_scale(a)
+        eigenvalue = np.concatenate([[-math.pi * scale], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position(q, a)
         f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, a) @ T
         # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
         corner = self.tip.corner * slope
         kink = corner * _kink_coefficients(n) / eigenvalue
-        kink_edge = corner * 2.0 / math.pi**2 * (1.0 - 1.0 / math.log(scale))
+        kink_edge = corner * 2.0 / math.pi**2 * (1.0 - 1.0 / scale)
         right = np.column_stack([np.ones(n), f - corner * q + remainder @ kink])
         b = np.linalg.solve(T * eigenvalue - remainder, right)
         shape_edge = float(np.sum(b[:, 1])) + kink_edge
         return _Linear(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, corner)
+
+    def _log_scale(self, a: float) -> float:
+        """log(a/2), or log sin(pi a/(2 W)) with its digits where a nearly is W."""
+        if math.isinf(self.wall):
+            return math.log(a / 2.0)
+        return 0.5 * math.log1p(-(math.sin(math.pi * (self.wall - a) / (2.0 * self.wall)) ** 2))
 
     def _node_count(self, a: float) -> int:
         # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the tip's end

@@ -39,9 +39,9 @@ def once(delta: float) -> dict[str, Any]:
 
 def error(base: Scene) -> float:
     """Force over that of theory - 1, at the last depth."""
-    theory = base.theory.at(base.deltas[-1])
-    assert base.theory.exact
-    return solve(base)[-1].force / (theory.force * base.scales.force) - 1
+    theory = base.plan.theory.at(base.physics.deltas[-1])
+    assert base.plan.theory.exact
+    return solve(base)[-1].force / (theory.force * base.physics.scales.force) - 1
 
 
 RIGHT: dict[str, Any] = {
@@ -111,8 +111,8 @@ def test_not_right_and_says_so(name: str) -> None:
     """The stated error covers the true one, and a warning speaks of it."""
     make, words = FLAGGED[name]
     base = make()
-    assert TOLERANCE < abs(error(base)) <= base.prediction["force_error"]
-    assert any(words in warning for warning in base.warnings)
+    assert TOLERANCE < abs(error(base)) <= base.plan.prediction["force_error"]
+    assert any(words in warning for warning in base.plan.warnings)
 
 
 def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
@@ -122,7 +122,7 @@ def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
     body = WIDE | {"radius": 2.0}
     penalty = scene(body, contact={"method": "penalty", "epsilon_n": 2e3}, **deep)
     lost = 1 - force(penalty) / force(scene(body, **deep))
-    assert TOLERANCE < lost <= penalty.prediction["force_error"]
+    assert TOLERANCE < lost <= penalty.plan.prediction["force_error"]
 
 
 def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:

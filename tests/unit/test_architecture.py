@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from indent_sim.config.file import load
+from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "indent_sim"
@@ -240,6 +248,23 @@ def test_the_tree_in_contributing_is_the_tree_on_disk() -> None:
     files = {name_of(path).removesuffix(".py") for path in FILES if path.name != "__init__.py"}
     folders = {name_of(path.parent) + "/" for path in FILES if path.parent != PACKAGE}
     assert drawn == files | folders
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem)
+def test_a_config_on_its_way_to_a_scene_visits_six_rooms(path: Path) -> None:
+    visited: set[str] = set()
+
+    def watch(frame: FrameType, event: str, _: Any) -> None:
+        module = frame.f_globals.get("__name__", "")
+        if event == "call" and frame.f_code.co_name != "<module>" and module.startswith("indent_sim."):
+            visited.add(place(module, 1))
+
+    sys.setprofile(watch)
+    try:
+        resolve(load(path))
+    finally:
+        sys.setprofile(None)
+    assert {"config", "scene"} < visited <= {"config", "scene", "model", "theory", "mesh", "process"}
 
 
 def test_what_make_check_runs_starts_no_process_and_solves_nothing() -> None:

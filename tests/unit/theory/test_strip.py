@@ -88,6 +88,14 @@ def test_thin_strip_is_an_oedometer():
     assert s.pressure(0.0) == pytest.approx(modulus * delta, rel=1e-3)
 
 
+@pytest.mark.parametrize("gap", [1e-15, 1e-11, 1e-9, 1e-8, 1e-6])
+def test_a_punch_that_nearly_fills_the_strip_is_an_oedometer(gap):
+    """F = 2 W E_oed delta/h between roller walls, of which a gap changes the square of gap/W."""
+    E_oed = 0.7 / (1.3 * 0.4)
+    found = ps.indent(ps.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
+    assert found.force == pytest.approx(2 * E_oed * 0.01 / 2, rel=1e-9)
+
+
 def test_units_only_scale_and_lifting_off():
     s = ps.indent(PARABOLOID, 0.1, nu=0.5, wall=2.0, **UNIT)
     nano = ps.indent(profiles.paraboloid(1e-9), 1e-10, E=1e12, nu=0.5, h=1e-9, wall=2e-9)
