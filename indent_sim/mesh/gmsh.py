@@ -6,11 +6,12 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from indent_sim.mesh.grid import DIGITS, Grid, named_surfaces
+from indent_sim.mesh.grid import DIGITS, Grid, named_surfaces, regions_of_cells
 from indent_sim.mesh.part import Part, Side
 from indent_sim.mesh.sizes import Sizes, size_formula
 from indent_sim.process.errors import BackendError, MeshError
@@ -130,20 +131,37 @@ def _draw(gmsh: Any, part: Part, sizes: Sizes) -> None:
 
 
 def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
-    """The section, its top edge split under the tip's axis and at a punch's edge: contact may end there."""
+    """The section, its top edge split under the tip's axis and at a punch's edge: contact may end there.
+
+    Lines across it are the interfaces between layers.
+    """
     geo = gmsh.model.geo
-    corners = [corner for side in part.outline for corner in _corners(part, sizes, side)]
-    points = [geo.addPoint(*_rounded(corner), 0.0) for corner in corners]
+    corners = [_rounded(corner) for side in part.outline for corner in _corners(part, sizes, side)]
+    points = [geo.addPoint(*corner, 0.0) for corner in corners]
     lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
-    geo.addPlaneSurface([geo.addCurveLoop(lines)])
+    heights = [round(z, DIGITS) for z in part.interfaces]
+    right = [next(k for k, corner in enumerate(corners) if corner[1] == z) for z in heights]
+    left = [len(corners) - 1 - next(k for k, corner in enumerate(reversed(corners)) if corner[1] == z) for z in heights]
+    across = [geo.addLine(points[k], points[m]) for k, m in zip(right, left, strict=True)]
+    # each layer goes along the right side up to its upper interface, across, and down the left side
+    begins, ends = [0, *right], [len(corners), *left]
+    for layer, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        floor = [-across[layer - 1]] if layer else []
+        if layer < len(across):
+            around = [*lines[begin : right[layer]], across[layer], *lines[left[layer] : end]]
+        else:
+            around = lines[begin:end]
+        geo.addPlaneSurface([geo.addCurveLoop([*floor, *around])])
     geo.synchronize()
 
 
 def _corners(part: Part, sizes: Sizes, side: Side) -> list[tuple[float, ...]]:
     """Where a side of a section begins, and where it is split."""
-    if side.surface != "top":
-        return [side.start]
-    return [side.start, *((x, side.start[1]) for x in reversed(_splits(part, sizes, side.end[0], side.start[0])))]
+    if side.surface == "top":
+        return [side.start, *((x, side.start[1]) for x in reversed(_splits(part, sizes, side.end[0], side.start[0])))]
+    (x0, z0), (x1, z1) = side.start, side.end
+    between = sorted((z for z in part.interfaces if min(z0, z1) < z < max(z0, z1)), reverse=z1 < z0)
+    return [side.start, *((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z) for z in between)]
 
 
 def _splits(part: Part, sizes: Sizes, x0: float, x1: float) -> list[float]:
@@ -164,18 +182,21 @@ def _splits(part: Part, sizes: Sizes, x0: float, x1: float) -> list[float]:
 def _draw_box(gmsh: Any, part: Part, sizes: Sizes) -> None:
     """A box whose top is split along a punch's edge: elements it crosses would feel a smaller punch, each another."""
     (x0, x1), (y0, y1), (z0, z1) = map(_rounded, part.extent)
-    occ = gmsh.model.occ
-    box = occ.addBox(x0, y0, z0, x1 - x0, y1 - y0, z1 - z0)
+    occ, levels = gmsh.model.occ, (z0, *(round(z, DIGITS) for z in part.interfaces), z1)
+    layers = [(3, occ.addBox(x0, y0, low, x1 - x0, y1 - y0, high - low)) for low, high in pairwise(levels)]
+    split = layers[:-1]
     if sizes.edge is not None:
         radius = round(sizes.edge, DIGITS)
         disk = occ.addDisk(*sizes.axis, z1, radius, radius)
-        below, _ = occ.intersect([(2, disk)], [(3, box)], removeTool=False)
-        occ.fragment([(3, box)], below)
+        below, _ = occ.intersect([(2, disk)], layers[-1:], removeTool=False)
+        split = [*split, *below]
+    if split:
+        occ.fragment(layers[-1:], split)
     occ.synchronize()
 
 
 def _draw_round(gmsh: Any, part: Part) -> None:
-    """The outline with its arcs, drawn on the base and pulled up to the top."""
+    """The outline with its arcs, drawn on the base and pulled up to the top, layer by layer."""
     geo, base = gmsh.model.geo, -round(part.height, DIGITS)
     middles = [side.middle for side in part.outline if side.middle]
     places = dict.fromkeys(map(_rounded, [*middles, *(side.start for side in part.outline)]))
@@ -185,8 +206,9 @@ def _draw_round(gmsh: Any, part: Part) -> None:
         ends = points[_rounded(side.start)], points[_rounded(side.end)]
         return geo.addCircleArc(ends[0], points[_rounded(side.middle)], ends[1]) if side.middle else geo.addLine(*ends)
 
-    surface = geo.addPlaneSurface([geo.addCurveLoop([line(side) for side in part.outline])])
-    geo.extrude([(2, surface)], 0.0, 0.0, -base)
+    face = (2, geo.addPlaneSurface([geo.addCurveLoop([line(side) for side in part.outline])]))
+    for low, high in pairwise((base, *(round(z, DIGITS) for z in part.interfaces), 0.0)):
+        face = geo.extrude([face], 0.0, 0.0, high - low)[0]
     geo.synchronize()
 
 
@@ -222,7 +244,8 @@ def _grid(gmsh: Any, part: Part, sizes: Sizes) -> Grid:
     points = np.ascontiguousarray(np.asarray(coordinates).reshape(-1, 3)[rows, :dim])
     cells = np.ascontiguousarray(cells.reshape(-1, dim + 1))
     surfaces = named_surfaces(points, cells, part, sizes.finest)
-    return Grid(points, cells, surfaces, gmsh.option.getString("General.Version"))
+    regions = regions_of_cells(points, cells, part)
+    return Grid(points, cells, regions, surfaces, gmsh.option.getString("General.Version"))
 
 
 def has_flat_cells(grid: Grid) -> bool:

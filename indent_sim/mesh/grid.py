@@ -19,11 +19,12 @@ OF_ELEMENT = 1e-3  # the smallest: less than what lies between a surface and the
 class Grid:
     """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which gmsh.
 
-    surfaces: the facets (k, dim) of each named surface, by their points.
+    surfaces: the facets (k, dim) of each named surface, by their points; regions: the number of each cell's region (m,).
     """
 
     points: np.ndarray
     cells: np.ndarray
+    regions: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int32), repr=False)
     surfaces: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     gmsh: str = ""
 
@@ -47,6 +48,12 @@ def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: fl
         found[surface] = np.concatenate([found.get(surface, boundary[:0]), boundary[is_on]])
         boundary = boundary[~is_on]
     return found
+
+
+def regions_of_cells(points: np.ndarray, cells: np.ndarray, part: Part) -> np.ndarray:
+    """The number of the region that holds each cell's centroid (m,)."""
+    height = points[cells][:, :, -1].mean(axis=1)
+    return (len(part.regions) - 1 - np.searchsorted(part.interfaces, height)).astype(np.int32)
 
 
 def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:

@@ -57,16 +57,17 @@ class Side:
 
 @dataclass(frozen=True)
 class Region:
-    """A piece of the part that is of one material, and its formulation: displacement, or mixed with a pressure."""
+    """A layer of the part: its material, its formulation (displacement, or mixed with a pressure), its lower face."""
 
     name: str
     material: Material
     formulation: str
+    bottom: float  # z of the lower face [length]
 
 
 @dataclass(frozen=True)
 class Part:
-    """The modelled piece; `copies` of it are the whole body. The first region is the one under the tip.
+    """The modelled piece; `copies` of it are the whole body. Its regions go from the top to the base.
 
     outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the section z = const,
     which goes from z = -height to z = 0 between the surfaces base and top.
@@ -94,6 +95,11 @@ class Part:
         along = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
         plane = tuple((min(values), max(values)) for values in along)
         return plane if self.dim == 2 else (*plane, (-self.height, 0.0))
+
+    @property
+    def interfaces(self) -> tuple[float, ...]:
+        """z of the faces between regions [length], from below."""
+        return tuple(region.bottom for region in reversed(self.regions[:-1]))
 
     @property
     def longest(self) -> float:

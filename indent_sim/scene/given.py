@@ -80,7 +80,7 @@ def given_by(config: Config) -> Given:
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    region = Region("body", material, _formulation(material))
+    region = Region("body", material, _formulation(material), -body.height)
     part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, (region,))
     theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)
     return Given(

@@ -15,7 +15,7 @@ from indent_sim.model.materials import LinearElastic
 
 
 def part_of(outline: tuple[Side, ...]) -> Part:
-    region = Region("body", LinearElastic(E=1.0, nu=0.3), "displacement")
+    region = Region("body", LinearElastic(E=1.0, nu=0.3), "displacement", -1.0)
     return Part(PlaneStrain(), "full", 1, outline, 1.0, (region,), {})
 
 
