@@ -61,7 +61,7 @@ def test_condensed_is_newton(body: str, method: str) -> None:
                                         if "studies" not in path.parts))  # fmt: skip
 def test_condensed_is_newton_on_every_linear_config(name: str) -> None:
     base = resolve(load(CONFIGS / name))
-    if base.solver["method"] != "condensed":
+    if base.solver.method != "condensed":
         assert not base.physics.material.small_strain, "a linear scene as shipped that does not condense"
         pytest.skip("finite strain")
     assert_condensed_is_newton(base)
@@ -135,11 +135,11 @@ def memory_in_use() -> int:
 def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> None:
     """The plan gives the size as the reason, in nodes and bytes; asked for all the same, it is refused."""
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
-    assert scene(WALLED, **fine).solver["method"] == "condensed"
+    assert scene(WALLED, **fine).solver.method == "condensed"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(choices, "MOST_CANDIDATES", 100)
         base = scene(WALLED, **fine)
-        assert base.solver["method"] == "newton"
+        assert base.solver.method == "newton"
         (why,) = [choice.why for choice in base.plan.choices if choice.key == "solver.method"]
         assert "nodes may come into contact" in why and "GB" in why
         with pytest.raises(ConfigError, match="nodes may come into contact"):

@@ -159,9 +159,9 @@ def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
     """Its mean height stays 0: a paraboloid would touch all of a disc of radius W at the depth W^2/(4 R)."""
     with pytest.raises(ConfigError, match="leaves no room"):
         layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0101))
-    assert layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0099)).deltas == (0.0099,)
-    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).deltas == (0.0101,)
-    assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).deltas == (0.0101,)
+    assert layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0099)).physics.deltas == (0.0099,)
+    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
+    assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
 
 
 SIDES = {"cylinder": {"shape": "cylinder", "radius": 0.5, "height": 1.0, "sides": "fixed"},
@@ -179,10 +179,10 @@ def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) ->
     with pytest.raises(ConfigError, match=r"top of a fixed side, which it meets at 0\.1:") as refused:
         layer(body, **scene, **once(0.101))
     assert refused.value.exit_code == 3 and refused.value.key == "loading"
-    assert layer(body, **scene, **once(0.099)).deltas[-1] > 0
-    assert layer(body | {"sides": "free"}, **scene, **once(0.101)).deltas[-1] > 0
+    assert layer(body, **scene, **once(0.099)).physics.deltas[-1] > 0
+    assert layer(body | {"sides": "free"}, **scene, **once(0.101)).physics.deltas[-1] > 0
     punch = {"indenter": {"shape": "flat_punch", "radius": 0.49}}
-    assert layer(body, **punch, **once(0.101)).deltas[-1] > 0
+    assert layer(body, **punch, **once(0.101)).physics.deltas[-1] > 0
 
 
 @pytest.mark.parametrize("centre", [0.5, 0.4])
@@ -190,7 +190,7 @@ def test_a_tip_beside_the_middle_meets_one_side_first(centre: float) -> None:
     """At (1 - centre)^2/(2 R)."""
     strip, tip = SIDES["strip"], BLUNT | {"center": [centre]}
     meets = (1 - centre) ** 2 / 2.5
-    assert layer(strip, indenter=tip, **once(0.99 * meets)).deltas[-1] > 0
+    assert layer(strip, indenter=tip, **once(0.99 * meets)).physics.deltas[-1] > 0
     with pytest.raises(ConfigError, match="top of a fixed side"):
         layer(strip, indenter=tip, **once(1.01 * meets))
 

@@ -31,7 +31,7 @@ def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
     """Held by pins alone; their reactions are audited to be zero. Meshes of their own: 0.5 %."""
     body = CYLINDER | {"base": "roller"}
     part, quarter = (scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter"))
-    assert len(part.part.pins) == {"half": 1, "full": 3}[symmetry]
+    assert len(part.physics.part.pins) == {"half": 1, "full": 3}[symmetry]
     assert force(part) == pytest.approx(force(quarter), rel=5e-3)
 
 

@@ -72,7 +72,7 @@ def test_stated_stiffness_is_taken_in_the_users_units() -> None:
     """The scene is measured in its height and its modulus."""
     body = CYLINDER | {"radius": 2.0, "height": 2.0}
     stated = scene(body, material=ELASTIC | {"E": 4.0}, contact=PENALTY | {"epsilon_n": 300.0})
-    assert stated.contact.epsilon_n == pytest.approx(300.0 * 2.0 / 4.0, rel=1e-12)
+    assert stated.physics.contact.epsilon_n == pytest.approx(300.0 * 2.0 / 4.0, rel=1e-12)
 
 
 def test_energy_error_is_the_one_of_perturbation_theory(states: list[Any]) -> None:

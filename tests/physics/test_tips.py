@@ -35,7 +35,7 @@ def theory(base: Scene) -> float:
 def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
     """0.3 % is what `h_contact: auto` promises at the last step."""
     base = scene(WALLED, indenter=tip, loading={"delta": 0.02, "steps": 2})
-    assert base.physics.part.symmetry == "axisymmetric" and base.solver["method"] == "condensed"
+    assert base.physics.part.symmetry == "axisymmetric" and base.solver.method == "condensed"
     assert force(base) == pytest.approx(theory(base), rel=3e-3)
 
 
