@@ -68,7 +68,7 @@ class Problem:
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
-        moduli = {"q": self.scene.material.constants[0], "lam": self.stiffness_scale}
+        moduli = {"q": self.scene.material.constants.E, "lam": self.stiffness_scale}
         for name in self.unknowns.names[1:]:
             places = self.unknowns.places(name)
             weights[places[places < self.unknowns.owned]] = moduli[name]

@@ -77,7 +77,7 @@ def _of_auxetic(material: NeoHookean, reach: float) -> list[str]:
     Its second derivative 2 mu exp(2 e_i) delta_ij + lame_lambda is positive definite while
     sum exp(-2 e_i) < -2 mu/lame_lambda = (2 nu - 1)/nu, which all-round compression reaches first.
     """
-    nu = material.constants[1]
+    nu = material.constants.nu
     if nu >= 0 or 3 * float(np.exp(2 * reach)) < (2 * nu - 1) / nu:
         return []
     loss = Loss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))

@@ -15,9 +15,10 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, r
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
-from indent_sim.scene.expected import TELLING, oracle, penalty_loss
+from indent_sim.scene.doubts import TELLING, penalty_loss
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Premises
+from indent_sim.scene.theories import layer_theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -57,7 +58,7 @@ def model(given: Premises) -> list[Choice]:
 
 def formulation(material: Material) -> tuple[str, Choice]:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
-    (_, nu), wanted = material.constants, material.formulation
+    nu, wanted = material.constants.nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
         raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
@@ -221,7 +222,7 @@ def blunted(tip: Indenter, a: float, body: Body, material: Material, center: tup
 
 
 def _force(tip: Indenter, body: Body, material: Material, center: tuple[float, ...], delta: float) -> float | None:
-    theory = oracle(body, material, tip, center)
+    theory = layer_theory(body, material, tip, center)
     with contextlib.suppress(ArithmeticError):
         solution = theory.at(delta) if theory and delta > 0 else None
         return solution.force if solution else None

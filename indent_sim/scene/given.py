@@ -16,9 +16,10 @@ from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded, scaled
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.expected import Oracle, depths_of, oracle
+from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import Reduction, reduce
-from indent_sim.scene.truncation import Truncation, expected_depth, half_space_oracle, truncate
+from indent_sim.scene.theories import Theory, half_space_theory, layer_theory
+from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Premises:
     center: tuple[float, ...]
     path: LoadPath
     reduction: Reduction
-    theory: Oracle | None
+    theory: Theory | None
     deltas: tuple[float, ...]  # requested, or expected at the requested forces
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
@@ -70,12 +71,12 @@ def premises(config: Config) -> Premises:
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, material, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants[0], 2 if whole.shape == "strip" else 3)
+    scales = Scales(whole.height, material.constants.E, 2 if whole.shape == "strip" else 3)
     unit = (scales.length, scales.pressure)
     body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
+    theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)
     return Premises(
         scales, body, truncation, material, tip, center, path,
         reduction=reduce(_rounded_body(body), center, config.mesh.symmetry, tip), theory=theory,
@@ -148,7 +149,7 @@ def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: Load
 
 
 def _expected_radius(
-    theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
+    theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
@@ -166,7 +167,7 @@ def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, 
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    _, nu = material.constants
+    nu = material.constants.nu
     if nu < 0.5 or not is_held(body):
         return float("inf")
     x, y = _top(body)

@@ -28,7 +28,6 @@ PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon enclo
 # an incompressible body between roller walls feels as much
 PATCH = 1.15  # the fine patch reaches this far beyond the expected contact radius
 AUTO = 0.003  # of the force, the error that the sizes left to the program may cost
-HARDLY = 0.45  # Poisson ratio from which a body is said to hardly compress
 SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that still gets as many elements
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
@@ -75,7 +74,7 @@ def fineness(config: Config, given: Premises, per_radius: float | None) -> Finen
     contacts = [_contact(given, delta) for delta in (min(inside), max(inside))]
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
-    gives_way = squeezed and given.material.constants[1] >= INCOMPRESSIBLE
+    gives_way = squeezed and given.material.constants.nu >= INCOMPRESSIBLE
     confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
     return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given)
 
@@ -138,7 +137,7 @@ def _keenness(given: Premises, edge: float | None) -> float:
     if edge is None:
         return 1.0
     gap = max(given.body.rim_distance(given.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * given.material.constants[1], 1e-9) ** 0.5 if is_held(given.body) else 1.0
+    squeezed = 1 / max(1 - 2 * given.material.constants.nu, 1e-9) ** 0.5 if is_held(given.body) else 1.0
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
@@ -148,7 +147,7 @@ def _at_corners(plain: Sizes, given: Premises, settled: GivenSizes, wanted: Fine
 
     In three dimensions they are lines, and elements along them would cost more than they give: there it is only said.
     """
-    nu, sharp = given.material.constants[1], plain.edge is not None
+    nu, sharp = given.material.constants.nu, plain.edge is not None
     around = corners(given.reduction, given.center, given.a, nu, sharp) if given.deepest > 0 else []
     if settled.h_corner and (given.dim == 3 or not around):
         raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact in a meshed "

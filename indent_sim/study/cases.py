@@ -17,7 +17,7 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.study.file import StudyFile
 from indent_sim.study.grid import Multiple, Point, Setting
 
-SPOKEN = ("title", "units", "oracle", "choices", "warnings", "prediction")  # what a scene says beside its physics
+SPOKEN = ("title", "units", "theory", "choices", "doubts", "prediction")  # what a scene says beside its physics
 MOST_TOLD = 20  # errors
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
 

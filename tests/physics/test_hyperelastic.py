@@ -325,8 +325,8 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
     """Against layer theory for the sharp tip at small strain."""
     h = 0.004 if tip == PARABOLOID else 0.01
     base = ball(indenter=tip, loading={"delta": delta, "steps": 1}, mesh={"h_contact": h})
-    assert base.oracle is not None
-    theory = base.oracle.at(delta)
+    assert base.theory is not None
+    theory = base.theory.at(delta)
     assert theory is not None
     assert solve(base)[-1].force == pytest.approx(theory.force, rel=rel)
 

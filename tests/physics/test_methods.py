@@ -94,8 +94,8 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
     base = scene(WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h},
                  loading={"delta": delta, "steps": 10})  # fmt: skip
     assert base.prediction["dofs"] < 6000
-    assert base.oracle is not None and base.oracle.exact
-    theory, states = base.oracle.curve(base.deltas), solve(base)
+    assert base.theory is not None and base.theory.exact
+    theory, states = base.theory.curve(base.deltas), solve(base)
     assert theory is not None
     forces = np.array([state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)])
     place = theory[-1].a / 2 if tip == "cone" else 0.0
@@ -266,7 +266,7 @@ def test_contact_radius_grows_without_stairs(name: str) -> None:
     h = 0.01
     base = scene(WALLED, contact=method(name), mesh={"h_contact": h},
                  loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()})  # fmt: skip
-    theory = base.oracle.curve(base.deltas)
+    theory = base.theory.curve(base.deltas)
     off = np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
     assert np.abs(off).max() < 1 / 12
     assert np.abs(np.diff(off)).max() < 0.05

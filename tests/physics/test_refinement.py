@@ -173,10 +173,10 @@ def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
 def test_accuracy_under_prescribed_forces(tmp_path: Path) -> None:
     """The bar is that of the force at the row's depth, and layer theory knows it."""
     outcome = simulate(tmp_path / "run", accuracy=0.01, loading={"force": 1.6e-3, "steps": 4})
-    oracle = resolve(from_mapping(SCENE)).oracle
-    assert oracle is not None
+    theory = resolve(from_mapping(SCENE)).theory
+    assert theory is not None
     for state in outcome.states:
-        solution = oracle.at(state.delta)
+        solution = theory.at(state.delta)
         assert solution is not None and state.force_error is not None
         assert abs(state.force - solution.force) <= state.force_error <= 0.01 * state.force
 

@@ -26,8 +26,8 @@ CURRENT = {"method": "auto", "gap": "current"}
 
 def theory(base: Scene) -> float:
     """The force of layer theory at the last depth."""
-    solution = base.oracle.at(base.deltas[-1]) if base.oracle else None
-    assert base.oracle and base.oracle.exact and solution
+    solution = base.theory.at(base.deltas[-1]) if base.theory else None
+    assert base.theory and base.theory.exact and solution
     return solution.force * base.scales.force
 
 

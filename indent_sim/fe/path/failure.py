@@ -43,7 +43,7 @@ def _advice(scene: Scene) -> str:
         *(["a hyperelastic material"] if scene.material.small_strain and scene.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),
         *(["contact.method: augmented_lagrangian"] if scene.contact.method != "augmented_lagrangian" else []),
-        *(["nu slightly below 0.5"] if scene.material.constants[1] == 0.5 else []),
+        *(["nu slightly below 0.5"] if scene.material.constants.nu == 0.5 else []),
         "another mesh.h_contact",
     ]
     return " or ".join(ways)

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from pytest import approx
 
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
-from indent_sim.scene.expected import layer_tip
+from indent_sim.scene.theories import shape_of
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
 SMOOTH: dict[str, Indenter] = {
@@ -44,7 +44,7 @@ def test_height_has_the_abel_transform_of_theory(tip: Indenter) -> None:
     """g(x) = x int_0^(pi/2) f'(x sin q) dq with f' from differences of the height, Gauss in q."""
     node, weight = np.polynomial.legendre.leggauss(2000)
     q, weight = np.pi / 4 * (node + 1), np.pi / 4 * weight
-    known = layer_tip(tip)
+    known = shape_of(tip)
     assert known is not None
     x = np.array([0.1, 0.3, 0.45, 0.8])
     step = 1e-7

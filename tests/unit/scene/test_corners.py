@@ -57,8 +57,8 @@ def test_coarse_corners_are_doubted() -> None:
 def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
     base = scene({**CYLINDER, "sides": "roller"}, material=SOFT, accuracy=0.01,
                  indenter={"shape": "paraboloid", "R": 20.0}, loading={"delta": 0.01249, "steps": 1})  # fmt: skip
-    assert base.oracle is not None and base.fineness is not None
-    gap = 1.0 - base.oracle.at(0.01249).a  # type: ignore[union-attr]
+    assert base.theory is not None and base.fineness is not None
+    gap = 1.0 - base.theory.at(0.01249).a  # type: ignore[union-attr]
     assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
     assert base.sizes.h_corner == pytest.approx(gap / base.fineness.n, rel=1e-6)
 
