@@ -64,7 +64,7 @@ class Layer(LayerContact):
         The tip may have corners, phi - delta + g never has: only that smooth part is unknown, on a few Gauss
         points, while the tip enters through moments taken on its own finer points.
         """
-        kernel = axisymmetric_kernel(a, self.nu, self.base, self.wall)
+        kernel = axisymmetric_kernel(a, self.scaled, self.wall)
         x, w = gauss(0.0, a, self._smooth_count(a))
         B = kernel.basis(x)
         fine, fine_w = contact_nodes(a, [b / self.h for b in self.tip.breaks], self._tip_count(a))

@@ -2,8 +2,8 @@
 
 With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surface by
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
-           + F' h/(2 W M_c),
-M = 1 - L the part of the base, M_c the oedometric modulus (no uniform mode at nu = 0.5). Substituting
+           + F' sum h_i/M_i/(2 W),
+M = 1 - L the part of what lies below, M_i the oedometric moduli (no uniform mode at nu = 0.5). Substituting
 sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln S - ln(2|q -
 q'|), which is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
 q = cos(theta), its eigenvalues are -pi ln S, pi/2m. The remainder is analytic, so collocation converges
@@ -24,10 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.theory.hankel import S_MAX, base_complement, gauss
+from indent_sim.theory.hankel import wall_numbers, wavenumbers
 from indent_sim.theory.march import LayerContact
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.stack import Stack
 
 
 @dataclass(frozen=True)
@@ -95,16 +96,17 @@ class Strip(LayerContact):
 
     def _remainder(self, x: np.ndarray, a: float) -> np.ndarray:
         """What the base and the uniform mode take off the logarithm, shape (len(x), len(x))."""
+        reach = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
         if math.isinf(self.wall):
-            k, weight = _layer_modes(2.0 ** math.ceil(math.log2(max(a, 1.0))), self.nu, self.base)
+            k, weight = _layer_modes(reach, self.scaled)
         else:
-            k, weight = _strip_modes(self.nu, self.base, self.wall)
+            k, weight = _strip_modes(min(reach, self.wall), self.scaled, self.wall)
         B = np.cos(np.outer(k, x))
         smooth = B.T @ (weight[:, None] * B)
         if math.isinf(self.wall):
             near, far = np.subtract.outer(x, x), np.add.outer(x, x)
             return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0))
-        return smooth - math.pi * (1.0 - 2.0 * self.nu) / (4.0 * self.wall * (1.0 - self.nu) ** 2)
+        return smooth - math.pi * self.scaled.confined / (4.0 * self.wall)
 
     def solution(self, delta: float, a: float) -> Solution:
         """Turn the linear solutions at the half-width a [h] into physical quantities."""
@@ -192,19 +194,19 @@ def _kink_coefficients(n: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _strip_modes(nu: float, base: str, wall: float) -> tuple[np.ndarray, np.ndarray]:
-    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding."""
-    n = np.arange(1, max(1, math.ceil(S_MAX * wall / math.pi)) + 1)
+def _strip_modes(reach: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
+    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding, good for half-widths up to reach."""
+    n, weight = wall_numbers(reach, wall)
     k = n * math.pi / wall
-    return k, base_complement(k, nu, base) / n
+    return k, weight * stack.complement(k) / n
 
 
 @lru_cache(maxsize=64)
-def _layer_modes(reach: float, nu: float, base: str) -> tuple[np.ndarray, np.ndarray]:
+def _layer_modes(reach: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to reach.
 
     The half-space alone has no depth in plane strain: ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 +
     4/u^2) is the comparison, whose ln sqrt(u^2 + 4) is added separately.
     """
-    s, w = gauss(0.0, S_MAX, 100 + math.ceil(12.0 * reach))
-    return s, w * (base_complement(s, nu, base) - np.exp(-2.0 * s)) / s
+    s, w = wavenumbers(reach, stack.finest)
+    return s, w * (stack.complement(s) - np.exp(-2.0 * s)) / s
