@@ -10,6 +10,7 @@ Abramowitz & Stegun 9.5.12 (McMahon); Gautschi, Orthogonal Polynomials (2004), f
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -21,6 +22,7 @@ from indent_sim.theory.stack import Stack
 S_MAX = 22.0  # M(22) < 2e-16
 PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
 PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
+LONGEST = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
 FEW = 32  # modes between walls that are summed one by one
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
 
@@ -53,6 +55,16 @@ class Kernel:
         y = self.y[:, None]
         hyperbolic = y * np.exp(y * (x - self.wall)) * -np.expm1(-2.0 * y * x) / (2.0 * x)
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
+
+    def surface(self, r: np.ndarray) -> np.ndarray:
+        """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W) and 1."""
+        from scipy.special import i0e, j0
+
+        waves = j0(np.multiply.outer(self.k, r))
+        if not self.y.size:
+            return waves
+        y = self.y[:, None]
+        return np.vstack([waves, i0e(y * r) * np.exp(y * (r - self.wall)), np.ones((1, r.size))])
 
 
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
@@ -143,7 +155,7 @@ def bessel_j1_zeros(number: np.ndarray) -> np.ndarray:
 def wavenumbers(reach: float, finest: float) -> tuple[np.ndarray, np.ndarray]:
     """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down to `finest`."""
     panels = max(1, math.ceil(math.log(S_MAX / finest, 3.0)))
-    edges = [0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))]
+    edges = _split([0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))], LONGEST / reach)
     parts = [gauss(lo, hi, PER_PANEL + math.ceil(PER_PHASE * reach * (hi - lo))) for lo, hi in pairwise(edges)]
     return np.concatenate([s for s, _ in parts]), np.concatenate([w for _, w in parts])
 
@@ -155,11 +167,18 @@ def wall_numbers(reach: float, wall: float) -> tuple[np.ndarray, np.ndarray]:
     """
     last = max(1, math.ceil(S_MAX * wall / math.pi))
     edges = [*range(1, min(last, FEW) + 1), *(n for i in range(64) if (n := (FEW + 1) * 2**i) <= last), last + 1]
+    edges = [round(edge) for edge in _split(edges, max(1.0, LONGEST / reach * wall / math.pi))]
     parts = [
         _gauss_sum(first, end, PER_PANEL + math.ceil(PER_PHASE * reach * (end - first) * math.pi / wall))
         for first, end in pairwise(edges)
     ]
     return np.concatenate([n for n, _ in parts]), np.concatenate([w for _, w in parts])
+
+
+def _split(edges: Sequence[float], longest: float) -> list[float]:
+    """The edges, and equally many between two of them as make no panel longer."""
+    parts = [np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False) for lo, hi in pairwise(edges)]
+    return [*np.concatenate(parts), edges[-1]]
 
 
 def _gauss_sum(first: int, end: int, count: int) -> tuple[np.ndarray, np.ndarray]:

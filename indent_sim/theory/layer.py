@@ -3,6 +3,7 @@
 The pressure is written as an Abel integral over phi, which turns the mixed boundary conditions into
     phi(x) - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
 F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g), p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt.
+The surface sinks by (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk].
 K is analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius a
 everything is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a root search
 inverts that.
@@ -113,6 +114,7 @@ class Layer(LayerContact):
             energy=self.E_star * self.h**3 * float(lin.w @ (phi * (depth - lin.g))),
             stiffness=2.0 * self.E_star * self.h * float(lin.w @ lin.one),
             pressure=partial(_pressure, self, lin, a, edge, depth * lin.one_modes - lin.shape_modes),
+            sink=partial(_sink, self, lin, a, depth),
         )
 
 
@@ -154,3 +156,38 @@ def _tip_part(layer: Layer, a: float, r: np.ndarray) -> np.ndarray:
     if layer.tip.edge is not None:
         return np.zeros_like(r)
     return tip_pressure(layer.profile, r, a, [b / layer.h for b in layer.tip.breaks], layer.tip.corner > 0.0)
+
+
+def _sink(layer: Layer, lin: _Linear, a: float, depth: float, r) -> np.ndarray:
+    """Sinking of the surface [L]: as on a half-space under delta - g, and outside the contact what psi adds to it."""
+    r = np.abs(np.asarray(r, dtype=float)) / layer.h
+    flat = np.atleast_1d(r).ravel()
+    outside, beyond = flat > a, flat > layer.wall * (1.0 + 1e-12)
+    value = np.array([_half_space_sink(layer, a, depth, radius) for radius in flat])
+    seen = outside & ~beyond
+    if np.any(seen):
+        value[seen] += _layer_sink(layer, lin, a, depth, flat[seen])
+    value[beyond] = math.nan
+    return layer.h * value.reshape(r.shape)[()]
+
+
+def _half_space_sink(layer: Layer, a: float, depth: float, r: float) -> float:
+    """(2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt with t = r sin(q); depth - f(r) inside the contact."""
+    end = math.asin(a / r) if r > a else 0.5 * math.pi
+    breaks = [math.asin(b / layer.h / r) for b in layer.tip.breaks if b / layer.h < r]
+    q, w = contact_nodes(end, breaks, 64)
+    return 2.0 / math.pi * float(w @ (depth - layer.profile(r * np.sin(q))))
+
+
+def _layer_sink(layer: Layer, lin: _Linear, a: float, depth: float, r: np.ndarray) -> np.ndarray:
+    """(2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt, r > a."""
+    kernel = axisymmetric_kernel(0.5 * (a + float(r.max())), layer.scaled, layer.wall)
+    nodes, _ = contact_nodes(a, [b / layer.h for b in layer.tip.breaks], layer._tip_count(a))
+    phi = depth * lin.one - lin.shape
+    modes = 2.0 / math.pi * kernel.weight * (kernel.basis(nodes) @ (lin.w * phi))
+    psi = np.polynomial.Chebyshev.interpolate(
+        lambda t: modes @ kernel.basis(t), 24 + math.ceil(8.0 * a), domain=[0.0, a]
+    )
+    s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * a))
+    end = np.arcsin(a / r)
+    return 2.0 / math.pi * end * (psi(r[:, None] * np.sin(end[:, None] * s)) @ w) - modes @ kernel.surface(r)

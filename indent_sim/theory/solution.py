@@ -17,7 +17,8 @@ class Solution:
 
     delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L]; strain energy [F L];
     stiffness d force/d delta [F/L];
-    pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact.
+    pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact;
+    sink: r -> -u_z [L] of the surface, > 0 into the body, likewise; not a number beyond side walls.
     """
 
     delta: float
@@ -27,11 +28,16 @@ class Solution:
     energy: float
     stiffness: float
     pressure: Callable[[np.ndarray], np.ndarray]
+    sink: Callable[[np.ndarray], np.ndarray]
 
 
 def no_contact(delta: float) -> Solution:
     """The untouched body: everything but delta is zero."""
-    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, lambda r: np.zeros_like(np.asarray(r, dtype=float))[()])
+
+    def nothing(r):
+        return np.zeros_like(np.asarray(r, dtype=float))[()]
+
+    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, nothing, nothing)
 
 
 def check_contact(delta: float, edge: float | None, h: float, wall: float) -> None:

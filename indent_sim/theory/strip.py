@@ -68,10 +68,10 @@ class Strip(LayerContact):
         theta = (np.arange(n) + 0.5) * math.pi / (2 * n)  # the positive half of the 2n Chebyshev points
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
-        scale = a / 2.0 if math.isinf(self.wall) else math.sin(math.pi * a / (2.0 * self.wall))
+        scale = self._scale(a)
         eigenvalue = np.concatenate([[-math.pi * math.log(scale)], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position(q, a)
-        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, a) @ T
+        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, x) @ T
         # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
         corner = self.tip.corner * slope
         kink = corner * _kink_coefficients(n) / eigenvalue
@@ -87,6 +87,10 @@ class Strip(LayerContact):
         fewest = 100 if self.tip.corner else 18  # between walls a corner leaves a |q|^3 behind
         return fewest + math.ceil(6.0 * a + 12.0 * near_end)
 
+    def _scale(self, a: float) -> float:
+        """S of the logarithm."""
+        return a / 2.0 if math.isinf(self.wall) else math.sin(math.pi * a / (2.0 * self.wall))
+
     def _position(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
         """x(q) [h], and dx/dq in the middle."""
         if math.isinf(self.wall):
@@ -94,17 +98,16 @@ class Strip(LayerContact):
         c = math.pi / (2.0 * self.wall)
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
-    def _remainder(self, x: np.ndarray, a: float) -> np.ndarray:
-        """What the base and the uniform mode take off the logarithm, shape (len(x), len(x))."""
-        reach = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
+    def _remainder(self, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """What the base and the uniform mode take off the logarithm at x, pressed at t; shape (len(x), len(t))."""
+        reach = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
             k, weight = _layer_modes(reach, self.scaled)
         else:
             k, weight = _strip_modes(min(reach, self.wall), self.scaled, self.wall)
-        B = np.cos(np.outer(k, x))
-        smooth = B.T @ (weight[:, None] * B)
+        smooth = np.cos(np.outer(x, k)) @ (weight[:, None] * np.cos(np.outer(k, t)))
         if math.isinf(self.wall):
-            near, far = np.subtract.outer(x, x), np.add.outer(x, x)
+            near, far = np.subtract.outer(x, t), np.add.outer(x, t)
             return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0))
         return smooth - math.pi * self.scaled.confined / (4.0 * self.wall)
 
@@ -124,6 +127,7 @@ class Strip(LayerContact):
             energy=0.5 * unit * self.h**2 * _work(lin, rest, depth),
             stiffness=unit * math.pi * float(lin.one[0]),
             pressure=partial(_pressure, self, a, rest, lin.corner),
+            sink=partial(_sink, self, lin, a, depth),
         )
 
 
@@ -160,6 +164,36 @@ def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.nda
     p = np.where((flat == a) & (strip.tip.edge is not None), np.inf, 0.0)
     p[inside] = 0.5 * math.pi * strip.E_star * value * slope
     return p.reshape(x.shape)[()]
+
+
+def _sink(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
+    """Sinking of the surface [L]: depth - f inside the contact, outside what the logarithm and the remainder make.
+
+    With z = 1/(q + sqrt(q^2 - 1)) the logarithm acts on T_2m as pi/2m z^2m, and on T_0 as pi (ln z - ln S).
+    """
+    x = np.abs(np.asarray(x, dtype=float)) / strip.h
+    flat = np.atleast_1d(x).ravel()
+    outside = flat > a
+    value = np.where(flat <= strip.wall * (1.0 + 1e-12), depth, math.nan)
+    value[~outside] -= strip.profile(flat[~outside])
+    seen = outside & ~np.isnan(value)
+    if np.any(seen):
+        value[seen] = _sink_outside(strip, lin, a, depth, flat[seen])
+    return strip.h * value.reshape(x.shape)[()]
+
+
+def _sink_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
+    q = _stretched(strip, x, a)[0]
+    z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))
+    b = depth * lin.one - lin.shape
+    n = b.size
+    m = np.arange(1, n)
+    log_scale = math.log(strip._scale(a))
+    value = math.pi * (np.log(z) - log_scale) * b[0]
+    value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink)[1:])
+    value -= lin.corner * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)  # of all of the kink but its T_0
+    T = np.cos(2.0 * np.outer(np.arccos(lin.q), np.arange(n)))
+    return value - math.pi / n * strip._remainder(x, strip._position(lin.q, a)[0]) @ (T @ b)
 
 
 def _stretched(strip: Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
