@@ -66,12 +66,13 @@ class Layer(LayerContact):
         points, while the tip enters through moments taken on its own finer points.
         """
         kernel = axisymmetric_kernel(a, self.scaled, self.wall)
-        x, w = gauss(0.0, a, self._smooth_count(a))
-        B = kernel.basis(x)
-        fine, fine_w = contact_nodes(a, [b / self.h for b in self.tip.breaks], self._tip_count(a))
+        breaks = self._breaks(a)
+        fine, fine_w = contact_nodes(a, breaks, self._tip_count(a))
         at_tip = kernel.basis(np.append(fine, a))
         g = self.profile(np.append(fine, a))
         source = np.column_stack([np.ones_like(g), g])
+        x, w = gauss(0.0, a, self._smooth_count(a)) if breaks else (fine, fine_w)
+        B = kernel.basis(x) if breaks else at_tip[:, :-1]
 
         factor = (2.0 / math.pi) * kernel.weight[:, None]
         direct = factor * (at_tip[:, :-1] @ (fine_w[:, None] * source[:-1]))
@@ -90,6 +91,10 @@ class Layer(LayerContact):
             kernel,
         )
 
+    def _breaks(self, a: float) -> list[float]:
+        """Those of the tip inside the contact [h]."""
+        return [b / self.h for b in self.tip.breaks if b / self.h < a]
+
     def _smooth_count(self, a: float) -> int:
         # exponential convergence: the kernel is analytic 2h off the axis, singular where the contact meets
         # a wall
@@ -97,7 +102,7 @@ class Layer(LayerContact):
 
     def _tip_count(self, a: float) -> int:
         # the tip's own singularity is where it ends, next to the last panel
-        last_panel = a - max((b / self.h for b in self.tip.breaks if b / self.h < a), default=0.0)
+        last_panel = a - max(self._breaks(a), default=0.0)
         rim = math.sqrt(last_panel / max(self.tip.reach / self.h - a, 1e-4 * last_panel))
         return self._smooth_count(a) + math.ceil(12.0 * rim)
 
@@ -155,7 +160,7 @@ def _tip_part(layer: Layer, a: float, r: np.ndarray) -> np.ndarray:
     """∫_r^a g'(t)/sqrt(t^2-r^2) dt, the half-space pressure of the tip; nothing for a flat one."""
     if layer.tip.edge is not None:
         return np.zeros_like(r)
-    return tip_pressure(layer.profile, r, a, [b / layer.h for b in layer.tip.breaks], layer.tip.corner > 0.0)
+    return tip_pressure(layer.profile, r, a, layer._breaks(a), layer.tip.corner > 0.0)
 
 
 def _sink(layer: Layer, lin: _Linear, a: float, depth: float, r) -> np.ndarray:
@@ -174,7 +179,7 @@ def _sink(layer: Layer, lin: _Linear, a: float, depth: float, r) -> np.ndarray:
 def _half_space_sink(layer: Layer, a: float, depth: float, r: float) -> float:
     """(2/pi) ∫_0^min(r,a) (depth - g(t))/sqrt(r^2 - t^2) dt with t = r sin(q); depth - f(r) inside the contact."""
     end = math.asin(a / r) if r > a else 0.5 * math.pi
-    breaks = [math.asin(b / layer.h / r) for b in layer.tip.breaks if b / layer.h < r]
+    breaks = [math.asin(b / r) for b in layer._breaks(min(r, a))]
     q, w = contact_nodes(end, breaks, 64)
     return 2.0 / math.pi * float(w @ (depth - layer.profile(r * np.sin(q))))
 
@@ -182,7 +187,7 @@ def _half_space_sink(layer: Layer, a: float, depth: float, r: float) -> float:
 def _layer_sink(layer: Layer, lin: _Linear, a: float, depth: float, r: np.ndarray) -> np.ndarray:
     """(2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt, r > a."""
     kernel = axisymmetric_kernel(0.5 * (a + float(r.max())), layer.scaled, layer.wall)
-    nodes, _ = contact_nodes(a, [b / layer.h for b in layer.tip.breaks], layer._tip_count(a))
+    nodes, _ = contact_nodes(a, layer._breaks(a), layer._tip_count(a))
     phi = depth * lin.one - lin.shape
     modes = 2.0 / math.pi * kernel.weight * (kernel.basis(nodes) @ (lin.w * phi))
     psi = np.polynomial.Chebyshev.interpolate(
