@@ -4,11 +4,11 @@ With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surfa
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
            + F' sum h_i/M_i/(2 W),
 M = 1 - L the part of what lies below, M_i the oedometric moduli (no uniform mode at nu = 0.5). Substituting
-sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln S - ln(2|q -
-q'|), which is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
-q = cos(theta), its eigenvalues are -pi ln S, pi/2m. The remainder is analytic, so collocation converges
-exponentially, square-root ends included. The infinite strip is the same with q = x/a and S = a/2 (lengths
-in units of h).
+sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln 2S - ln|q - q'|,
+the last diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
+q = cos(theta), its eigenvalues are pi ln 2, pi/2m. The remainder is analytic, so collocation converges
+exponentially, square-root ends included. The infinite strip is the same with q = x/a and S = a/2. Lengths are in
+units of h, the thickness of the top layer.
 
 Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
 Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl. Sci. Res. 18, 353, for the
@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -56,6 +56,13 @@ class _Linear:
 class Strip(LayerContact):
     """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per unit length."""
 
+    @classmethod
+    def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
+        """As for every layer; ValueError for a half-space, where only differences of the sinking exist."""
+        if stack.is_bottomless:
+            raise ValueError("in plane strain a half-space has no depth to measure the indentation from")
+        return super().on(tip, stack, wall)
+
     def profile(self, x: np.ndarray) -> np.ndarray:
         """f [h] of the tip; ValueError for one that plane strain does not know."""
         if self.tip.f is None:
@@ -68,14 +75,13 @@ class Strip(LayerContact):
         theta = (np.arange(n) + 0.5) * math.pi / (2 * n)  # the positive half of the 2n Chebyshev points
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
-        scale = self._scale(a)
-        eigenvalue = np.concatenate([[-math.pi * math.log(scale)], math.pi / (2.0 * np.arange(1, n))])
+        eigenvalue = np.concatenate([[math.pi * math.log(2.0)], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position(q, a)
-        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, x) @ T
+        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, x, a) @ T
         # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
         corner = self.tip.corner * slope
         kink = corner * _kink_coefficients(n) / eigenvalue
-        kink_edge = corner * 2.0 / math.pi**2 * (1.0 - 1.0 / math.log(scale))
+        kink_edge = corner * 2.0 / math.pi**2 * (1.0 + 1.0 / math.log(2.0))
         right = np.column_stack([np.ones(n), f - corner * q + remainder @ kink])
         b = np.linalg.solve(T * eigenvalue - remainder, right)
         shape_edge = float(np.sum(b[:, 1])) + kink_edge
@@ -87,10 +93,6 @@ class Strip(LayerContact):
         fewest = 100 if self.tip.corner else 18  # between walls a corner leaves a |q|^3 behind
         return fewest + math.ceil(6.0 * a + 12.0 * near_end)
 
-    def _scale(self, a: float) -> float:
-        """S of the logarithm."""
-        return a / 2.0 if math.isinf(self.wall) else math.sin(math.pi * a / (2.0 * self.wall))
-
     def _position(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
         """x(q) [h], and dx/dq in the middle."""
         if math.isinf(self.wall):
@@ -98,8 +100,8 @@ class Strip(LayerContact):
         c = math.pi / (2.0 * self.wall)
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
-    def _remainder(self, x: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """What the base and the uniform mode take off the logarithm at x, pressed at t; shape (len(x), len(t))."""
+    def _remainder(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
+        """What is taken off -ln|q - q'| at x, pressed at t: by the base, the uniform mode and ln 2S; (len(x), len(t))."""
         reach = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
             k, weight = _layer_modes(reach, self.scaled)
@@ -108,8 +110,9 @@ class Strip(LayerContact):
         smooth = np.cos(np.outer(x, k)) @ (weight[:, None] * np.cos(np.outer(k, t)))
         if math.isinf(self.wall):
             near, far = np.subtract.outer(x, t), np.add.outer(x, t)
-            return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0))
-        return smooth - math.pi * self.scaled.confined / (4.0 * self.wall)
+            return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0)) + math.log(a)
+        uniform = math.pi * self.scaled.confined / (4.0 * self.wall)
+        return smooth - uniform + math.log(2.0 * math.sin(math.pi * a / (2.0 * self.wall)))
 
     def solution(self, delta: float, a: float) -> Solution:
         """Turn the linear solutions at the half-width a [h] into physical quantities."""
@@ -169,7 +172,7 @@ def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.nda
 def _sink(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
     """Sinking of the surface [L]: depth - f inside the contact, outside what the logarithm and the remainder make.
 
-    With z = 1/(q + sqrt(q^2 - 1)) the logarithm acts on T_2m as pi/2m z^2m, and on T_0 as pi (ln z - ln S).
+    With z = 1/(q + sqrt(q^2 - 1)) the logarithm acts on T_2m as pi/2m z^2m, and on T_0 as pi ln 2z.
     """
     x = np.abs(np.asarray(x, dtype=float)) / strip.h
     flat = np.atleast_1d(x).ravel()
@@ -188,12 +191,11 @@ def _sink_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndar
     b = depth * lin.one - lin.shape
     n = b.size
     m = np.arange(1, n)
-    log_scale = math.log(strip._scale(a))
-    value = math.pi * (np.log(z) - log_scale) * b[0]
+    value = math.pi * np.log(2.0 * z) * b[0]
     value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink)[1:])
     value -= lin.corner * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)  # of all of the kink but its T_0
     T = np.cos(2.0 * np.outer(np.arccos(lin.q), np.arange(n)))
-    return value - math.pi / n * strip._remainder(x, strip._position(lin.q, a)[0]) @ (T @ b)
+    return value - math.pi / n * strip._remainder(x, strip._position(lin.q, a)[0], a) @ (T @ b)
 
 
 def _stretched(strip: Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
