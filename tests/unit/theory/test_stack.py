@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from indent_sim.theory import hankel, profiles, strip
 from indent_sim.theory import half_space as hs
+from indent_sim.theory import hankel, profiles, strip
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
@@ -123,7 +123,7 @@ def test_layer_on_its_own_half_space(nu):
 
 
 def test_both_ways_through_a_layer_agree(monkeypatch):
-    # where k h is 0.5 ... 2 a layer may be crossed by exp(-A s), which grows by e^(2s), or by its waves, which lose s^-3
+    # where k h is 0.5 ... 2 exp(-A s) and the waves both cross a layer; one loses e^(2s), the other s^-3
     k = np.linspace(0.5, 2.0, 40)
     for base in ("fixed", "roller"):
         stack = Stack.of([(1, 1, 0.5), (1, 1e3, 0.3), (1, 1e-2, 0.499)], base)
