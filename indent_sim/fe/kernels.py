@@ -171,9 +171,11 @@ def compile_kernels(
 
 
 def _is_good(entry: Path) -> bool:
-    """Whether an entry is finished, and its library not cut off; before that its linker may be at it."""
-    is_finished = entry.with_suffix(".c.cached").exists()
-    return is_finished and all(_is_whole(entry.with_suffix(ending)) for ending in EXTENSION_SUFFIXES)
+    """Whether an entry is finished, and its library there and not cut off; before that its linker may be at it."""
+    if not entry.with_suffix(".c.cached").exists():
+        return False
+    libraries = [file for ending in EXTENSION_SUFFIXES if (file := entry.with_suffix(ending)).exists()]
+    return bool(libraries) and all(map(_is_whole, libraries))
 
 
 def _is_begun(entry: Path) -> bool:

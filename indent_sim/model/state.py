@@ -38,8 +38,8 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how far the deformed surface reaches into the tip's own shape (current gap only). Errors are half-widths of
-    error bars, None where there are none.
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). Errors are
+    half-widths of error bars, None where there are none.
     """
 
     step: int

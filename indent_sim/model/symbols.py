@@ -201,7 +201,7 @@ RESULTS = (
     Symbol("p_max_error", "", "half-width of the error bar on the largest pressure", "pressure"),
     Symbol("delta_error", "", "half-width of the error bar on a depth that is found for a force", "length"),
     Symbol("reaction", "", "z-reaction of all constrained degrees of freedom; equals the force", "force"),
-    Symbol("overlap", "", "how far the deformed surface reaches above the tip's own shape; current gap", "length"),
+    Symbol("overlap", "", "how deep a whole surface facet lies inside the tip's own shape; current gap", "length"),
     Symbol("stray_reaction", "", "reaction of the constraints that only remove rigid modes; zero", "force"),
     Symbol("substeps", "", "how many solves the step was cut into", "1"),
     Symbol("converged", "", "whether the step has a solution", WORD),

@@ -16,8 +16,9 @@ from typing_extensions import TypedDict
 
 from indent_sim.model.state import COLUMNS, ERRORS, State
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.results.folder import CONFIG, REPORT, TABLE, content, read_report, refuse_links
-from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, state_of
+from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
+from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, number, state_of
+from indent_sim.results.xdmf import lost_fields
 
 COMPARED = ("delta", "force", "a")
 
@@ -162,9 +163,10 @@ _SHAPE: TypeAdapter[Any] = TypeAdapter(_Report)
 
 
 def checked_report(folder: Path) -> dict[str, Any]:
-    """The run.json of a folder, empty when there is none or it is not this program's; UsageError when an entry is not
-    what the program writes."""
+    """The run.json of a folder, empty when there is none; UsageError when it is not what the program writes."""
     report = read_report(folder)
+    if not report and os.path.lexists(folder / REPORT):
+        raise UsageError(f"{folder / REPORT} is damaged: no JSON object that says program: {PROGRAM}")
     try:
         _SHAPE.validate_python(report, strict=True)
         _check_theory(report.get("theory") or {})
@@ -227,7 +229,7 @@ def _row(line: str, header: Sequence[str], place: str) -> list[float]:
 
 def _number(cell: str, place: str) -> float:
     try:
-        value = float(cell) if cell.strip() else np.nan
+        value = number(cell)
     except ValueError:
         raise UsageError(f"{place} is not a number: no table of numbers with a header") from None
     if abs(value) > LARGEST:
@@ -298,6 +300,20 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
         raise UsageError(f"{folder} has {REPORT} but not all that belongs to it: {error}") from error
     except OSError as error:
         raise UsageError(f"cannot read {folder}: {error.strerror or error}") from error
+
+
+def lost_files(folder: Path, surface: bool, fields: bool) -> list[str]:
+    """The files of a finished run, with a surface table and fields or without, that are missing or damaged now."""
+    lost = lost_fields(folder) if fields else []
+    return [*lost, SURFACE] if surface and not _has_last_surface(folder) else lost
+
+
+def _has_last_surface(folder: Path) -> bool:
+    try:
+        found = read(folder)
+    except UsageError:
+        return False
+    return found["step"][-1] in found.surface.get("step", ())
 
 
 def _refuse_other(folder: Path, theirs: str, ours: str) -> None:

@@ -21,9 +21,8 @@ from indent_sim.results.folder import write_atomically
 
 SURFACE = "surface.csv"
 
-UNKNOWN = ("p_max", "force_error")  # may be NaN
 INTEGERS = ("step", "newton_iterations")
-MAY_BE_EMPTY = ("p_max", *ERRORS)
+MAY_BE_EMPTY = {"p_max", *ERRORS}
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
 
@@ -41,18 +40,29 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         return None
     try:
         values: dict[str, Any] = {
-            name: int(cell) if name in INTEGERS else number(cell) if name in MAY_BE_EMPTY else float(cell)
-            for name, cell in zip(names, cells, strict=True)
+            name: whole(cell) if name in INTEGERS else number(cell) for name, cell in zip(names, cells, strict=True)
         }
-        known = all(math.isfinite(value) for name, value in values.items() if name not in UNKNOWN)
+        empty = {name for name, value in values.items() if math.isnan(value)}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
-    return State(**values) if known and not any(map(math.isinf, values.values())) else None
+    return State(**values) if empty <= MAY_BE_EMPTY and not any(map(math.isinf, values.values())) else None
 
 
 def number(cell: str) -> float:
-    """The number in a cell of a table; NaN in an empty one, which says that there is none."""
-    return float(cell) if cell.strip() else float("nan")
+    """The number in a cell of a table; NaN in an empty one, which says that there is none.
+
+    ValueError for what Python takes for a number, and no other program does: 1_000, digits of other scripts.
+    """
+    if "_" in cell or not cell.isascii():
+        raise ValueError(f"{cell!r} is not a number")
+    return float(cell) if cell.strip() else math.nan
+
+
+def whole(cell: str) -> int:
+    """The whole number in a cell of a table; ValueError when it is something else."""
+    if not cell.strip().isdecimal() or not cell.isascii():
+        raise ValueError(f"{cell!r} is not a whole number")
+    return int(cell)
 
 
 def surface_block(step: int, surface: Surface) -> bytes:

@@ -138,6 +138,19 @@ class FieldWriter:
                 path.unlink()
 
 
+def lost_fields(folder: Path) -> list[str]:
+    """The files of fields that a finished run left in its folder and that are missing or damaged now, by name."""
+    try:
+        text = content(folder / XDMF).decode("utf-8")
+    except (OSError, ValueError):
+        return [XDMF]
+    steps = [int(grid["step"]) for grid in GRID.finditer(text)]
+    if not (steps and text.endswith(TAIL)):
+        return [XDMF]
+    wanted = {MESH: {"points", "cells"}} | {_file(step): set(ARRAYS) for step in steps}
+    return [f"{FIELDS}/{name}" for name, arrays in wanted.items() if not arrays <= _names(folder / FIELDS / name)]
+
+
 def in_space(vectors: np.ndarray) -> np.ndarray:
     """(n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) as they are."""
     vectors = np.asarray(vectors, dtype=float)
@@ -165,6 +178,14 @@ def _hdf5(arrays: dict[str, np.ndarray]) -> bytes:
         for name, values in arrays.items():
             file[name] = values
     return image.getvalue()
+
+
+def _names(path: Path) -> set[str]:
+    """The names of what an HDF5 file holds, none when it is damaged."""
+    try:
+        return set(_arrays(path))
+    except Exception:  # HDF5 has an error for every way of being damaged
+        return set()
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

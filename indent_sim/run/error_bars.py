@@ -100,7 +100,7 @@ class Budget:
 def coarser(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     sizes = scene.sizes
-    height = scene.extent[-1][1] - scene.extent[-1][0]
+    height = scene.part.height
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
     edge = sizes.h_edge and min(ratio**RATE * sizes.h_edge, fine)
@@ -145,7 +145,7 @@ class ErrorBars:
         self._is_rounded = getattr(scene.indenter, "edge_radius", 0.0) > 0
         self._theory = scene.exact_theory
         self._finds_depths = scene.path.control == "force"
-        self._dim, self._creases = scene.kinematics.dim, scene.indenter.creases()
+        self._dim, self._creases = scene.part.kinematics.dim, scene.indenter.creases()
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
         beside = companions[0].scene or scene

@@ -103,13 +103,13 @@ def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
 
 def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
-    """The deformed surface stays below the tip, but for what a coarse mesh or a penalty lets it sink in."""
+    """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty lets it sink in."""
     allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.scales.length)
     if isinstance(scene.contact, Penalty | Nitsche):
         allowed += PENETRATIONS * state.penetration
     if state.overlap <= allowed:
         return None
-    return f"the surface reaches {state.overlap:.3g} into the tip, which went through it"
+    return f"a facet of the surface lies {state.overlap:.3g} inside the tip, which went through it"
 
 
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
@@ -122,7 +122,7 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    fall = LINEAR_FALL if scene.material.small_strain and scene.gap == "reference" else FALL
+    fall = LINEAR_FALL if scene.small_strain and scene.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
     deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
@@ -190,7 +190,7 @@ def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
         return left / (EXACT * coarse), EXACT * coarse
     if not _feels_a_half_space(scene, theory.a):
         return 0.0, float("inf")
-    may_stiffen = not scene.material.small_strain and theory.delta > SHALLOW * theory.a
+    may_stiffen = not scene.small_strain and theory.delta > SHALLOW * theory.a
     return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse
 
 

@@ -14,11 +14,13 @@ from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
-from indent_sim.scene.given import Premises
+from indent_sim.scene.given import Given
 from indent_sim.scene.theories import Theory, half_space_force
 
 TELLING = 0.005  # of the force: a smaller error is not worth a warning
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
+STIFFEST = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
+ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
 SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
 SEVERAL = 0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
 ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
@@ -40,15 +42,15 @@ class Doubt:
     force_error: float = 0.0
 
 
-def doubts(given: Premises, law: ContactLaw, gap: str, formulation: str, sizes: Sizes) -> tuple[Doubt, ...]:
+def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt, ...]:
     """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
     if given.deepest <= 0:
         return (Doubt("no_contact", "the tip never reaches the body: every depth is <= 0"),)
-    of_model = (*_of_model(given, formulation), *_of_tip(given, gap))
+    of_model = (*_of_model(given), *_of_tip(given, gap))
     return (*of_model, *_of_contact(given, law, gap, sizes), *_of_mesh(given, sizes), *_of_truncation(given))
 
 
-def _of_model(given: Premises, formulation: str) -> Iterator[Doubt]:
+def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
     nu, (strain, formula) = material.constants.nu, characteristic_strain(tip, delta, a)
@@ -62,9 +64,9 @@ def _of_model(given: Premises, formulation: str) -> Iterator[Doubt]:
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(given.center):
         yield Doubt("rim", "the contact comes close to the edge of the body")
-    if formulation == "displacement" and nu >= LOCKING:
+    if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
-    for words in stability.doubts(material, stability.reach(tip, a, delta, body.height)):
+    for words in stability.instabilities(material, stability.largest_strain(tip, a, delta, body.height)):
         yield Doubt("stability", words)
     solution = given.solution(delta) if body.shape != "strip" else None
     closed = half_space_force(tip, delta, material.E_star)
@@ -73,7 +75,7 @@ def _of_model(given: Premises, formulation: str) -> Iterator[Doubt]:
         yield Doubt("half_space", f"{closed[0]}, half-space, {why}")
 
 
-def _of_tip(given: Premises, gap: str) -> Iterator[Doubt]:
+def _of_tip(given: Given, gap: str) -> Iterator[Doubt]:
     """That a tip ends inside the contact, and what the model makes of it."""
     tip, delta, end = given.tip, given.deepest, reach(given.tip)
     is_beyond = given.a >= end or (isinstance(tip, Sphere) and delta > end)
@@ -90,7 +92,7 @@ def _of_tip(given: Premises, gap: str) -> Iterator[Doubt]:
         yield Doubt("units", f"{times}: are both in one unit?")
 
 
-def _of_contact(given: Premises, law: ContactLaw, gap: str, sizes: Sizes) -> Iterator[Doubt]:
+def _of_contact(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> Iterator[Doubt]:
     """What the contact method, and a stiffness given in the config, do to the answer."""
     material, theory = given.material, given.theory
     # nodal pressures on a deformed surface
@@ -98,7 +100,8 @@ def _of_contact(given: Premises, law: ContactLaw, gap: str, sizes: Sizes) -> Ite
         words = (f"{law.method} with gap: current: several sets of nodes may be in equilibrium, which one is found "
                  f"depends on the steps, and their forces differ by {in_words(SEVERAL)}")  # fmt: skip
         yield Doubt("several_equilibria", words, SEVERAL)
-    if isinstance(law, Penalty | Nitsche) and law.stiffness > 1e3 * material.E_star / sizes.h_contact:
+    stiffest = (1 + ROUNDING) * STIFFEST * material.E_star / sizes.h_contact
+    if isinstance(law, Penalty | Nitsche) and law.stiffness > stiffest:
         yield Doubt("stiffness", "a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
     if isinstance(law, Penalty):
         lost, at_last = _deepest_and_last(given, lambda delta, a: penalty_loss(law, material, theory, delta, a))
@@ -106,7 +109,7 @@ def _of_contact(given: Premises, law: ContactLaw, gap: str, sizes: Sizes) -> Ite
         yield Doubt("penalty", f"penalty: the tip sinks into the body, {words}" if lost >= TELLING else "", at_last)
 
 
-def _of_mesh(given: Premises, sizes: Sizes) -> Iterator[Doubt]:
+def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
     """What coarse elements will do to the results.
 
     Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: a is wrong by up to 5 %.
@@ -132,13 +135,13 @@ def _of_mesh(given: Premises, sizes: Sizes) -> Iterator[Doubt]:
         yield Doubt("elements", words, at_last)
 
 
-def _of_truncation(given: Premises) -> Iterator[Doubt]:
+def _of_truncation(given: Given) -> Iterator[Doubt]:
     """That a finite body stands for the half-space."""
     if given.truncation:
         yield Doubt("truncation", "", given.truncation.error)
 
 
-def _deepest_and_last(given: Premises, error: Callable[[float, float], float]) -> tuple[float, float]:
+def _deepest_and_last(given: Given, error: Callable[[float, float], float]) -> tuple[float, float]:
     """A relative error(depth, contact radius) at the deepest contact and at the last row, where there is contact."""
     last = given.deltas[-1]
     known = {delta: error(delta, given.radius(delta)) for delta in {given.deepest, last} if delta > 0}

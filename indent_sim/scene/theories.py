@@ -139,7 +139,7 @@ def _theory(name: str, exact: bool, why: str, material: Material, tip: Indenter,
 
 def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
     """Radius of the roller wall, if the body has the one that theory knows, and what is different otherwise."""
-    on_axis = np.allclose(center, body.centre, rtol=2e-11, atol=1e-12 * body.height)  # it is rounded to 12 digits
+    on_axis = np.allclose(center, body.center, rtol=2e-11, atol=1e-12 * body.height)  # it is rounded to 12 digits
     match body.shape:
         case "cylinder" if on_axis and body.sides == "roller":
             return body.radius, True, "a layer in a frictionless cylinder is this very body"

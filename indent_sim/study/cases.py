@@ -127,7 +127,7 @@ class _Builder:
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
             scene = _resolved(self._config((*others, auto)), point)
-            self._units[name] = stiffness_unit(scene) * scene.scales.pressure / scene.scales.length
+            self._units[name] = stiffness_unit(scene) * scene.scales.stiffness
         return self._units[name]
 
 

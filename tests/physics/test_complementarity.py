@@ -29,7 +29,7 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
-    walk = solver.walk(base, solver.distribute(gmsh.build(base), base, MPI.COMM_SELF))
+    walk = solver.walk(base, solver.distribute(gmsh.build(base.part, base.sizes), base.part, MPI.COMM_SELF))
     for state in walk.states(base.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
         trace = walk.equilibrium.observed.trace

@@ -126,7 +126,7 @@ def drawn(count: int, seed: int) -> list[Case]:
 def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
     """The scene on a mesh that shrinks to nothing towards every corner and towards the end of every step's contact."""
     base = resolve(config, n)
-    (low, high), (bottom, top) = base.extent
+    (low, high), (bottom, top) = base.part.extent
     ends = {abs(end - base.center[0]) for end in (low, high)} - {0.0}
     points = {(r, depth) for r in ends for depth in (0.0, top - bottom)}
     if base.sizes.edge is None:

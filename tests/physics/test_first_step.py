@@ -2,7 +2,8 @@
 
 Scenes drawn at random over tips x gap x material (and bodies, methods, depths from 1e-6 to 3 tip radii), on coarse
 meshes: what a mesh costs is the same along both paths. Every row is right (the forces agree to AGREE), covered (they
-agree within the error that the program states), or refused with a reason (exit 3 or 5). Never anything else.
+agree within the error that the program states), or refused with a reason (exit 3 or 5). Never anything else; and the
+net under all rows says nothing against one that is right.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from indent_sim.config.file import from_mapping, load
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
+from indent_sim.run.plausibility import contradiction
 from indent_sim.scene.expected import TELLING
 from indent_sim.scene.scene import Scene, resolve
 
@@ -58,7 +60,7 @@ MATERIALS: dict[str, dict[str, Any]] = {
     "arruda_boyce": {"model": "arruda_boyce", "mu": 0.3, "lambda_m": 3.0, "nu": 0.45},
 }
 METHODS = ["auto"] * 8 + ["augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche"]
-WORST = ("WRONG", "unjudged", "covered", "right")
+WORST = ("WRONG", "FALSE ALARM", "unjudged", "covered", "right")
 
 
 @dataclass(frozen=True)
@@ -128,13 +130,23 @@ def judged(config: dict[str, Any]) -> Verdict:
     big = along(scene, [depth, half])
     if not big[0].converged:
         return Verdict("refused" if big[0].reason else "WRONG", big[0].reason)
-    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.kinematics.dim == 2 else FEWEST)
+    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.part.dim == 2 else FEWEST)
     fine = along(scene, [depth * k / steps for k in range(1, steps + 1)])
     pairs = [(big[0], fine[-1])]
     if len(big) == 2 and big[1].converged and len(fine) >= steps // 2:
         pairs.append((big[1], fine[steps // 2 - 1]))
     stated = max(scene.prediction.get("force_error", 0.0), TELLING)  # what is smaller is not worth a warning
-    return min((compared(*pair, stated) for pair in pairs), key=lambda verdict: WORST.index(verdict.outcome))
+    verdicts = [compared(*pair, stated) for pair in pairs]
+    if said := contradicted(scene, big) or contradicted(scene, fine):
+        verdicts.append(Verdict("FALSE ALARM", said))
+    return min(verdicts, key=lambda verdict: WORST.index(verdict.outcome))
+
+
+def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
+    """What the net has against one of the states of a path."""
+    there = replace(scene, deltas=tuple(state.delta / scene.scales.length for state in states))
+    said = (contradiction(there, state, states[:k]) for k, state in enumerate(states) if state.converged)
+    return next(filter(None, said), None)
 
 
 def compared(big: State, fine: State, stated: float) -> Verdict:
@@ -151,12 +163,13 @@ def compared(big: State, fine: State, stated: float) -> Verdict:
 @pytest.mark.stress
 def test_four_hundred_first_steps() -> None:
     """None wrong; and refusing is no way out: at least three of four are right or covered."""
-    found = {name: judged(config) for name, config in scenes(400)}
-    for name, verdict in found.items():
-        print(f"{verdict.outcome:9s}{name}  {verdict.words}")
+    found = dict[str, Verdict]()
+    for name, config in scenes(400):
+        found[name] = verdict = judged(config)
+        print(f"{verdict.outcome:12s}{name}  {verdict.words}", flush=True)
     counts = Counter(verdict.outcome for verdict in found.values())
     print(dict(counts))
-    assert not [name for name, verdict in found.items() if verdict.outcome == "WRONG"]
+    assert not [name for name, verdict in found.items() if verdict.outcome in ("WRONG", "FALSE ALARM")]
     assert counts["right"] + counts["covered"] >= 300
 
 
@@ -184,11 +197,16 @@ def test_a_ball_does_not_tunnel(gel: Scene) -> None:
     assert once.force == pytest.approx(20.66, rel=2e-3)  # on any mesh: 0.3 % at most, what two meshes differ by
 
 
-def test_a_ball_beyond_its_diameter(gel: Scene) -> None:
-    """Where it once came out at the other side, to a force of 0: more force than at 1.85 R, in one step or in 11."""
-    (once,), fine = along(gel, [2.2]), along(gel, [0.2 * k for k in range(1, 12)])
+@pytest.mark.parametrize("delta", [2.2, 2.64])
+def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
+    """Where it once came out at the other side, to a force of 0: more force than at 1.85 R, in one step or in 11.
+
+    At 2.64 R the gel has closed over the ball, up to its stem: that is no tip that went through.
+    """
+    (once,), fine = along(gel, [delta]), along(gel, [delta / 11 * k for k in range(1, 12)])
     assert once.force == pytest.approx(fine[-1].force, rel=AGREE)
     assert once.force > 21
+    assert contradiction(gel, once, []) is None
 
 
 def test_the_depth_of_a_deep_ball_is_found() -> None:

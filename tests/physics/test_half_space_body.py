@@ -80,7 +80,7 @@ def test_a_tip_in_contact_to_its_end() -> None:
 
 
 def test_three_dimensions_on_request() -> None:
-    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).symmetry == "quarter"
+    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).part.symmetry == "quarter"
 
 
 def test_a_place_on_it_is_refused() -> None:

@@ -17,7 +17,7 @@ from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
 from test_hertz import CUBE, FORCES, RADII
 
 from indent_sim.cli import commands
-from indent_sim.fe.condensed import contact
+from indent_sim.fe.solve import uzawa
 from indent_sim.model.state import State
 from indent_sim.run import chain
 
@@ -175,7 +175,7 @@ def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: s
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
-    monkeypatch.setattr(contact, "UZAWA_LOOPS", 15)
+    monkeypatch.setattr(uzawa, "LOOPS", 15)
     (state,) = chain.states(scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05}))
     assert not state.converged
     assert np.isnan(state.force)

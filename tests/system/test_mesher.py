@@ -263,14 +263,14 @@ class TestRun:
 
     def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
         scene = resolve(loads(SMALL))
-        expected = gmsh.build(scene)
+        expected = gmsh.build(scene.part, scene.sizes)
 
         def refuse() -> int:
             raise BlockingIOError("no room")
 
         gmsh._mesher.stop()
         monkeypatch.setattr(os, "fork", refuse)
-        assert gmsh.build(scene).hash == expected.hash
+        assert gmsh.build(scene.part, scene.sizes).hash == expected.hash
 
     def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
         gmsh._mesher.stop()

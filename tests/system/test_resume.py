@@ -376,6 +376,20 @@ class TestNothingToGoOnWith:
         assert len(said["rows"]) == 15 and said["report"]["status"] == "done"
         assert snapshot(tmp_path) == before
 
+    def test_what_a_finished_run_has_lost_since_is_said(self, indent_sim, tmp_path):
+        assert indent_sim().exit_code == 0
+        for file in ("fields.xdmf", "fields/mesh.h5", "fields/step-9.h5", "surface.csv"):
+            path = tmp_path / "out" / file
+            data = path.read_bytes()
+            for harm in (b"", data[:200], data[:-200] if file.endswith("h5") else b"junk", None):
+                path.unlink() if harm is None else path.write_bytes(harm)
+                before = snapshot(tmp_path)
+                done = indent_sim("--resume")
+                assert done.exit_code == 0 and f"warning: {file}: missing or damaged since" in done.stderr
+                assert snapshot(tmp_path) == before
+            path.write_bytes(data)
+        assert "since" not in indent_sim("--resume").stderr
+
     @pytest.mark.parametrize("override", ["loading.steps=20", "material.nu=0.31", "output.fields=last"])
     def test_another_config_is_refused(self, indent_sim, tmp_path, override):
         interrupt(tmp_path)

@@ -82,7 +82,8 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
     if len(runs) == 1:
         return force_indentation(runs[0], path)
     _refuse_other_units(runs)
-    named = sorted(zip(map(in_picture, names_of(runs)), runs, strict=True), key=lambda pair: in_order(pair[0]))
+    names = [in_picture(name) + in_picture(unit) for name, unit in zip(names_of(runs), _units(runs), strict=True)]
+    named = sorted(zip(names, runs, strict=True), key=lambda pair: in_order(pair[0]))
     runs, names = [run for _, run in named], [name for name, _ in named]
     columns = -(-len(runs) // LEGEND_LINES)
     beside = columns * (0.7 + LETTER * max(map(len, [ESTIMATED, *names])))
@@ -200,6 +201,14 @@ def _refuse_other_units(runs: Sequence[Results]) -> None:
     flat = {is_plane_strain(run): run.path for run in runs if choice(run.report, "kinematics")}
     if len(flat) > 1:
         raise UsageError(f"the forces of {flat[True]} are per length, those of {flat[False]} are not: draw them apart")
+
+
+def _units(runs: Sequence[Results]) -> list[str]:
+    """What every run measures in, to be said behind its name; nothing where that is the same, and the axes say it."""
+    units = [run.report.get("units") or {} for run in runs]
+    told = [" and ".join(label for label in (unit_of(kind, said) for kind in ("length", "force")) if label)
+            for said in units]  # fmt: skip
+    return [f" [{said or 'unit unknown'}]" if len(set(told)) > 1 else "" for said in told]
 
 
 def _theory_label(theory: Mapping[str, Any]) -> str:

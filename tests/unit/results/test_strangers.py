@@ -212,6 +212,42 @@ class TestDamaged:
             done = CliRunner().invoke(commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
             assert done.exit_code == 2 and "Traceback" not in done.stderr
 
+    @pytest.mark.parametrize(
+        "text",
+        [b"", b"[]", b"3", b"{}", b'{"program": "other"}', b"\0" * 50, b"[" * 100_000, b'{"a":' * 100_000, b"{",
+         b"\xff\xfe{", b'{"program": 9' + b"9" * 5000 + b"}", b'{"program": "indent-sim", "rows": NaN}'],
+    )  # fmt: skip
+    def test_a_run_json_that_is_something_else(self, tmp_path, text):
+        write_run(tmp_path / "out")
+        (tmp_path / "out" / "run.json").write_bytes(text)
+        for words in (("plot", "out"), ("compare", "out", "out")):
+            done = CliRunner().invoke(commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
+            assert done.exit_code == 2 and "run.json is damaged" in done.stderr and "Traceback" not in done.stderr
+        with pytest.raises(UsageError, match="damaged"):
+            earlier_run(tmp_path / "out", CONFIG)
+
+    def test_a_run_json_that_is_a_folder_or_a_pipe(self, tmp_path):
+        write_run(tmp_path / "out")
+        path = tmp_path / "out" / "run.json"
+        for make in (Path.mkdir, os.mkfifo):
+            path.rmdir() if path.is_dir() else path.unlink()
+            make(path)
+            with pytest.raises(UsageError, match="damaged"):
+                reader.read(tmp_path / "out")
+
+    @pytest.mark.parametrize("cell", ["1_000", "0x1F", "1e3_0", "\u0661", "\uff11", "1 2", "1'000"])
+    @pytest.mark.parametrize("column", [0, 1, 2, 4])
+    def test_only_what_every_program_reads_is_a_number(self, tmp_path, cell, column):
+        write_run(tmp_path / "out", 3)
+        table = tmp_path / "out" / "force_indentation.csv"
+        lines = [line.split(",") for line in table.read_text().splitlines()]
+        lines[2][column] = cell
+        table.write_text("".join(",".join(line) + "\n" for line in lines))
+        with pytest.raises(UsageError, match=rf"line 3, column {column + 1} is not a number"):
+            reader.read(tmp_path / "out")
+        found = earlier_run(tmp_path / "out", CONFIG)
+        assert found is not None and [state.step for state in found.states] == [1]
+
     def test_nothing_of_a_file_that_is_no_result_is_told(self, tmp_path):
         (tmp_path / "secret").write_text("step,delta,force,a\n1,2,3,password\n")
         with pytest.raises(UsageError, match="line 2, column 4 is not a number") as caught:

@@ -91,7 +91,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no force": ({"force": 0.0}, "finds no force"),
     "no contact": ({"a": 0.0}, "finds no contact radius"),
     "a plate": ({"a": 1.9}, "beyond the tip, which ends at 0.5"),
-    "went through": ({"overlap": 0.09}, "the surface reaches 0.09 into the tip"),
+    "went through": ({"overlap": 0.09}, "lies 0.09 inside the tip"),
     "energy": ({"energy": 0.02}, "and a force that grew to"),
     "no energy": ({"energy": -0.001}, "the energy is -0.001"),
     "half of theory's": ({"force": 0.03, "energy": 0.001}, "layer theory expects"),

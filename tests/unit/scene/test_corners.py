@@ -98,8 +98,8 @@ def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
 def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
     """The formula, read by Python at random points, against the numpy function."""
     base = scene(body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01)
-    formula = size_formula(base.sizes, base.center, 2).replace("^", "**")
+    formula = size_formula(base.sizes, 2).replace("^", "**")
     draw = np.random.default_rng(3)
-    x, y = draw.uniform(*base.extent[0], 200), draw.uniform(*base.extent[1], 200)
+    x, y = draw.uniform(*base.part.extent[0], 200), draw.uniform(*base.part.extent[1], 200)
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
     assert found == pytest.approx(base.sizes.at(np.abs(x - base.center[0]), -y), rel=1e-9)
