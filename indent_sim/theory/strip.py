@@ -101,7 +101,7 @@ class Strip(LayerContact):
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
     def _remainder(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
-        """What is taken off -ln|q - q'| at x, pressed at t: by the base, the uniform mode and ln 2S; (len(x), len(t))."""
+        """What base, uniform mode and ln 2S take off -ln|q - q'| at x, pressed at t; shape (len(x), len(t))."""
         reach = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
             k, weight = _layer_modes(reach, self.scaled)

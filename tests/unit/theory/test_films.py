@@ -46,7 +46,7 @@ def test_dimitriadis_is_good_for_small_contacts(nu, base):
     ply, x = Ply(2.0, 1.0, nu), 0.02
     delta = (x * ply.thickness) ** 2
     exact = layer.indent(profiles.paraboloid(1.0), delta, E=1.0, nu=nu, h=2.0, base=base).force
-    # its first coefficient is a fit, good to some per cent but for nu = 0.5 on a frictionless base: 0.884, exactly 0.743
+    # its first coefficient is a fit, good to some per cent but on a frictionless base: 0.884 at nu = 0.5, exactly 0.743
     assert dimitriadis_force(delta, 1.0, ply, base) == pytest.approx(exact, rel=0.2 * x)
 
 
