@@ -18,7 +18,8 @@ class Solution:
     delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L]; strain energy [F L];
     stiffness d force/d delta [F/L];
     pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact;
-    sink: r -> -u_z [L] of the surface, > 0 into the body, likewise; not a number beyond side walls.
+    u_z: r -> displacement of the surface [L], < 0 into the body, likewise; not a number beyond side walls. The gap is
+    f(r) - delta - u_z(r).
     """
 
     delta: float
@@ -28,7 +29,7 @@ class Solution:
     energy: float
     stiffness: float
     pressure: Callable[[np.ndarray], np.ndarray]
-    sink: Callable[[np.ndarray], np.ndarray]
+    u_z: Callable[[np.ndarray], np.ndarray]
 
 
 def no_contact(delta: float) -> Solution:

@@ -130,7 +130,7 @@ class Strip(LayerContact):
             energy=0.5 * unit * self.h**2 * _work(lin, rest, depth),
             stiffness=unit * math.pi * float(lin.one[0]),
             pressure=partial(_pressure, self, a, rest, lin.corner),
-            sink=partial(_sink, self, lin, a, depth),
+            u_z=partial(_u_z, self, lin, a, depth),
         )
 
 
@@ -169,8 +169,8 @@ def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.nda
     return p.reshape(x.shape)[()]
 
 
-def _sink(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
-    """Sinking of the surface [L]: depth - f inside the contact, outside what the logarithm and the remainder make.
+def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
+    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make of y.
 
     With z = 1/(q + sqrt(q^2 - 1)) the logarithm acts on T_2m as pi/2m z^2m, and on T_0 as pi ln 2z.
     """
@@ -181,11 +181,11 @@ def _sink(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
     value[~outside] -= strip.profile(flat[~outside])
     seen = outside & ~np.isnan(value)
     if np.any(seen):
-        value[seen] = _sink_outside(strip, lin, a, depth, flat[seen])
-    return strip.h * value.reshape(x.shape)[()]
+        value[seen] = _sinking_outside(strip, lin, a, depth, flat[seen])
+    return -strip.h * value.reshape(x.shape)[()]
 
 
-def _sink_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
+def _sinking_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
     q = _stretched(strip, x, a)[0]
     z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))
     b = depth * lin.one - lin.shape

@@ -192,8 +192,9 @@ def test_conservation(name, stack, wall):
     # the test's quadrature meets roots at the breaks, or a pressure that is infinite at the apex
     rel = 1e-4 if tip.breaks else 1e-9
     assert 2 * math.pi * integral(lambda r: r * s.pressure(r), edges) == pytest.approx(s.force, rel=rel)
-    work = math.pi * integral(lambda r: r * s.pressure(r) * s.sink(r), edges)
+    work = -math.pi * integral(lambda r: r * s.pressure(r) * s.u_z(r), edges)
     assert work == pytest.approx(s.energy, rel=rel)
+    assert Layer.on(tip, stack, wall).depth(s.force) == pytest.approx(delta, rel=1e-9)
     # dPi/d delta = F and dF/d delta = K, by central differences
     assert (more.energy - less.energy) / (2 * step * delta) == pytest.approx(s.force, rel=1e-6)
     assert (more.force - less.force) / (2 * step * delta) == pytest.approx(s.stiffness, rel=1e-6)
@@ -204,25 +205,42 @@ def test_surface_outside_the_contact():
     half_space = Stack.of([(1, 1, 0.3), (INF, 1, 0.3)], None)
     r = np.array([0.5, 0.6, 1.0, 3.0, 50.0])
     punch = Layer.on(profiles.flat_punch(0.5), half_space).curve([0.01])[0]
-    assert punch.sink(r) == pytest.approx(0.02 / math.pi * np.arcsin(0.5 / r), rel=1e-12)
-    assert punch.sink(0.3) == pytest.approx(0.01, rel=1e-14)
+    assert punch.u_z(r) == pytest.approx(-0.02 / math.pi * np.arcsin(0.5 / r), rel=1e-12)
+    assert punch.u_z(0.3) == pytest.approx(-0.01, rel=1e-14)
     ball = Layer.on(profiles.paraboloid(1.0), half_space).curve([0.01])[0]
-    exact = ((0.02 - r**2) * np.arcsin(0.1 / r) + 0.1 * np.sqrt(r**2 - 0.01)) / math.pi
-    assert ball.sink(r) == pytest.approx(exact, rel=1e-9)  # far away the closed form cancels
+    exact = -((0.02 - r**2) * np.arcsin(0.1 / r) + 0.1 * np.sqrt(r**2 - 0.01)) / math.pi
+    assert ball.u_z(r) == pytest.approx(exact, rel=1e-9)  # far away the closed form cancels
+
+
+@pytest.mark.parametrize("name", TIPS)
+@pytest.mark.parametrize(("stack", "wall"), BODIES)
+def test_surface_inside_the_contact_is_the_tip(name, stack, wall):
+    tip = TIPS[name]
+    s = Layer.on(tip, stack, wall).curve([0.2])[0]
+    r = np.array([0.01, 0.3, 0.7, 0.999]) * s.a
+    tangent, cot = 0.1 * math.cos(math.radians(60)), 1 / math.tan(math.radians(60))
+    shapes = {
+        "rounded cone": lambda r: np.where(
+            r < tangent, 0.1 - np.sqrt(np.maximum(0.01 - r**2, 0)), 0.1 - tangent / cot + (r - tangent) * cot
+        ),
+        "points": lambda r: np.interp(r, [0, 0.1, 0.3, 1], [0, 0.01, 0.1, 1]),
+    }
+    f = tip.f or shapes[name]
+    assert s.u_z(r) == pytest.approx(f(r) - 0.2, abs=1e-14)
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_volume_between_walls_is_that_of_uniform_compression(nu):
-    # only the mean pressure squeezes volume out: ∫ sink dA = F sum h_i/M_i, whatever the tip; none at nu = 0.5
+    # only the mean pressure squeezes volume out: ∫ -u_z dA = F sum h_i/M_i, whatever the tip; none at nu = 0.5
     stack, wall = Stack.of([(0.3, 1, nu), (0.7, 5, nu)]), 2.0
     compliance = sum(h * (1 + n) * (1 - 2 * n) / (1 - n) / E for h, E, n in stack.plies)
     tip = profiles.paraboloid(1.0)
     s = Layer.on(tip, stack, wall).curve([0.1])[0]
-    volume = 2 * math.pi * integral(lambda r: r * s.sink(r), [0, s.a, wall])
+    volume = -2 * math.pi * integral(lambda r: r * s.u_z(r), [0, s.a, wall])
     assert volume == pytest.approx(s.force * compliance, rel=1e-10, abs=1e-11)
     line = Strip.on(tip, stack, wall).curve([0.1])[0]
-    assert 2 * integral(line.sink, [0, line.a, wall]) == pytest.approx(line.force * compliance, rel=1e-10, abs=1e-11)
-    assert np.isnan(s.sink(2.1)) and np.isnan(line.sink(2.1)) and math.isfinite(s.sink(wall))
+    assert -2 * integral(line.u_z, [0, line.a, wall]) == pytest.approx(line.force * compliance, rel=1e-10, abs=1e-11)
+    assert np.isnan(s.u_z(2.1)) and np.isnan(line.u_z(2.1)) and math.isfinite(s.u_z(wall))
 
 
 @pytest.mark.parametrize("Theory", [Layer, Strip])
@@ -232,10 +250,10 @@ def test_surface_is_continuous_and_below_the_tip(Theory, name, wall):
     tip, delta = TIPS[name], 0.1
     s = Theory.on(tip, Stack.of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), wall).curve([delta])[0]
     inside, outside = s.a * (1 - 1e-9), s.a * (1 + 1e-9)
-    assert s.sink(inside) == pytest.approx(s.sink(outside), rel=1e-4 if tip.edge else 1e-7)
+    assert s.u_z(inside) == pytest.approx(s.u_z(outside), rel=1e-4 if tip.edge else 1e-7)
     r = np.linspace(s.a, min(tip.reach, 1.9), 40)[1:]
-    assert tip.edge or np.all(s.sink(r) > delta - tip.f(r))  # the gap is open
-    assert s.sink(-r) == pytest.approx(s.sink(r), rel=1e-15)
+    assert tip.edge or np.all(tip.f(r) - delta - s.u_z(r) > 0)  # the gap is open
+    assert s.u_z(-r) == pytest.approx(s.u_z(r), rel=1e-15)
 
 
 def test_far_walls_and_sums_over_many_modes(monkeypatch):
@@ -244,7 +262,7 @@ def test_far_walls_and_sums_over_many_modes(monkeypatch):
         infinite, far = (Theory.on(tip, stack, wall).curve([0.05])[0] for wall in (None, 150.0))
         # bonded to a rigid base, what the wall returns has decayed by exp(-pi W/H) and better
         assert far.force == pytest.approx(infinite.force, rel=1e-11)
-        assert far.sink(np.array([0.1, 3.0])) == pytest.approx(infinite.sink(np.array([0.1, 3.0])), abs=1e-12)
+        assert far.u_z(np.array([0.1, 3.0])) == pytest.approx(infinite.u_z(np.array([0.1, 3.0])), abs=1e-12)
         assert Theory.on(tip, stack, 1e9).curve([0.05])[0].force == infinite.force
     with monkeypatch.context() as every_mode:  # 52 500 of them, one by one
         every_mode.setattr(hankel, "FEW", 10**9)
@@ -281,7 +299,7 @@ def test_units_only_scale():
     small = Stack.of([(h * 1e-9, E * 1e12, nu) for h, E, nu in layers])
     nano = Layer.on(profiles.sphere(1e-9), small, 2e-9).curve([1e-10])[0]
     assert nano.force == pytest.approx(s.force * 1e-6, rel=1e-12)
-    assert nano.sink(5e-10) == pytest.approx(s.sink(0.5) * 1e-9, rel=1e-12)
+    assert nano.u_z(5e-10) == pytest.approx(s.u_z(0.5) * 1e-9, rel=1e-12)
 
 
 # --- plane strain ---
@@ -296,7 +314,7 @@ def test_strips_of_one_material_are_one_strip(wall, base):
         # a wedge between walls leaves |q|^3 behind, which two units of length cut off differently
         rel = 1e-8 if name == "cone" else 1e-12
         assert two.force == pytest.approx(one.force, rel=rel)
-        assert two.sink(0.9) == pytest.approx(one.sink(0.9), rel=10 * rel)
+        assert two.u_z(0.9) == pytest.approx(one.u_z(0.9), rel=10 * rel)
 
 
 def test_stacked_strip_conserves():
