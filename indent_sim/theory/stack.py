@@ -26,7 +26,7 @@ from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
 BASES = ("fixed", "roller")
-FAR_WALL = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-10
+FAR_WALL = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-9
 THICK = 1.0  # k h from which a layer is a medium of waves; both ways are good to 1e-15 between 0.3 and 3
 
 
