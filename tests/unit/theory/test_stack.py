@@ -332,7 +332,7 @@ def test_stacked_strip_conserves():
 @pytest.mark.parametrize("contrast", [1e-3, 1e-2, 30.0, 1e3])
 @pytest.mark.parametrize("size", [0.05, 1.0, 10.0, 50.0])
 def test_twice_as_fine_is_the_same(refined, contrast, size):
-    # a from 1/20 to 50 times the top layer's thickness, and to 49 times the stack's; 1e-8 is claimed for forces and depths
+    # a from 1/20 to 50 times the top layer's thickness, to 49 times the stack's; 1e-8 is claimed of forces and depths
     tip = profiles.paraboloid(100.0)
     stacks = [
         Stack.of([(1, contrast, 0.5), (0.3, 1, 0.3), (2, contrast, 0.0)]),
