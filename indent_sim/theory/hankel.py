@@ -1,42 +1,30 @@
-"""Surface compliance of an elastic layer in wave-number space, and the smooth kernels made of it.
+"""Smooth kernels made of the surface compliance of a stack, and quadrature over its wavenumbers.
 
-A pressure of wave number k on a layer of thickness h displaces its surface by w = (2/E*) L(kh)/k p, > 0
-into the body; L -> 1 is the half-space and M = 1 - L is what the base adds. All lengths in this file are in
-units of h.
-Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech. 5, 541; Sneddon, Mixed
-Boundary Value Problems (1966), for the Dini sum.
+A pressure of wavenumber k displaces the surface by w = (2/E*) L(k)/k p, > 0 into the body; L -> 1 is the
+half-space and M = 1 - L is what lies below the top layer (`stack`). All lengths in this file are in units of the
+top layer's thickness.
+Sources: Lebedev & Ufliand (1958), PMM 22, 442; Sneddon, Mixed Boundary Value Problems (1966), for the Dini sum;
+Abramowitz & Stegun 9.5.12 (McMahon); Gautschi, Orthogonal Polynomials (2004), for the discrete measure.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from indent_sim.theory.solution import BASES
+from indent_sim.theory.stack import Stack
 
 S_MAX = 22.0  # M(22) < 2e-16
+PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
+PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
+LONGEST = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
+FEW = 32  # modes between walls that are summed one by one
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
-
-
-def base_complement(s: np.ndarray, nu: float, base: str) -> np.ndarray:
-    """M(s) = 1 - L(s) for s > 0 [-], free of cancellation and overflow; s = kh, shape of s.
-
-    fixed:  L = (2K sinh 2s - 4s)/(2K cosh 2s + 1 + K^2 + 4s^2), K = 3 - 4 nu (Hayes et al. 1972)
-    roller: L = (cosh 2s - 1)/(sinh 2s + 2s), for every nu (Lebedev & Ufliand 1958)
-    Raises ValueError if base is neither.
-    """
-    decay = np.exp(-2.0 * s)
-    if base == "fixed":
-        K = 3.0 - 4.0 * nu
-        rest = 1.0 + K * K + 4.0 * s * s
-        return decay * (2.0 * K * decay + rest + 4.0 * s) / (K * (1.0 + decay**2) + rest * decay)
-    if base == "roller":
-        return decay * (2.0 * s - np.expm1(-2.0 * s)) / (-0.5 * np.expm1(-4.0 * s) + 2.0 * s * decay)
-    raise ValueError(f"base must be one of {BASES}, got {base!r}")
 
 
 @dataclass(frozen=True)
@@ -68,42 +56,54 @@ class Kernel:
         hyperbolic = y * np.exp(y * (x - self.wall)) * -np.expm1(-2.0 * y * x) / (2.0 * x)
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
 
+    def surface(self, r: np.ndarray) -> np.ndarray:
+        """(2/pi) ∫_0^r b_j(x)/sqrt(r^2 - x^2) dx, shape (modes, len(r)): J0(k r), I0(y r) exp(-y W) and 1."""
+        from scipy.special import i0e, j0
 
-def axisymmetric_kernel(a: float, nu: float, base: str, wall: float) -> Kernel:
+        waves = j0(np.multiply.outer(self.k, r))
+        if not self.y.size:
+            return waves
+        y = self.y[:, None]
+        return np.vstack([waves, i0e(y * r) * np.exp(y * (r - self.wall)), np.ones((1, r.size))])
+
+
+def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
     """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius up to a.
 
     wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the integral over L
     becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that neighbouring radii share one
     kernel.
     """
+    reach = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
-        return _layer_kernel(2.0 ** math.ceil(math.log2(max(a, 1.0))), nu, base)
+        return _layer_kernel(reach, stack)
     clearance = 2.0 ** math.floor(math.log2(1.0 - a / wall))
-    return _cylinder_kernel(clearance, nu, base, wall)
+    return _cylinder_kernel(min(reach, wall), clearance, stack, wall)
 
 
 @lru_cache(maxsize=64)
-def _layer_kernel(reach: float, nu: float, base: str) -> Kernel:
-    s, w = gauss(0.0, S_MAX, 100 + math.ceil(12.0 * reach))
-    return Kernel(s, np.empty(0), math.inf, w * base_complement(s, nu, base))
+def _layer_kernel(reach: float, stack: Stack) -> Kernel:
+    s, w = wavenumbers(reach, stack.finest)
+    return Kernel(s, np.empty(0), math.inf, w * stack.complement(s))
 
 
 @lru_cache(maxsize=64)
-def _cylinder_kernel(clearance: float, nu: float, base: str, wall: float) -> Kernel:
+def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) -> Kernel:
     """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second kind.
 
     sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy,
     w_n = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure, whose own term is that of
-    confined compression: E* h/(W^2 M_c), with M_c the oedometric modulus; zero for nu = 0.5.
+    confined compression: E*/W^2 sum h_i/M_i, with M_i the oedometric moduli; zero for nu = 0.5.
     """
-    from scipy.special import j0
+    from scipy.special import j1, y1
 
-    zeros = bessel_j1_zeros(max(1, math.ceil(S_MAX * wall / math.pi)))
+    number, weight = wall_numbers(reach, wall)
+    zeros = bessel_j1_zeros(number)
     k = zeros / wall
-    dini = 2.0 * base_complement(k, nu, base) / (k * (wall * j0(zeros)) ** 2)
+    j0_squared = 4.0 / ((math.pi * zeros) ** 2 * (j1(zeros) ** 2 + y1(zeros) ** 2))  # by the Wronskian; smooth in n
+    dini = 2.0 * weight * stack.complement(k) / (k * wall**2 * j0_squared)
     z, wall_weight, pole = _wall_modes(clearance)
-    uniform = (1.0 - 2.0 * nu) / ((1.0 - nu) * wall) ** 2
-    weight = np.concatenate([dini, -wall_weight / wall, [-pole / wall - uniform]])
+    weight = np.concatenate([dini, -wall_weight / wall, [-pole / wall - stack.confined / wall**2]])
     return Kernel(k, z / wall, wall, weight)
 
 
@@ -139,15 +139,60 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     return np.concatenate(nodes), scale * np.concatenate(weights), scale * pole
 
 
-def bessel_j1_zeros(count: int) -> np.ndarray:
-    """The first `count` positive zeros of J1, by McMahon's expansion and three Newton steps."""
+def bessel_j1_zeros(number: np.ndarray) -> np.ndarray:
+    """Zeros of J1 by number from 1; between numbers (from FEW on) what McMahon's expansion makes of them."""
     from scipy.special import j0, j1
 
-    b = (np.arange(1, count + 1) + 0.25) * math.pi
-    z = b - 3.0 / (8.0 * b) + 36.0 / (3.0 * (8.0 * b) ** 3)
+    b = (number + 0.25) * math.pi
+    v = 8.0 * b
+    z = b - 3.0 / v + 12.0 / v**3 - 7545.6 / v**5 + 3567925.0 / v**7
+    first = number <= FEW
     for _ in range(3):
-        z = z - j1(z) / (j0(z) - j1(z) / z)
+        z[first] -= j1(z[first]) / (j0(z[first]) - j1(z[first]) / z[first])
     return z
+
+
+def wavenumbers(reach: float, finest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down to `finest`."""
+    panels = max(1, math.ceil(math.log(S_MAX / finest, 3.0)))
+    edges = _split([0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))], LONGEST / reach)
+    parts = [gauss(lo, hi, PER_PANEL + math.ceil(PER_PHASE * reach * (hi - lo))) for lo, hi in pairwise(edges)]
+    return np.concatenate([s for s, _ in parts]), np.concatenate([w for _, w in parts])
+
+
+def wall_numbers(reach: float, wall: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of about n pi/W.
+
+    The first FEW one by one; then, in blocks that double, Gauss's rule for the sum, exact for polynomials in n.
+    """
+    last = max(1, math.ceil(S_MAX * wall / math.pi))
+    edges = [*range(1, min(last, FEW) + 1), *(n for i in range(64) if (n := (FEW + 1) * 2**i) <= last), last + 1]
+    edges = [round(edge) for edge in _split(edges, max(1.0, LONGEST / reach * wall / math.pi))]
+    parts = [
+        _gauss_sum(first, end, PER_PANEL + math.ceil(PER_PHASE * reach * (end - first) * math.pi / wall))
+        for first, end in pairwise(edges)
+    ]
+    return np.concatenate([n for n, _ in parts]), np.concatenate([w for _, w in parts])
+
+
+def _split(edges: Sequence[float], longest: float) -> list[float]:
+    """The edges, and equally many between two of them as make no panel longer."""
+    parts = [np.linspace(lo, hi, math.ceil((hi - lo) / longest), endpoint=False) for lo, hi in pairwise(edges)]
+    return [*np.concatenate(parts), edges[-1]]
+
+
+def _gauss_sum(first: int, end: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact for polynomials f of degree below 2 count.
+
+    From the recurrence of Chebyshev's polynomials of a discrete variable (Gautschi 2004, sect. 1.5.2).
+    """
+    size = end - first
+    if size <= count:
+        return np.arange(float(first), end), np.ones(size)
+    j = np.arange(1.0, count)
+    beside = 0.5 * j * np.sqrt((size - j) * (size + j) / (4.0 * j * j - 1.0))
+    nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
+    return nodes + 0.5 * (first + end - 1.0), size * vectors[0] ** 2
 
 
 def gauss(lo: float, hi: float, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -9,10 +9,10 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from indent_sim.theory.half_space import E_star
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import first_guess, increasing_root, next_guess
-from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_body, check_contact, no_contact, wall_distance
+from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_contact, no_contact
+from indent_sim.theory.stack import Ply, Stack
 
 
 class Touching(Protocol):
@@ -26,26 +26,33 @@ class Touching(Protocol):
 
 @dataclass(frozen=True)
 class LayerContact(ABC):
-    """A layer of thickness h [L] under a tip.
+    """A layer, or a stack of them, under a tip.
 
-    wall: the distance of frictionless side walls, infinity for none; like all contact sizes in units of h.
+    The unit of length of all contact sizes is h [L], the thickness of the top layer.
+    wall: the distance of frictionless side walls [h], infinity for none. E_star [F/L^2]: of the top layer.
     """
 
     tip: Tip
+    scaled: Stack  # in units of its top layer
     E_star: float
-    nu: float
     h: float
-    base: str
     wall: float
 
     @classmethod
+    def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
+        """The contact of a tip with a stack, infinitely wide or between frictionless walls at the distance `wall` [L].
+
+        ValueError for a wall around a half-space, which would sink without end.
+        """
+        return cls(tip, stack.in_units_of_top(), stack.E_star, stack.h, stack.wall(wall))
+
+    @classmethod
     def of(cls, tip: Tip, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None) -> Self:
-        """The layer of thickness h [L], infinitely wide, or between frictionless walls at the distance `wall` [L].
+        """The contact with one layer of thickness h [L].
 
         nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller" (frictionless). ValueError otherwise.
         """
-        check_body(E, nu, h, base, wall)
-        return cls(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h))
+        return cls.on(tip, Stack((Ply(h, E, nu),), base), wall)
 
     @abstractmethod
     def profile(self, x: np.ndarray) -> np.ndarray:

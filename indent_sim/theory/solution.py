@@ -8,9 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-BASES = ("fixed", "roller")
 MAX_SLENDERNESS = 100.0  # largest a/h; the dense matrices of the layer theories grow with it
-FAR_WALL = 1e4  # in thicknesses; the number of modes between walls grows with it
 
 
 @dataclass(frozen=True)
@@ -19,7 +17,9 @@ class Solution:
 
     delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L]; strain energy [F L];
     stiffness d force/d delta [F/L];
-    pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact.
+    pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact;
+    u_z: r -> displacement of the surface [L], < 0 into the body, likewise; not a number beyond side walls. The gap is
+    f(r) - delta - u_z(r).
     """
 
     delta: float
@@ -29,27 +29,16 @@ class Solution:
     energy: float
     stiffness: float
     pressure: Callable[[np.ndarray], np.ndarray]
+    u_z: Callable[[np.ndarray], np.ndarray]
 
 
 def no_contact(delta: float) -> Solution:
     """The untouched body: everything but delta is zero."""
-    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, lambda r: np.zeros_like(np.asarray(r, dtype=float))[()])
 
+    def nothing(r):
+        return np.zeros_like(np.asarray(r, dtype=float))[()]
 
-def check_body(E: float, nu: float, h: float, base: str, wall: float | None) -> None:
-    """Raise ValueError unless E, h > 0, 0 <= nu <= 0.5, base is known and wall is None or > 0."""
-    require_positive(E=E, h=h)
-    if not 0.0 <= nu <= 0.5:
-        raise ValueError(f"nu must lie in [0, 0.5], got {nu!r}")
-    if base not in BASES:
-        raise ValueError(f"base must be one of {BASES}, got {base!r}")
-    if wall is not None and not wall > 0.0:
-        raise ValueError(f"wall must be > 0 or None, got {wall!r}")
-
-
-def wall_distance(wall: float | None, h: float) -> float:
-    """W/h, or infinity for the infinite layer; beyond FAR_WALL the two differ by less than about (a/h) 1e-8."""
-    return math.inf if wall is None or wall > FAR_WALL * h else wall / h
+    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, nothing, nothing)
 
 
 def check_contact(delta: float, edge: float | None, h: float, wall: float) -> None:

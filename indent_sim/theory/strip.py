@@ -2,13 +2,13 @@
 
 With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surface by
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
-           + F' h/(2 W M_c),
-M = 1 - L the part of the base, M_c the oedometric modulus (no uniform mode at nu = 0.5). Substituting
-sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln S - ln(2|q -
-q'|), which is diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
-q = cos(theta), its eigenvalues are -pi ln S, pi/2m. The remainder is analytic, so collocation converges
-exponentially, square-root ends included. The infinite strip is the same with q = x/a and S = a/2 (lengths
-in units of h).
+           + F' sum h_i/M_i/(2 W),
+M = 1 - L the part of what lies below, M_i the oedometric moduli (no uniform mode at nu = 0.5). Substituting
+sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln 2S - ln|q - q'|,
+the last diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
+q = cos(theta), its eigenvalues are pi ln 2, pi/2m. The remainder is analytic, so collocation converges
+exponentially, square-root ends included. The infinite strip is the same with q = x/a and S = a/2. Lengths are in
+units of h, the thickness of the top layer.
 
 Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
 Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl. Sci. Res. 18, 353, for the
@@ -20,14 +20,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from indent_sim.theory.hankel import S_MAX, base_complement, gauss
+from indent_sim.theory.hankel import wall_numbers, wavenumbers
 from indent_sim.theory.march import LayerContact
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.stack import Stack
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,13 @@ class _Linear:
 class Strip(LayerContact):
     """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per unit length."""
 
+    @classmethod
+    def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
+        """As for every layer; ValueError for a half-space, where only differences of the sinking exist."""
+        if stack.is_bottomless:
+            raise ValueError("in plane strain a half-space has no depth to measure the indentation from")
+        return super().on(tip, stack, wall)
+
     def profile(self, x: np.ndarray) -> np.ndarray:
         """f [h] of the tip; ValueError for one that plane strain does not know."""
         if self.tip.f is None:
@@ -67,24 +75,17 @@ class Strip(LayerContact):
         theta = (np.arange(n) + 0.5) * math.pi / (2 * n)  # the positive half of the 2n Chebyshev points
         q = np.cos(theta)
         T = np.cos(2.0 * np.outer(theta, np.arange(n)))
-        scale = self._log_scale(a)
-        eigenvalue = np.concatenate([[-math.pi * scale], math.pi / (2.0 * np.arange(1, n))])
+        eigenvalue = np.concatenate([[math.pi * math.log(2.0)], math.pi / (2.0 * np.arange(1, n))])
         x, slope = self._position(q, a)
-        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, a) @ T
+        f, remainder = self.profile(x), (math.pi / n) * self._remainder(x, x, a) @ T
         # the kink's own solution under the logarithm is known, so that only a smooth rest is collocated
         corner = self.tip.corner * slope
         kink = corner * _kink_coefficients(n) / eigenvalue
-        kink_edge = corner * 2.0 / math.pi**2 * (1.0 - 1.0 / scale)
+        kink_edge = corner * 2.0 / math.pi**2 * (1.0 + 1.0 / math.log(2.0))
         right = np.column_stack([np.ones(n), f - corner * q + remainder @ kink])
         b = np.linalg.solve(T * eigenvalue - remainder, right)
         shape_edge = float(np.sum(b[:, 1])) + kink_edge
         return _Linear(q, f, b[:, 0], b[:, 1] + kink, kink, shape_edge, corner)
-
-    def _log_scale(self, a: float) -> float:
-        """log(a/2), or log sin(pi a/(2 W)) with its digits where a nearly is W."""
-        if math.isinf(self.wall):
-            return math.log(a / 2.0)
-        return 0.5 * math.log1p(-(math.sin(math.pi * (self.wall - a) / (2.0 * self.wall)) ** 2))
 
     def _node_count(self, a: float) -> int:
         # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the tip's end
@@ -99,18 +100,19 @@ class Strip(LayerContact):
         c = math.pi / (2.0 * self.wall)
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
-    def _remainder(self, x: np.ndarray, a: float) -> np.ndarray:
-        """What the base and the uniform mode take off the logarithm, shape (len(x), len(x))."""
+    def _remainder(self, x: np.ndarray, t: np.ndarray, a: float) -> np.ndarray:
+        """What base, uniform mode and ln 2S take off -ln|q - q'| at x, pressed at t; shape (len(x), len(t))."""
+        reach = 2.0 ** math.ceil(math.log2(max(0.5 * float(x.max() + t.max()), 1.0)))
         if math.isinf(self.wall):
-            k, weight = _layer_modes(2.0 ** math.ceil(math.log2(max(a, 1.0))), self.nu, self.base)
+            k, weight = _layer_modes(reach, self.scaled)
         else:
-            k, weight = _strip_modes(self.nu, self.base, self.wall)
-        B = np.cos(np.outer(k, x))
-        smooth = B.T @ (weight[:, None] * B)
+            k, weight = _strip_modes(min(reach, self.wall), self.scaled, self.wall)
+        smooth = np.cos(np.outer(x, k)) @ (weight[:, None] * np.cos(np.outer(k, t)))
         if math.isinf(self.wall):
-            near, far = np.subtract.outer(x, x), np.add.outer(x, x)
-            return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0))
-        return smooth - math.pi * (1.0 - 2.0 * self.nu) / (4.0 * self.wall * (1.0 - self.nu) ** 2)
+            near, far = np.subtract.outer(x, t), np.add.outer(x, t)
+            return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0)) + math.log(a)
+        uniform = math.pi * self.scaled.confined / (4.0 * self.wall)
+        return smooth - uniform + math.log(2.0 * math.sin(math.pi * a / (2.0 * self.wall)))
 
     def solution(self, delta: float, a: float) -> Solution:
         """Turn the linear solutions at the half-width a [h] into physical quantities."""
@@ -128,6 +130,7 @@ class Strip(LayerContact):
             energy=0.5 * unit * self.h**2 * _work(lin, rest, depth),
             stiffness=unit * math.pi * float(lin.one[0]),
             pressure=partial(_pressure, self, a, rest, lin.corner),
+            u_z=partial(_u_z, self, lin, a, depth),
         )
 
 
@@ -166,6 +169,35 @@ def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.nda
     return p.reshape(x.shape)[()]
 
 
+def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
+    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make of y.
+
+    With z = 1/(q + sqrt(q^2 - 1)) the logarithm acts on T_2m as pi/2m z^2m, and on T_0 as pi ln 2z.
+    """
+    x = np.abs(np.asarray(x, dtype=float)) / strip.h
+    flat = np.atleast_1d(x).ravel()
+    outside = flat > a
+    value = np.where(flat <= strip.wall * (1.0 + 1e-12), depth, math.nan)
+    value[~outside] -= strip.profile(flat[~outside])
+    seen = outside & ~np.isnan(value)
+    if np.any(seen):
+        value[seen] = _sinking_outside(strip, lin, a, depth, flat[seen])
+    return -strip.h * value.reshape(x.shape)[()]
+
+
+def _sinking_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
+    q = _stretched(strip, x, a)[0]
+    z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))
+    b = depth * lin.one - lin.shape
+    n = b.size
+    m = np.arange(1, n)
+    value = math.pi * np.log(2.0 * z) * b[0]
+    value += np.power.outer(z, 2 * m) @ (math.pi / (2.0 * m) * (b + lin.kink)[1:])
+    value -= lin.corner * 2.0 / math.pi * ((z + 1.0 / z) * np.arctan(z) - 1.0)  # of all of the kink but its T_0
+    T = np.cos(2.0 * np.outer(np.arccos(lin.q), np.arange(n)))
+    return value - math.pi / n * strip._remainder(x, strip._position(lin.q, a)[0], a) @ (T @ b)
+
+
 def _stretched(strip: Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
     """q(x), dq/dx and 1 - q (without cancellation at the edge)."""
     if math.isinf(strip.wall):
@@ -198,19 +230,19 @@ def _kink_coefficients(n: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _strip_modes(nu: float, base: str, wall: float) -> tuple[np.ndarray, np.ndarray]:
-    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding."""
-    n = np.arange(1, max(1, math.ceil(S_MAX * wall / math.pi)) + 1)
+def _strip_modes(reach: float, stack: Stack, wall: float) -> tuple[np.ndarray, np.ndarray]:
+    """k_n = n pi/W [1/h] and M(k_n)/n, to where M is below rounding, good for half-widths up to reach."""
+    n, weight = wall_numbers(reach, wall)
     k = n * math.pi / wall
-    return k, base_complement(k, nu, base) / n
+    return k, weight * stack.complement(k) / n
 
 
 @lru_cache(maxsize=64)
-def _layer_modes(reach: float, nu: float, base: str) -> tuple[np.ndarray, np.ndarray]:
+def _layer_modes(reach: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to reach.
 
     The half-space alone has no depth in plane strain: ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 +
     4/u^2) is the comparison, whose ln sqrt(u^2 + 4) is added separately.
     """
-    s, w = gauss(0.0, S_MAX, 100 + math.ceil(12.0 * reach))
-    return s, w * (base_complement(s, nu, base) - np.exp(-2.0 * s)) / s
+    s, w = wavenumbers(reach, stack.finest)
+    return s, w * (stack.complement(s) - np.exp(-2.0 * s)) / s

@@ -9,7 +9,8 @@ import pytest
 
 from indent_sim.theory import half_space as hs
 from indent_sim.theory import layer, profiles
-from indent_sim.theory.hankel import base_complement, bessel_j1_zeros
+from indent_sim.theory.hankel import bessel_j1_zeros
+from indent_sim.theory.stack import Ply, Stack
 
 UNIT = {"E": 1.0, "h": 1.0}
 PARABOLOID = profiles.paraboloid(1.0)
@@ -205,11 +206,11 @@ def test_symbols():
     K = 3.0 - 4.0 * 0.3
     bonded = (2 * K * np.sinh(2 * s) - 4 * s) / (2 * K * np.cosh(2 * s) + 1 + K**2 + 4 * s**2)
     free = (np.cosh(2 * s) - 1) / (np.sinh(2 * s) + 2 * s)
-    assert base_complement(s, 0.3, "fixed") == pytest.approx(1 - bonded, abs=1e-15)
-    assert base_complement(s[1:], 0.3, "roller") == pytest.approx(1 - free[1:], abs=1e-12)
+    assert Stack((Ply(1.0, 1.0, 0.3),)).complement(s) == pytest.approx(1 - bonded, abs=1e-15)
+    assert Stack((Ply(1.0, 1.0, 0.3),), "roller").complement(s[1:]) == pytest.approx(1 - free[1:], abs=1e-12)
     from scipy.special import jn_zeros
 
-    assert bessel_j1_zeros(40) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
+    assert bessel_j1_zeros(np.arange(1.0, 41.0)) == pytest.approx(jn_zeros(1, 40), rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,103 @@
+"""Stacks drawn at random: whatever the layers, the tip and the depth, the laws of linear contact hold."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from indent_sim.theory import profiles
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.stack import Stack
+from indent_sim.theory.strip import Strip
+
+LAWS = settings(deadline=None, database=None, derandomize=True, max_examples=60,
+                suppress_health_check=list(HealthCheck))  # fmt: skip
+MODULI = st.floats(-1.5, 1.5).map(lambda x: 10.0**x)  # contrasts up to 1e3
+RATIOS = st.sampled_from([0.0, 0.3, 0.45, 0.4999, 0.5]) | st.floats(0.0, 0.5)
+PLIES = st.lists(st.tuples(st.floats(-1.7, 0.5).map(lambda x: 10.0**x), MODULI, RATIOS), min_size=1, max_size=5)
+SUBSTRATES = st.tuples(st.just(math.inf), MODULI, RATIOS)
+FINITE = st.builds(Stack.of, PLIES, st.sampled_from(["fixed", "roller"]))
+STACKS = FINITE | st.builds(lambda plies, last: Stack.of([*plies, last], None), PLIES, SUBSTRATES)
+SIZES = st.floats(-1.3, 1.3).map(lambda x: 10.0**x)  # contact radius over the top layer's thickness
+WALLS = st.none() | st.floats(1.2, 30.0)  # over the contact radius
+SMOOTH = {"paraboloid": lambda a: profiles.paraboloid(10 * a), "cone": lambda a: profiles.cone(80.0),
+          "sphere": lambda a: profiles.sphere(2 * a)}  # fmt: skip
+TIPS = st.sampled_from([*SMOOTH, "punch"])
+
+
+def contact(kind, stack, name, size, wall):
+    """The theory's contact and its three neighbouring depths, so that the contact radius is about `size`."""
+    a = size * stack.h
+    wall = None if wall is None or stack.is_bottomless else wall * a
+    assume(wall is None or wall > 0.2 * stack.height)  # in a deep narrow well the body's own spring is all there is
+    tip = profiles.flat_punch(a) if name == "punch" else SMOOTH[name](a)
+    theory = kind.on(tip, stack, wall)
+    delta = a if name == "punch" else theory.at(size).touch * stack.h
+    return theory, [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
+
+
+@LAWS
+@given(STACKS, TIPS, SIZES, WALLS)
+def test_energy_force_and_stiffness_are_derivatives(stack, name, size, wall):
+    theory, depths = contact(Layer, stack, name, size, wall)
+    less, s, more = theory.curve(depths)
+    step = depths[2] - depths[0]
+    # central differences of step 1e-4: 1e-8 times the third derivative, and 1e-12 of rounding over the step
+    assert (more.energy - less.energy) / step == pytest.approx(s.force, rel=1e-6)
+    assert (more.force - less.force) / step == pytest.approx(s.stiffness, rel=1e-6)
+    assert s.a == pytest.approx(size * stack.h, rel=1e-8)
+    assert less.a <= s.a <= more.a and less.force < s.force < more.force
+
+
+@LAWS
+@given(FINITE, TIPS, SIZES, WALLS)
+def test_strips_have_the_same_laws(stack, name, size, wall):
+    theory, depths = contact(Strip, stack, name, size, wall)
+    less, s, more = theory.curve(depths)
+    step = depths[2] - depths[0]
+    assert (more.energy - less.energy) / step == pytest.approx(s.force, rel=1e-6)
+    assert (more.force - less.force) / step == pytest.approx(s.stiffness, rel=1e-6)
+
+
+@LAWS
+@given(STACKS, st.sampled_from(list(SMOOTH)), SIZES, WALLS)
+def test_pressure_pushes_and_carries_the_force(stack, name, size, wall):
+    theory, depths = contact(Layer, stack, name, size, wall)
+    s = theory.curve(depths[1:2])[0]
+    u, w = np.polynomial.legendre.leggauss(100)
+    u, w = 0.5 * (1.0 + u), 0.5 * w
+    r, dr = s.a * u**2 * (3.0 - 2.0 * u), s.a * 6.0 * u * (1.0 - u)
+    p = s.pressure(r)
+    assert np.all(p >= -1e-9 * s.force / s.a**2)
+    assert 2.0 * math.pi * np.sum(w * dr * r * p) == pytest.approx(s.force, rel=1e-7)
+    # Clapeyron: the work of the pressure on the surface it pushes is twice the strain energy
+    assert -math.pi * np.sum(w * dr * r * p * s.u_z(r)) == pytest.approx(s.energy, rel=1e-7)
+
+
+@LAWS
+@given(STACKS, st.floats(1.01, 10.0), st.integers(0, 4), SIZES)
+def test_a_stiffer_layer_makes_a_stiffer_stack(stack, factor, which, size):
+    # the strain energy at given displacements grows with every modulus
+    plies = list(stack.plies)
+    h, E, nu = plies[which % len(plies)]
+    plies[which % len(plies)] = (h, factor * E, nu)
+    tip = profiles.flat_punch(size * stack.h)
+    soft, stiff = (Layer.on(tip, Stack.of(layers, stack.base)).curve([1.0])[0] for layers in (stack.plies, plies))
+    assert soft.force * (1 - 1e-9) <= stiff.force <= factor * soft.force * (1 + 1e-9)
+
+
+@LAWS
+@given(STACKS, st.floats(0.05, 0.95), st.integers(0, 4), SIZES)
+def test_a_cut_inside_a_layer_changes_nothing(stack, share, which, size):
+    plies = list(stack.plies)
+    at = which % len(plies)
+    h, E, nu = plies[at]
+    assume(math.isfinite(h))
+    plies[at : at + 1] = [(share * h, E, nu), ((1 - share) * h, E, nu)]
+    k = np.geomspace(1e-4, 20.0, 30) / stack.h
+    scale = 1.0 + np.abs(stack.complement(k))  # M rounds as 1 or as L does
+    assert np.all(np.abs(Stack.of(plies, stack.base).complement(k) - stack.complement(k)) < 3e-13 * scale)
