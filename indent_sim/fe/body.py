@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +17,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
+from indent_sim.mesh.part import Region
 from indent_sim.scene.scene import Scene
 
 ORDER = 2  # of the displacement
@@ -25,15 +27,14 @@ DEGREE = 2 * ORDER  # of the quadrature of the volume and of the wall
 class Unknowns:
     """Space, solution and dof numbering; `fields` maps the name of each unknown to its UFL expression.
 
-    u has ORDER, q (mixed formulation) one less, lam (on the whole body, but constrained to zero
-    off the contact surface) the order given by `multiplier`, 0 for none.
+    u has ORDER, the pressures of mixed regions one less, one each because they jump between materials, lam the order
+    given by `multiplier`, 0 for none. They are on the whole body, but constrained to zero off their region or surface.
     """
 
-    def __init__(self, mesh: Any, *, body_pressure: bool, multiplier: int):
+    def __init__(self, mesh: Any, *, pressures: Sequence[str], multiplier: int):
         dim = mesh.geometry.dim
         elements = {"u": compat.lagrange(dim, ORDER, dim)}
-        if body_pressure:
-            elements["q"] = compat.lagrange(dim, ORDER - 1)
+        elements |= {name: compat.lagrange(dim, ORDER - 1) for name in pressures}
         if multiplier:
             elements["lam"] = compat.lagrange(dim, multiplier)
         self.names = tuple(elements)
@@ -84,9 +85,9 @@ class Unknowns:
         dofmap = self.space.dofmap
         return dofmap.index_map.size_global * dofmap.index_map_bs
 
-    def facet_dofs(self, name: str, component: int | None, facet_dim: int, facets: np.ndarray) -> np.ndarray:
-        """Local dofs of a field on facets, of whatever rank the facets are (collective)."""
-        return fem.locate_dofs_topological(self.subspace(name, component), facet_dim, facets)
+    def dofs_on(self, name: str, component: int | None, dim: int, entities: np.ndarray) -> np.ndarray:
+        """Local dofs of a field on facets, cells or vertices, of whatever rank they are (collective)."""
+        return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
 
     def zero(self, name: str, component: int | None, dofs: np.ndarray) -> Any:
         """Hold dofs of a field at zero."""
@@ -117,14 +118,21 @@ class Body:
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
-        mixed = any(region.formulation == "mixed" for region in scene.physics.part.regions)
-        self.unknowns = Unknowns(self.mesh, body_pressure=mixed, multiplier=multiplier)
+        regions = scene.physics.part.regions
+        self.pressures = {region: f"q{k}" for k, region in enumerate(regions) if region.formulation == "mixed"}
+        self.unknowns = Unknowns(self.mesh, pressures=list(self.pressures.values()), multiplier=multiplier)
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.physics.part.kinematics.weight(self.X)
         self.trace = self._build_trace()
         self._tag_facets()
+        self._tag_cells()
         self._constrain()
+
+    def _tag_cells(self) -> None:
+        regions = self.body_mesh.regions.astype(np.int32)
+        cells = np.arange(len(regions), dtype=np.int32)
+        self._cell_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.dim, cells, regions)
 
     def _tag_facets(self) -> None:
         empty = np.empty(0, dtype=np.int32)
@@ -134,9 +142,23 @@ class Body:
         order = np.argsort(facets)
         self._facet_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.facet_dim, facets[order], tags[order])
 
-    def over_volume(self, density: Any) -> Any:
-        """The integral of a density over the body, as a UFL form."""
-        return density * self.weight * ufl.dx(metadata={"quadrature_degree": DEGREE})
+    def over_region(self, density: Any, region: Region) -> Any:
+        """The integral of a density over a region, as a UFL form; without `weight` over its section."""
+        return density * self.weight * self.section(region)
+
+    def section(self, region: Region) -> Any:
+        """The measure of a region of the mesh."""
+        metadata = {"quadrature_degree": DEGREE}
+        regions = self.scene.physics.part.regions
+        if len(regions) == 1:
+            return ufl.dx(domain=self.mesh, metadata=metadata)
+        return ufl.dx(regions.index(region), domain=self.mesh, subdomain_data=self._cell_tags, metadata=metadata)
+
+    def cells_of(self, region: Region) -> np.ndarray:
+        """This rank's own cells in a region (n,)."""
+        owned = self.mesh.topology.index_map(self.body_mesh.dim).size_local
+        number = self.scene.physics.part.regions.index(region)
+        return np.flatnonzero(self.body_mesh.regions[:owned] == number).astype(np.int32)
 
     def over_contact(self, integrand: Any) -> Any:
         """The integral of an expression over the contact surface, as a UFL form."""
@@ -166,28 +188,31 @@ class Body:
             normal = part.normal(surface)  # a curved wall has none and is guided weakly
             components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
             facets = body_mesh.surfaces[surface]
-            held += [(c, unknowns.facet_dofs("u", c, body_mesh.facet_dim, facets)) for c in components]
+            held += [(c, unknowns.dofs_on("u", c, body_mesh.facet_dim, facets)) for c in components]
         pins = [(c, self._vertex_dofs(c, point)) for point, c in part.pins]
         self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
         self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
         self.z_supports = _owned([dofs for c, dofs in held if c == part.dim - 1], unknowns.owned)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
         self.constrained, self.active_dofs = self.supports, unknowns.total
+        if len(part.regions) > 1:
+            for region, name in self.pressures.items():
+                cells = np.flatnonzero(body_mesh.regions == part.regions.index(region)).astype(np.int32)
+                self._confine(name, unknowns.dofs_on(name, None, body_mesh.dim, cells))
         if "lam" in unknowns.names:
-            self._confine_multiplier()
+            self._confine("lam", unknowns.dofs_on("lam", None, body_mesh.facet_dim, body_mesh.surfaces["top"]))
 
     def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
-        return self.unknowns.facet_dofs("u", component, 0, self.body_mesh.vertices_at(point))
+        return self.unknowns.dofs_on("u", component, 0, self.body_mesh.vertices_at(point))
 
-    def _confine_multiplier(self) -> None:
-        """The multiplier lives on the contact surface; its other dofs are held at zero and cost nothing."""
+    def _confine(self, name: str, dofs: np.ndarray) -> None:
+        """A field lives on these dofs; its others are held at zero and cost nothing."""
         unknowns = self.unknowns
-        on_top = unknowns.facet_dofs("lam", None, self.body_mesh.facet_dim, self.body_mesh.surfaces["top"])
-        off = np.setdiff1d(unknowns.places("lam"), on_top)
-        self.bcs.append(unknowns.zero("lam", None, off))
-        self.constrained = np.union1d(self.supports, off[off < unknowns.owned])
-        idle = self.comm.allreduce(int((off < unknowns.owned).sum()), op=MPI.SUM)
-        self.active_dofs = unknowns.total - idle
+        off = np.setdiff1d(unknowns.places(name), dofs)
+        self.bcs.append(unknowns.zero(name, None, off))
+        own = off[off < unknowns.owned]
+        self.constrained = np.union1d(self.constrained, own)
+        self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)
 
     # ---- the state ---------------------------------------------------------------------------------------------
 

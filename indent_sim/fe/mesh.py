@@ -18,11 +18,15 @@ AT_POINT = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digi
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """The distributed mesh; `surfaces` maps each named surface to its facets on this rank."""
+    """The distributed mesh; `surfaces` maps each named surface to its facets on this rank.
+
+    regions: the number of the region of each cell on this rank (n,).
+    """
 
     mesh: Any
     part: Part
     surfaces: dict[str, np.ndarray]
+    regions: np.ndarray
     hash: str
 
     @cached_property
@@ -55,13 +59,13 @@ def distribute(grid: Grid | None, part: Part, comm: Any) -> BodyMesh:
     dim = part.dim
     points, cells = (grid.points, grid.cells) if grid else (np.empty((0, dim)), np.empty((0, dim + 1), dtype=np.int64))
     mesh = compat.create_mesh(comm, cells, points, dim)
-    fingerprint, named = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
+    fingerprint, named, regions = comm.bcast((grid.hash, grid.surfaces, grid.regions) if grid else None, root=0)
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(0, dim)
     facets, corners = compat.exterior_facets(mesh)
     surfaces = {surface: facets[_among(corners, wanted)] for surface, wanted in named.items()}
-    return BodyMesh(mesh, part, surfaces, fingerprint)
+    return BodyMesh(mesh, part, surfaces, regions[mesh.topology.original_cell_index], fingerprint)
 
 
 def _among(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:

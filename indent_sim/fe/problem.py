@@ -21,7 +21,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.body import Body
 from indent_sim.fe.mesh import BodyMesh
-from indent_sim.fe.terms.matter import matter
+from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.fe.terms.multiplier import multiplier_order
 from indent_sim.fe.terms.nodal import NodalContact
 from indent_sim.fe.terms.strain import Crushed
@@ -38,10 +38,10 @@ class Problem:
         self.mesh, self.comm, self.trace = body.mesh, body.comm, body.trace
         self.unknowns, self.x = body.unknowns, body.x
         self.delta = fem.Constant(self.mesh, 0.0)
-        self.strain, *others = matter(body)
-        self.stress = self.strain.stress
+        terms = matter(body)
+        self.strains = strains_of(terms)
         self.contact = self._contact()
-        terms = [self.strain, *others, *([self.contact] if isinstance(self.contact, Traction) else [])]
+        terms += [self.contact] if isinstance(self.contact, Traction) else []
         test, trial = ufl.TestFunction(body.unknowns.space), ufl.TrialFunction(body.unknowns.space)
         residuals, tangents = zip(*(term.work(test, trial) for term in terms), strict=True)
         self._residual, self._tangent = fem.form(reduce(add, residuals)), fem.form(reduce(add, tangents))
@@ -52,7 +52,7 @@ class Problem:
     def _contact(self) -> Traction | NodalContact:
         if self.law.multiplier == "nodal":
             return NodalContact(self.body, self.delta)
-        return Traction(self.body, self.strain, self.delta)
+        return Traction(self.body, self.strains[0], self.delta)
 
     @property
     def depth(self) -> float:
@@ -68,7 +68,8 @@ class Problem:
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
-        moduli = {"q": self.scene.physics.material.constants.E, "lam": self.stiffness_scale}
+        moduli = {name: region.material.constants.E for region, name in self.body.pressures.items()}
+        moduli["lam"] = self.stiffness_scale
         for name in self.unknowns.names[1:]:
             places = self.unknowns.places(name)
             weights[places[places < self.unknowns.owned]] = moduli[name]
@@ -94,7 +95,8 @@ class Problem:
 
     def least_volume_ratio(self) -> Crushed | None:
         """The smallest J and where it is (collective); none at small strain."""
-        return self.strain.least_volume_ratio()
+        found = [crushed for strain in self.strains if (crushed := strain.least_volume_ratio())]
+        return min(found, key=lambda crushed: crushed.J, default=None)
 
     @property
     def has_symmetric_tangent(self) -> bool:
@@ -153,7 +155,7 @@ class Problem:
 
     def inside_out(self) -> float:
         """Size [length] of the region in which J < 0 (collective)."""
-        return self.strain.inside_out()
+        return max(strain.inside_out() for strain in self.strains)
 
     # ---- measurements ---------------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ OF_ELEMENT = 1e-3  # the smallest: less than what lies between a surface and the
 class Grid:
     """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which gmsh.
 
-    surfaces: the facets (k, dim) of each named surface, by their points; regions (m,): the number of each cell's region.
+    surfaces: the facets (k, dim) of each named surface, by their points; regions (m,): each cell's region.
     """
 
     points: np.ndarray

@@ -19,7 +19,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe.body import Body
 from indent_sim.fe.observe.surface import Trace
-from indent_sim.fe.terms.matter import matter
+from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.process.errors import NotConverged
 
 BLOCK = 128  # right-hand sides solved at once
@@ -52,13 +52,14 @@ class Condenser:
 
     def __init__(self, body: Body):
         self.body = body
-        self.strain, *others = matter(body)
-        matrix = _stiffness(body, [self.strain, *others])
+        terms = matter(body)
+        self.strains = strains_of(terms)
+        matrix = _stiffness(body, terms)
         self._support_rows = self._row_sum(matrix, body.z_supports)
         self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
         matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        if "q" not in body.unknowns.names:
+        if not body.pressures:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(body.comm)
         self._pc.setOperators(matrix)

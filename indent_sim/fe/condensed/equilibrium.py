@@ -163,7 +163,7 @@ class RecoveredBody:
     def __init__(self, equilibrium: CondensedEquilibrium):
         body, self._equilibrium = equilibrium.body, equilibrium
         self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
-        self.mesh, self.unknowns, self.stress = body.mesh, body.unknowns, equilibrium.condenser.strain.stress
+        self.mesh, self.unknowns, self.strains = body.mesh, body.unknowns, equilibrium.condenser.strains
         self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
 
     @property

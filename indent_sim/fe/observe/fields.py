@@ -18,7 +18,7 @@ class ObservedBody(measure.Observed, Protocol):
     mesh: Any
     body_mesh: Any
     unknowns: Any
-    stress: Any  # Cauchy stress (3, 3) [pressure], UFL
+    strains: Any  # of each region: its Cauchy stress (3, 3) [pressure] in UFL, and its cells on this rank
 
     def local_array(self) -> np.ndarray:
         """The solution's dofs on this rank, ghosts included."""
@@ -34,11 +34,11 @@ class Fields:
         self.body = body
 
     @cached_property
-    def _stress(self) -> tuple[fem.Function, fem.Expression]:
+    def _stress(self) -> tuple[fem.Function, list[tuple[fem.Expression, np.ndarray]]]:
         mesh, dim = self.body.mesh, self.body.body_mesh.dim
         space = compat.function_space(mesh, compat.piecewise_constant_tensor(dim))
-        expression = fem.Expression(self.body.stress, compat.interpolation_points(space.element))
-        return fem.Function(space), expression
+        points = compat.interpolation_points(space.element)
+        return fem.Function(space), [(fem.Expression(s.stress, points), s.cells) for s in self.body.strains]
 
     def gather(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """(displacement, stress, pressure) on rank 0, None on the others."""
@@ -69,8 +69,9 @@ class Fields:
         return values
 
     def _in_cells(self) -> np.ndarray:
-        function, expression = self._stress
-        function.interpolate(expression)
+        function, expressions = self._stress
+        for expression, cells in expressions:
+            function.interpolate(expression, cells)
         return function.x.array.reshape(-1, 9)[compat.cell_dofs(function.function_space.dofmap).ravel()]
 
 

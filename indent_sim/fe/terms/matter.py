@@ -13,3 +13,8 @@ def matter(body: Body) -> list[Any]:
     """The strain energy of each region, first of the one under the tip, and the curved wall where there is one."""
     strains = [Strain(body, region) for region in body.scene.physics.part.regions]
     return [*strains, *([Wall(body)] if body.scene.physics.wall_stiffness else [])]
+
+
+def strains_of(terms: list[Any]) -> list[Strain]:
+    """The strain energies among the terms."""
+    return [term for term in terms if isinstance(term, Strain)]

@@ -42,19 +42,24 @@ class Strain:
         scene, fields = body.scene, body.unknowns.fields
         material = symbolic(region.material, body.mesh)
         H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
-        q = fields["q"] if region.formulation == "mixed" else None
+        q = fields[body.pressures[region]] if region in body.pressures else None
         self._psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H
         self.nominal_stress = self.stress = ufl.diff(self._psi, H)
         if not region.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self._volume_ratio = ufl.det(F)
-        self.energy = body.over_volume(self._psi)
+        self.energy = body.over_region(self._psi, region)
+
+    @cached_property
+    def cells(self) -> np.ndarray:
+        """This rank's own cells in the region (n,)."""
+        return self.body.cells_of(self.region)
 
     def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
         """First and second variation of the energy, as UFL forms."""
         first, second = variations(self._psi, self.body.unknowns.solution, test, trial)
-        return self.body.over_volume(first), self.body.over_volume(second)
+        return self.body.over_region(first, self.region), self.body.over_region(second, self.region)
 
     def least_volume_ratio(self) -> Crushed | None:
         """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
@@ -64,15 +69,16 @@ class Strain:
         dim = body.body_mesh.dim
         points, _ = compat.quadrature(compat.CELLS[dim], DEGREE)
         values = ufl.as_vector([self._volume_ratio, *(body.X[k] for k in range(dim))])
-        cells = np.arange(body.mesh.topology.index_map(body.mesh.topology.dim).size_local, dtype=np.int32)
+        cells = self.cells
         table = compat.evaluate(fem.Expression(values, points), body.mesh, cells).reshape(-1, 1 + dim)
-        J, *X = min(body.comm.allgather(tuple(map(float, table[np.argmin(table[:, 0])]))))
+        least = tuple(map(float, table[np.argmin(table[:, 0])])) if len(table) else (np.inf,) * (1 + dim)
+        J, *X = min(body.comm.allgather(least))
         return Crushed(J, tuple(X))
 
     @cached_property
     def _inverted(self) -> Any:
         inverted = ufl.conditional(ufl.lt(self._volume_ratio, 0.0), 1.0, 0.0)
-        return fem.form(inverted * ufl.dx(self.body.mesh, metadata={"quadrature_degree": DEGREE}))
+        return fem.form(inverted * self.body.section(self.region))
 
     def inside_out(self) -> float:
         """Size [length] of the region in which J < 0: the dim-th root of its measure (collective)."""
