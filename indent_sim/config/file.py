@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from indent_sim.config import key_types, schema, strict_yaml
 from indent_sim.config.messages import in_words
 from indent_sim.config.schema import Config, Source
-from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, Path, key_path, key_text
+from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.model.loading import Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
@@ -54,7 +54,7 @@ def _document(text: str, name: str) -> tuple[dict[str, Any], Source]:
     if not isinstance(document, dict):
         problem = "the file is empty" if document is None else "a scene is made of sections (key: value)"
         raise ConfigError("", problem, "see docs/config.md", name, lines.get((), 1))
-    places: dict[Path, tuple[str, int | None]] = {path: (name, line) for path, line in lines.items()}
+    places: dict[KeyPath, tuple[str, int | None]] = {path: (name, line) for path, line in lines.items()}
     return document, Source(name, places)
 
 
@@ -147,7 +147,7 @@ def _decoded(content: bytes, name: str) -> str:
 
 
 def _overridden(document: dict[str, Any], source: Source, overrides: Sequence[str]) -> Config:
-    seen: set[Path] = set()
+    seen: set[KeyPath] = set()
     for text in overrides:
         path = _override(document, source, text)
         if path in seen:
@@ -156,7 +156,7 @@ def _overridden(document: dict[str, Any], source: Source, overrides: Sequence[st
     return _validated(document, source)
 
 
-def _override(document: dict[str, Any], source: Source, text: str) -> Path:
+def _override(document: dict[str, Any], source: Source, text: str) -> KeyPath:
     """Sets one key of the document and notes where it came from."""
     label = f"--set {text}"
     key, equals, value = text.partition("=")
@@ -171,7 +171,7 @@ def _override(document: dict[str, Any], source: Source, text: str) -> Path:
     return path
 
 
-def _replace(document: dict[str, Any], source: Source, path: Path, value: Any, place: Place) -> None:
+def _replace(document: dict[str, Any], source: Source, path: KeyPath, value: Any, place: Place) -> None:
     section = _section_of(document, source, path, place)
     section[path[-1]] = value
     for inside in [known for known in source.places if known[: len(path)] == path]:
@@ -179,7 +179,7 @@ def _replace(document: dict[str, Any], source: Source, path: Path, value: Any, p
     source.places[path] = place
 
 
-def _section_of(document: dict[str, Any], source: Source, path: Path, place: Place) -> Any:
+def _section_of(document: dict[str, Any], source: Source, path: KeyPath, place: Place) -> Any:
     """The mapping or list that holds the last part of a key path; sections that are missing are made."""
     section: Any = document
     for depth, part in enumerate(path, start=1):
@@ -238,7 +238,7 @@ def _completed(spot: schema.Spot) -> Any:
     return [_completed(part) for part in spot.parts()] if isinstance(value, list) else value
 
 
-def _plain(value: Any, path: Path) -> Any:
+def _plain(value: Any, path: KeyPath) -> Any:
     """Anything a notebook may hand over, as the mappings, lists and scalars of a file."""
     if len(path) > MAX_DEPTH:
         raise ConfigError(key_text(path[:3]), f"nested deeper than {MAX_DEPTH} levels")
@@ -259,7 +259,7 @@ def _plain(value: Any, path: Path) -> Any:
     raise ConfigError(key_text(path), f"a {type(value).__name__} cannot stand in a scene")
 
 
-def _word(key: Any, path: Path) -> str:
+def _word(key: Any, path: KeyPath) -> str:
     if isinstance(key, str):
         return key
     raise ConfigError(key_text(path), f"a key must be a word, got {key!r}")

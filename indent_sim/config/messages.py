@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from indent_sim.config import key_types, schema
-from indent_sim.config.strict_yaml import Path, key_text
+from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
 MOST = 20
@@ -21,7 +21,7 @@ _NO_SECTION = {"dict_type", "dataclass_type", "model_type", "dataclass_exact_typ
 
 def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
     """One ConfigError (ConfigErrors when there are several) for what pydantic found in the document."""
-    groups: dict[Path, list[Any]] = {}
+    groups: dict[KeyPath, list[Any]] = {}
     for found in error.errors(include_url=False, include_input=False)[: 100 * MOST]:
         groups.setdefault(document_path(found, document), []).append(found)
     for path in list(_echoes(groups, document)):
@@ -32,7 +32,7 @@ def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError
     return ConfigErrors(problems) if len(problems) > 1 else problems[0]
 
 
-def _echoes(groups: dict[Path, list[Any]], document: Mapping[str, Any]) -> Iterator[Path]:
+def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> Iterator[KeyPath]:
     """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items."""
     for path, (found, *_) in groups.items():
         if path and isinstance(path[-1], int):
@@ -44,7 +44,7 @@ def _echoes(groups: dict[Path, list[Any]], document: Mapping[str, Any]) -> Itera
                 yield missing
 
 
-def document_path(found: Any, document: Mapping[str, Any]) -> Path:
+def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
     """The key path in the file of one pydantic error: without union tags, `center` back in its section."""
     location = found["loc"]
     if location[:1] == ("center",):
@@ -85,7 +85,7 @@ def _holds(value: Any, part: str | int) -> bool:
     return isinstance(value, Mapping) and part in value
 
 
-def _in_words(path: Path, found: list[Any], document: Mapping[str, Any]) -> ConfigError:
+def _in_words(path: KeyPath, found: list[Any], document: Mapping[str, Any]) -> ConfigError:
     types = {error["type"] for error in found}
     if types & _UNKNOWN:
         return _unknown_key(path, document)
@@ -101,7 +101,7 @@ def _in_words(path: Path, found: list[Any], document: Mapping[str, Any]) -> Conf
     return ConfigError(key_text(path), found[0]["msg"]) if spot.type is None else _wrong_value(spot)
 
 
-def _unknown_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
+def _unknown_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     *parents, key = path
     section = schema.spot_at(tuple(parents), document)
     valid = section.keys()
@@ -116,14 +116,14 @@ def _unknown_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
     return ConfigError(key_text(path), "unknown key", f"valid here: {', '.join(valid)}")
 
 
-def _missing_key(path: Path, document: Mapping[str, Any]) -> ConfigError:
+def _missing_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     spot = schema.spot_at(path, document)
     if spot.tag or spot.kind is not None:
         return ConfigError(key_text(path), "this section is missing", _give(spot))
     return ConfigError(key_text(path), "missing", f"give {key_types.describe(spot.type)}")
 
 
-def _wrong_kind(path: Path, document: Mapping[str, Any]) -> ConfigError:
+def _wrong_kind(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     spot = schema.spot_at(path, document)
     tag, kinds = str(spot.tag), tuple(key_types.kinds_of(spot.type, str(spot.tag)))
     key, remedy = key_text((*path, tag)), f"choose one of {', '.join(kinds)}"
@@ -135,7 +135,7 @@ def _wrong_kind(path: Path, document: Mapping[str, Any]) -> ConfigError:
     return ConfigError(key, f"there is no {name} {shown(spot.choice)}{guess}", remedy)
 
 
-def _no_section(path: Path, document: Mapping[str, Any]) -> ConfigError:
+def _no_section(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     spot = schema.spot_at(path, document)
     if key_types.words_of(spot.type) and spot.value is not None:
         return _wrong_value(spot)

@@ -18,8 +18,8 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import TaggedBy, chosen, core, default_of, field_names, hints, members, tag_of
-from indent_sim.config.strict_yaml import Path
-from indent_sim.model.body import AnyBody, HalfSpace, Strip
+from indent_sim.config.strict_yaml import KeyPath
+from indent_sim.model.body import AnyBody, HalfSpace
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -88,9 +88,9 @@ class Source:
     """
 
     name: str = field(default="", compare=False)
-    places: dict[Path, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
+    places: dict[KeyPath, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
 
-    def place(self, path: Path) -> tuple[str, int | None]:
+    def place(self, path: KeyPath) -> tuple[str, int | None]:
         """File and line of a key, or of the nearest section around it."""
         for end in range(len(path), -1, -1):
             if path[:end] in self.places:
@@ -160,7 +160,7 @@ def _path(config: Config) -> list[ConfigError]:
 
 
 def _axis(config: Config) -> list[ConfigError]:
-    center, needed = config.center, len(config.body.centre)
+    center, needed = config.center, len(config.body.center)
     if isinstance(config.body, HalfSpace) and center is not None and any(center):
         return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
     if center is None or len(center) == needed:
@@ -172,7 +172,7 @@ def _axis(config: Config) -> list[ConfigError]:
 
 def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
-    if isinstance(config.body, Strip) and not tip.of_revolution:
+    if config.body.dim == 2 and not tip.of_revolution:
         return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
     if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
         problem = "must be smaller than the punch's radius"
@@ -250,7 +250,7 @@ class Spot:
     `type` is None where nothing belongs; `value` is None where nothing stands.
     """
 
-    path: Path
+    path: KeyPath
     type: Any
     default: Any
     value: Any
@@ -298,7 +298,7 @@ class Spot:
         return (*names, "center") if self.path == ("indenter",) else names
 
 
-def spot_at(path: Path, document: Any) -> Spot:
+def spot_at(path: KeyPath, document: Any) -> Spot:
     """The place of a key path in a document."""
     spot = Spot((), Config, None, document)
     for part in path:
@@ -306,7 +306,7 @@ def spot_at(path: Path, document: Any) -> Spot:
     return spot
 
 
-def keys_at(path: Path, document: Mapping[str, Any]) -> tuple[str, ...]:
+def keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
     """The keys that may stand in a section of the document, the root's for ()."""
     return spot_at(path, document).keys()
 

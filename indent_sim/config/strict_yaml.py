@@ -17,8 +17,8 @@ import yaml
 
 from indent_sim.process.errors import ConfigError
 
-Path = tuple[str | int, ...]
-Lines = dict[Path, int]
+KeyPath = tuple[str | int, ...]
+Lines = dict[KeyPath, int]
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 20
@@ -47,13 +47,13 @@ def parse(text: str, name: str = "") -> tuple[Any, Lines]:
         raise ConfigError("", f"not YAML: {' '.join(str(error).split())}", file=name) from None
 
 
-def key_text(path: Path) -> str:
+def key_text(path: KeyPath) -> str:
     """The dotted form of a key path: ("loading", "deltas", 2) -> loading.deltas[2]."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     return text.removeprefix(".")
 
 
-def key_path(text: str) -> Path:
+def key_path(text: str) -> KeyPath:
     """The key path of its dotted form."""
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
     return tuple(int(index) if index else word for index, word in parts)
@@ -89,7 +89,7 @@ class _Reader:
             raise self.error(after, (), "a second document starts here", "one file is one scene")
         return value
 
-    def node(self, event: Any, events: Iterator[yaml.Event], path: Path) -> Any:
+    def node(self, event: Any, events: Iterator[yaml.Event], path: KeyPath) -> Any:
         self.lines.setdefault(path, event.start_mark.line + 1)
         if len(self.lines) > MAX_VALUES:
             raise self.error(event, path[:1], f"more than {MAX_VALUES} values")
@@ -105,13 +105,13 @@ class _Reader:
             return self.sequence(events, path)
         return self.mapping(events, path)
 
-    def sequence(self, events: Iterator[yaml.Event], path: Path) -> list[Any]:
+    def sequence(self, events: Iterator[yaml.Event], path: KeyPath) -> list[Any]:
         values: list[Any] = []
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
             values.append(self.node(event, events, (*path, len(values))))
         return values
 
-    def mapping(self, events: Iterator[yaml.Event], path: Path) -> dict[str, Any]:
+    def mapping(self, events: Iterator[yaml.Event], path: KeyPath) -> dict[str, Any]:
         values: dict[str, Any] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             key = self.key(event, path)
@@ -122,13 +122,13 @@ class _Reader:
             values[key] = self.node(next(events), events, here)
         return values
 
-    def key(self, event: Any, path: Path) -> str:
+    def key(self, event: Any, path: KeyPath) -> str:
         word = self.node(event, iter(()), path) if isinstance(event, yaml.ScalarEvent) else None
         if not isinstance(word, str):
             raise self.error(event, path, "a key must be a word")
         return word
 
-    def scalar(self, event: yaml.ScalarEvent, path: Path) -> Any:
+    def scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> Any:
         text = event.value
         if not event.implicit[0]:  # quoted or a block
             if UNWRITABLE.search(text):
@@ -141,7 +141,7 @@ class _Reader:
         except OverflowError as error:
             raise self.error(event, path, str(error)) from None
 
-    def error(self, event: Any, path: Path, problem: str, remedy: str = "") -> ConfigError:
+    def error(self, event: Any, path: KeyPath, problem: str, remedy: str = "") -> ConfigError:
         return ConfigError(key_text(path), problem, remedy, self.name, event.start_mark.line + 1)
 
 

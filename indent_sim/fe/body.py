@@ -117,11 +117,11 @@ class Body:
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
-        mixed = scene.formulation == "mixed"
+        mixed = any(region.formulation == "mixed" for region in scene.part.regions)
         self.unknowns = Unknowns(self.mesh, body_pressure=mixed, multiplier=multiplier)
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
-        self.weight = scene.kinematics.weight(self.X)
+        self.weight = scene.part.kinematics.weight(self.X)
         self.trace = self._build_trace()
         self._tag_facets()
         self._constrain()
@@ -160,18 +160,17 @@ class Body:
     # ---- what is held ------------------------------------------------------------------------------------------
 
     def _constrain(self) -> None:
-        unknowns, axes, facet_dim = self.unknowns, self.scene.kinematics.axes, self.body_mesh.facet_dim
+        unknowns, part, body_mesh = self.unknowns, self.scene.part, self.body_mesh
         held: list[tuple[int, np.ndarray]] = []
-        for surface, support in self.scene.supports.items():
-            axis = "z" if surface == "base" else surface[0]
-            normal = [axes.index(axis)] if axis in axes else []  # a curved wall is guided weakly
-            components = {"fixed": list(range(len(axes))), "roller": normal}.get(support, [])
-            facets = self.body_mesh.surfaces[surface]
-            held += [(c, unknowns.facet_dofs("u", c, facet_dim, facets)) for c in components]
-        pins = [(c, self._vertex_dofs(c, point)) for point, c in self.scene.pins]
+        for surface, support in part.supports.items():
+            normal = part.normal(surface)  # a curved wall has none and is guided weakly
+            components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
+            facets = body_mesh.surfaces[surface]
+            held += [(c, unknowns.facet_dofs("u", c, body_mesh.facet_dim, facets)) for c in components]
+        pins = [(c, self._vertex_dofs(c, point)) for point, c in part.pins]
         self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
         self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
-        self.z_supports = _owned([dofs for c, dofs in held if axes[c] == "z"], unknowns.owned)
+        self.z_supports = _owned([dofs for c, dofs in held if c == part.dim - 1], unknowns.owned)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
         self.constrained, self.active_dofs = self.supports, unknowns.total
         if "lam" in unknowns.names:

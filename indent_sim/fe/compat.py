@@ -97,6 +97,19 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     return cell_dofs(mesh.geometry.dofmap)
 
 
+def exterior_facets(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+    """This rank's boundary facets (n,), ascending, and the points (n, dim) of the grid that are their corners."""
+    topology = mesh.topology
+    dim = topology.dim
+    topology.create_connectivity(dim, 0)
+    topology.create_connectivity(dim - 1, 0)
+    facets = np.asarray(dolfinx.mesh.exterior_facet_indices(topology), dtype=np.int32)
+    vertices = np.array([topology.connectivity(dim - 1, 0).links(facet) for facet in facets]).reshape(-1, dim)
+    node = np.zeros(topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int64)
+    node[cell_dofs(topology.connectivity(dim, 0))] = geometry_dofs(mesh)
+    return np.sort(facets), np.asarray(mesh.geometry.input_global_indices)[node[vertices[np.argsort(facets)]]]
+
+
 def vector(function: Any) -> Any:
     """The PETSc vector behind a Function."""
     return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector

@@ -1,21 +1,30 @@
-"""A simplex mesh as arrays."""
+"""A simplex mesh as arrays, with its named surfaces."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from indent_sim.mesh.part import Part
+
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
+ON_SURFACE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
+OF_ELEMENT = 1e-3  # the smallest: less than what lies between a surface and the next nodes
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which gmsh."""
+    """A simplex mesh as arrays: points (n, dim) [length of the scene], cells (m, dim + 1); by which gmsh.
+
+    surfaces: the facets (k, dim) of each named surface, by their points.
+    """
 
     points: np.ndarray
     cells: np.ndarray
+    surfaces: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
     gmsh: str = ""
 
     @property
@@ -23,3 +32,33 @@ class Grid:
         """Fingerprint of the mesh, for the record of a run."""
         digest = hashlib.sha256(np.round(self.points, DIGITS).tobytes() + self.cells.tobytes())
         return digest.hexdigest()[:16]
+
+
+def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: float) -> dict[str, np.ndarray]:
+    """The boundary facets on each surface of a part meshed with elements down to `finest` [length].
+
+    A facet belongs to the surface that holds all its corners, to a flat one rather than to a curved one.
+    """
+    near = min(ON_SURFACE, OF_ELEMENT * finest)
+    boundary = _boundary(cells)
+    found: dict[str, np.ndarray] = {}
+    for surface, distance in _distances(points, part):
+        is_on = (distance < near)[boundary].all(axis=1)
+        found[surface] = np.concatenate([found.get(surface, boundary[:0]), boundary[is_on]])
+        boundary = boundary[~is_on]
+    return found
+
+
+def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:
+    """Each surface and the distance of all points to it, flat ones first [length]."""
+    ends = [] if part.dim == 2 else [("base", np.abs(points[:, 2] + part.height)), ("top", np.abs(points[:, 2]))]
+    sides = sorted(part.outline, key=lambda side: side.middle is not None)
+    return ends + [(side.surface, side.distance(points[:, 0], points[:, 1])) for side in sides]
+
+
+def _boundary(cells: np.ndarray) -> np.ndarray:
+    """The facets (k, dim) that belong to one cell only."""
+    corners = cells.shape[1]
+    facets = np.concatenate([np.delete(cells, corner, axis=1) for corner in range(corners)])
+    _, first, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    return facets[first[counts == 1]]

@@ -1,20 +1,146 @@
-"""The modelled piece of a body."""
+"""The modelled piece of a body: its outline with named surfaces, its regions of matter, and how it is held."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2, pi, sin
+from typing import Any
 
-from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
+import numpy as np
+
 from indent_sim.model.kinematics import Kinematics
+from indent_sim.model.materials import Material
+
+Point = tuple[float, ...]
+Pins = tuple[tuple[Point, int], ...]
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of an outline from `start` to `end`; an arc turns anticlockwise about `middle` [length]."""
+
+    surface: str
+    start: Point
+    end: Point
+    middle: Point | None = None
+
+    @property
+    def normal(self) -> int | None:
+        """The axis a straight side is normal to; None for any other."""
+        level = [axis for axis in (0, 1) if self.start[axis] == self.end[axis]]
+        return level[0] if level and self.middle is None else None
+
+    @property
+    def radius(self) -> float:
+        """Radius of an arc [length]."""
+        assert self.middle is not None
+        return float(np.hypot(self.start[0] - self.middle[0], self.start[1] - self.middle[1]))
+
+    def inwards(self, x: float, y: float) -> float:
+        """How far inside [length] of the line or circle a point is, on the left of the side."""
+        (x0, y0), (x1, y1) = self.start, self.end
+        if self.middle is not None:
+            return self.radius - float(np.hypot(x - self.middle[0], y - self.middle[1]))
+        return float(((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0))
+
+    def distance(self, x: Any, y: Any) -> Any:
+        """Distance [length] of points to the line or the circle that the side is a part of."""
+        (x0, y0), (x1, y1) = self.start, self.end
+        if self.middle is not None:
+            return np.abs(np.hypot(x - self.middle[0], y - self.middle[1]) - self.radius)
+        if self.normal is not None:
+            return np.abs((x, y)[self.normal] - self.start[self.normal])
+        return np.abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+
+
+@dataclass(frozen=True)
+class Region:
+    """A piece of the part that is of one material, and its formulation: displacement, or mixed with a pressure."""
+
+    name: str
+    material: Material
+    formulation: str
 
 
 @dataclass(frozen=True)
 class Part:
-    """What the process that meshes has to know of a scene."""
+    """The modelled piece; `copies` of it are the whole body. The first region is the one under the tip.
+
+    outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the section z = const,
+    which goes from z = -height to z = 0 between the surfaces base and top.
+    supports: free | roller | fixed by surface, free where there is none; symmetry planes are rollers.
+    pins: (point, component) that take the rigid modes left.
+    """
 
     kinematics: Kinematics
-    body: Body
-    extent: tuple[tuple[float, float], ...]
-    center: tuple[float, ...]
-    sizes: Sizes
+    symmetry: str  # axisymmetric | quarter | half | full
+    copies: int
+    outline: tuple[Side, ...]
+    height: float
+    regions: tuple[Region, ...]
+    supports: Mapping[str, str]
+    pins: Pins = ()
+
+    @property
+    def dim(self) -> int:
+        """Dimensions of the mesh."""
+        return self.kinematics.dim
+
+    @property
+    def extent(self) -> tuple[tuple[float, float], ...]:
+        """(min, max) along each axis [length]; arcs bulge no further than their ends, being quarters of a turn."""
+        along = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
+        plane = tuple((min(values), max(values)) for values in along)
+        return plane if self.dim == 2 else (*plane, (-self.height, 0.0))
+
+    @property
+    def longest(self) -> float:
+        """The longest side of the box around it [length]."""
+        return max(high - low for low, high in self.extent)
+
+    @property
+    def width(self) -> float:
+        """The longest horizontal side of the box around it [length]."""
+        return max(high - low for low, high in self.extent[:-1])
+
+    @property
+    def area(self) -> float:
+        """Area inside the outline [length^2]."""
+        return sum(_swept(side) for side in self.outline)
+
+    @property
+    def bend(self) -> float | None:
+        """Radius of the curved wall in three dimensions [length]; None: every wall is flat."""
+        radii = [side.radius for side in self.outline if side.middle is not None]
+        return min(radii) if radii and self.dim == 3 else None
+
+    def distances(self, center: Point) -> dict[str, float]:
+        """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror plane."""
+        x, y = (*center, 0.0)[:2]
+        walls = [side for side in self.outline if side.surface not in ("top", "base")]
+        return {side.surface: side.inwards(x, y) for side in walls}
+
+    def normal(self, surface: str) -> int | None:
+        """The component of u that a roller holds on a surface; None where no one axis is normal to it."""
+        if surface in ("top", "base"):
+            return self.dim - 1
+        return next(side.normal for side in self.outline if side.surface == surface)
+
+
+def polygon(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side, ...]:
+    """The straight sides between corners; the last goes back to the first."""
+    ends = pairwise((*corners, corners[0]))
+    return tuple(Side(surface, start, end) for surface, (start, end) in zip(surfaces, ends, strict=True))
+
+
+def _swept(side: Side) -> float:
+    """Area that the side sweeps as seen from the origin: of its chord, and of the circle beyond it [length^2]."""
+    (x0, y0), (x1, y1) = side.start, side.end
+    chord = (x0 * y1 - x1 * y0) / 2
+    if side.middle is None:
+        return chord
+    begin, end = (atan2(y - side.middle[1], x - side.middle[0]) for x, y in (side.start, side.end))
+    turn = (end - begin) % (2 * pi)
+    return chord + side.radius**2 / 2 * (turn - sin(turn))

@@ -13,7 +13,7 @@ ENOUGH = 3.0  # elements per contact radius below which results are doubtful
 class Sizes:
     """Element sizes [length].
 
-    h_contact inside `patch` of the tip's axis, growing by `grading` per unit distance outside it up to h_far;
+    h_contact inside `patch` of the tip's `axis` (x, y), growing by `grading` per unit distance outside it up to h_far;
     around a sharp edge at radius `edge` it shrinks to h_edge, around `corners` (r, depth) to h_corner. Where h_axis is
     given, sizes inside the expected contact radius `a` are the share of it that the distance from the axis is, but at
     least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many elements as the last one.
@@ -32,6 +32,7 @@ class Sizes:
     corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
     ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
+    axis: tuple[float, ...] = (0.0, 0.0)
 
     @property
     def typical(self) -> float:
@@ -76,25 +77,13 @@ class Sizes:
         return self.edge is not None or self.elements(a) >= ENOUGH
 
 
-@dataclass(frozen=True)
-class GivenSizes:
-    """Sizes [length] and grading that are settled; None: left to `choose`."""
-
-    h_contact: float | None = None
-    h_axis: float | None = None
-    h_edge: float | None = None
-    h_corner: float | None = None
-    h_far: float | None = None
-    grading: float | None = None
-
-
-def size_formula(sizes: Sizes, center: tuple[float, ...], dim: int) -> str:
+def size_formula(sizes: Sizes, dim: int) -> str:
     """The element size at (x, y[, z]) as a gmsh MathEval expression (gmsh has no min or max there)."""
     number = "{:.12g}".format
     if dim == 2:
-        r, depth = f"Abs(x-({number(center[0])}))", "Abs(y)"
+        r, depth = f"Abs(x-({number(sizes.axis[0])}))", "Abs(y)"
     else:
-        x, y = (number(c) for c in center)
+        x, y = (number(c) for c in sizes.axis)
         r, depth = f"Sqrt((x-({x}))^2+(y-({y}))^2)", "Abs(z)"
     outside = _positive(f"({r}-{number(sizes.patch)})")
     near = number(sizes.h_contact)

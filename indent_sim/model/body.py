@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
+import numpy as np
 from annotated_types import Gt, Len
 
 from indent_sim.model.units import LENGTH, Length
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
+Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
+POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
+MIDDLES = (np.arange(POINTS) + 0.5) / POINTS
+SHARES = np.linspace(0, 1, POINTS + 1)
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
 
 
@@ -42,8 +47,10 @@ class Cylinder:
     base: BaseSupport = "fixed"
     sides: Support = "free"
 
+    dim: ClassVar[int] = 3
+
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The axis."""
         return (0.0, 0.0)
 
@@ -54,6 +61,21 @@ class Cylinder:
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest point of the top surface."""
         return self.radius + float(sum(c * c for c in center) ** 0.5)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether no side lets the body out."""
+        return self.sides != "free"
+
+    def top(self) -> Points:
+        """Points of the top surface, each standing for an equal area."""
+        r, angle = self.radius * np.sqrt(MIDDLES)[:, None], 2 * np.pi * MIDDLES[None, :]
+        return r * np.cos(angle), r * np.sin(angle)
+
+    def fixed_ends(self) -> Points:
+        """Points along the top of all fixed sides."""
+        angle = 2 * np.pi * (SHARES if self.sides == "fixed" else SHARES[:0])
+        return self.radius * np.cos(angle), self.radius * np.sin(angle)
 
 
 @dataclass(frozen=True)
@@ -66,8 +88,10 @@ class Strip:
     base: BaseSupport = "fixed"
     sides: StripSides = StripSides()
 
+    dim: ClassVar[int] = 2  # forces are per unit length
+
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The middle of the top edge."""
         return (self.width / 2,)
 
@@ -79,6 +103,21 @@ class Strip:
         """Distance [length] from `center` to the farther end of the top edge."""
         return max(center[0], self.width - center[0])
 
+    @property
+    def is_held(self) -> bool:
+        """Whether no side lets the body out."""
+        return "free" not in vars(self.sides).values()
+
+    def top(self) -> Points:
+        """Points of the top edge, each standing for an equal length."""
+        return self.width * MIDDLES, np.zeros(POINTS)
+
+    def fixed_ends(self) -> Points:
+        """Points along the top of all fixed sides."""
+        ends = {"x_min": 0.0, "x_max": self.width}
+        x = np.array([end for side, end in ends.items() if getattr(self.sides, side) == "fixed"])
+        return x, 0 * x
+
 
 @dataclass(frozen=True)
 class Box:
@@ -89,13 +128,15 @@ class Box:
     base: BaseSupport = "fixed"
     sides: BoxSides = BoxSides()
 
+    dim: ClassVar[int] = 3
+
     @property
     def height(self) -> float:
         """Thickness lz [length]."""
         return self.size[2]
 
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """The middle of the top surface."""
         return (self.size[0] / 2, self.size[1] / 2)
 
@@ -109,6 +150,24 @@ class Box:
         x, y = center
         return float((max(x, self.size[0] - x) ** 2 + max(y, self.size[1] - y) ** 2) ** 0.5)
 
+    @property
+    def is_held(self) -> bool:
+        """Whether no side lets the body out."""
+        return "free" not in vars(self.sides).values()
+
+    def top(self) -> Points:
+        """Points of the top surface, each standing for an equal area."""
+        return self.size[0] * MIDDLES[:, None], self.size[1] * MIDDLES[None, :]
+
+    def fixed_ends(self) -> Points:
+        """Points along the top of all fixed sides."""
+        lx, ly = self.size[:2]
+        x, y, zero = lx * SHARES, ly * SHARES, 0 * SHARES
+        lines = {"x_min": (zero, y), "x_max": (zero + lx, y), "y_min": (x, zero), "y_max": (x, zero + ly)}
+        fixed = [lines[side] for side, support in vars(self.sides).items() if support == "fixed"]
+        along_x, along_y = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
+        return along_x, along_y
+
 
 @dataclass(frozen=True)
 class HalfSpace:
@@ -116,8 +175,10 @@ class HalfSpace:
 
     shape: Literal["half_space"] = "half_space"
 
+    dim: ClassVar[int] = 3
+
     @property
-    def centre(self) -> tuple[float, ...]:
+    def center(self) -> tuple[float, ...]:
         """Where the tip stands; every place is equal."""
         return (0.0, 0.0)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 from typing import Any, ClassVar, Literal
 
 
@@ -32,6 +32,14 @@ class Axisymmetric:
         import ufl
 
         return ufl.as_vector([v[0], v[2]])
+
+    def contact_area(self, a: float) -> float:
+        """pi a^2 [length^2] of a contact of radius a."""
+        return pi * a**2
+
+    def contact_radius(self, area: float) -> float:
+        """sqrt(area/pi) [length] of a contact of that area [length^2]."""
+        return sqrt(area / pi)
 
     def weight(self, x: Any) -> Any:
         """Circumference 2 pi r [length]: what an integral over (r, z) must be multiplied with."""
@@ -64,6 +72,14 @@ class PlaneStrain:
 
         return ufl.as_vector([v[0], v[2]])
 
+    def contact_area(self, a: float) -> float:
+        """2 a [length], per unit length: of a contact of half the width a."""
+        return 2 * a
+
+    def contact_radius(self, area: float) -> float:
+        """Half the width [length] of a contact of that area per unit length."""
+        return area / 2
+
     def weight(self, x: Any) -> Any:
         """One: per unit length."""
         return 1.0
@@ -91,6 +107,14 @@ class ThreeDimensional:
     def in_plane(self, v: Any) -> Any:
         """The components of a 3-vector along the model's own axes."""
         return v
+
+    def contact_area(self, a: float) -> float:
+        """pi a^2 [length^2] of a contact of radius a."""
+        return pi * a**2
+
+    def contact_radius(self, area: float) -> float:
+        """sqrt(area/pi) [length] of a contact of that area [length^2]."""
+        return sqrt(area / pi)
 
     def weight(self, x: Any) -> Any:
         """One."""

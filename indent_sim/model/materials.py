@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from annotated_types import Gt, Len
 
@@ -31,6 +31,13 @@ LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `do
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 
+class Constants(NamedTuple):
+    """Young's modulus E [pressure] and Poisson's ratio nu at small strain."""
+
+    E: float
+    nu: float
+
+
 class _Law(ABC):
     """What follows from the small-strain constants E and nu of any law."""
 
@@ -38,7 +45,7 @@ class _Law(ABC):
 
     @property
     @abstractmethod
-    def constants(self) -> tuple[float, float]:
+    def constants(self) -> Constants:
         """Small-strain E [pressure] and nu."""
 
     @property
@@ -66,10 +73,10 @@ class _TwoConstants(_Law):
         return type(self)(E=E, nu=nu, formulation=self.formulation)
 
     @property
-    def constants(self) -> tuple[float, float]:
+    def constants(self) -> Constants:
         """E [pressure] and nu of a canonical material."""
         assert self.E is not None and self.nu is not None
-        return self.E, self.nu
+        return Constants(self.E, self.nu)
 
     @property
     def shear_modulus(self) -> Any:
@@ -179,10 +186,10 @@ class _Isochoric(_Law):
         return replace(self, nu=nu, kappa=None)
 
     @property
-    def constants(self) -> tuple[float, float]:
+    def constants(self) -> Constants:
         """Small-strain E [pressure] and nu of a canonical material."""
         assert self.nu is not None
-        return 2 * self.small_strain_mu * (1 + self.nu), self.nu
+        return Constants(2 * self.small_strain_mu * (1 + self.nu), self.nu)
 
     @property
     def inverse_kappa(self) -> Any:

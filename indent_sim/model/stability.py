@@ -35,22 +35,22 @@ class Loss:
         return f"{self.mode} {kind} to a stretch of {self.stretch:.3g}"
 
 
-def losses(psi: Callable[[Any, Any, Any], Any], reach: float) -> list[Loss]:
-    """Where stability ends first, for each deformation and sense, within stretches exp(-reach) to exp(reach).
+def losses(psi: Callable[[Any, Any, Any], Any], strain: float) -> list[Loss]:
+    """Where stability ends first, for each deformation and sense, within stretches exp(-strain) to exp(strain).
 
     psi(l1, l2, l3) is the isochoric energy [pressure] of principal stretches with product one.
     """
     found = []
     for mode, direction in MODES.items():
         for sign in (1.0, -1.0):
-            strains = sign * reach * np.arange(1, POINTS + 1) / POINTS
+            strains = sign * strain * np.arange(1, POINTS + 1) / POINTS
             bad = ~_is_stable(psi, strains * direction[0], strains * direction[1])
             if bad.any():
                 found.append(Loss(mode, float(np.exp(strains[np.argmax(bad)]))))
     return found
 
 
-def reach(tip: Indenter, a: float, delta: float, height: float) -> float:
+def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> float:
     """Largest logarithmic strain to expect, of its order: the tip's slope at the contact's edge, depth over contact
     radius, or the body's own compression, whichever is most; at most 2."""
     inside = 0.99 * a
@@ -58,34 +58,34 @@ def reach(tip: Indenter, a: float, delta: float, height: float) -> float:
     return float(np.clip(max(slope, delta / a, -np.log1p(-min(delta / height, 0.9))), 0.0, 2.0))
 
 
-def doubts(material: Material, reach: float) -> list[str]:
+def instabilities(material: Material, strain: float) -> list[str]:
     """A warning for each deformation within reach in which the law is no longer stable."""
     if isinstance(material, LinearElastic):
         return []
     if isinstance(material, NeoHookean):
-        return _of_auxetic(material, reach)
+        return _of_auxetic(material, strain)
     limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
     return [
-        f"{material.model} loses its stability (Drucker) in {loss}{limit}; {_reached(reach)}"
-        for loss in losses(material.energy_of_stretches, reach)
+        f"{material.model} loses its stability (Drucker) in {loss}{limit}; {_reached(strain)}"
+        for loss in losses(material.energy_of_stretches, strain)
     ]
 
 
-def _of_auxetic(material: NeoHookean, reach: float) -> list[str]:
+def _of_auxetic(material: NeoHookean, strain: float) -> list[str]:
     """The neo-Hookean psi is convex in logarithmic strains e_i unless lame_lambda < 0.
 
     Its second derivative 2 mu exp(2 e_i) delta_ij + lame_lambda is positive definite while
     sum exp(-2 e_i) < -2 mu/lame_lambda = (2 nu - 1)/nu, which all-round compression reaches first.
     """
-    nu = material.constants[1]
-    if nu >= 0 or 3 * float(np.exp(2 * reach)) < (2 * nu - 1) / nu:
+    nu = material.constants.nu
+    if nu >= 0 or 3 * float(np.exp(2 * strain)) < (2 * nu - 1) / nu:
         return []
     loss = Loss("all-round", float(np.sqrt(3 * nu / (2 * nu - 1))))
-    return [f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(reach)}"]
+    return [f"{material.model} with nu < 0 loses its stability (Drucker) in {loss}; {_reached(strain)}"]
 
 
-def _reached(reach: float) -> str:
-    return f"strains may reach exp(+-{reach:.2g}) here"
+def _reached(strain: float) -> str:
+    return f"strains may reach exp(+-{strain:.2g}) here"
 
 
 def _is_stable(psi: Callable[[Any, Any, Any], Any], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:

@@ -380,9 +380,9 @@ def deepest_inside(tip: Indenter) -> float:
     return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
-def gap_reference(tip: Indenter, x: Any, y: Any, u_z: Any, delta: Any) -> Any:
-    """g = f(X, Y) - delta - u_z at the undeformed point [length], >= 0 open."""
-    return tip.height(x, y) - delta - u_z
+def gap_reference(tip: Indenter, x: Any, y: Any, z: Any, delta: Any) -> Any:
+    """g = f(X, Y) - delta - z over the undeformed point (X, Y), z = Z + u_z its height now [length], >= 0 open."""
+    return tip.height(x, y) - delta - z
 
 
 def gap_current(tip: Indenter, x: Any, y: Any, z: Any, delta: Any) -> Any:

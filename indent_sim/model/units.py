@@ -89,6 +89,19 @@ class Scales:
         """Unit of force."""
         return self.pressure * self.length ** (self.dim - 1)
 
+    @property
+    def stiffness(self) -> float:
+        """Unit of pressure per length."""
+        return self.pressure / self.length
+
+    def scaled(self, item: D) -> D:
+        """A dataclass of the user's numbers in these units."""
+        return scaled(item, self.length, self.pressure)
+
+    def unscaled(self, item: D) -> D:
+        """A dataclass in these units as the user's numbers."""
+        return scaled(item, 1 / self.length, 1 / self.pressure)
+
     def of(self, control: str) -> float:
         """Unit of what a load path prescribes: depth or force."""
         return self.length if control == "depth" else self.force

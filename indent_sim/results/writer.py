@@ -146,22 +146,22 @@ class ResultFolder:
         """The last equilibria of the run that is continued; an empty one when they are of no use."""
         return checkpoint.read(self.path / CHECKPOINT, identity)
 
-    def finish(self, status: str, exit_code: int, reason: str = "") -> None:
+    def finish(self, error: BaseException | None) -> None:
         """Say how the run ended; the first word counts."""
         if self._status["status"] == "running":
-            self._status = {"status": status, "exit_code": exit_code, "reason": reason}
+            self._status = _ending(error)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.finish(*_ending(error))
+        self.finish(error)
         with uninterrupted():
             try:
                 if self._leaves_nothing():
                     self._claim.drop()
                     return
                 self._claim.give_ballast()
-                if error is None:
+                if self._status["status"] == "done":
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
                 with self._writing() if error is None else suppress(OSError):
                     self._save_report()
@@ -229,14 +229,16 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-def _ending(error: BaseException | None) -> tuple[str, int, str]:
+def _ending(error: BaseException | None) -> dict[str, Any]:
     """Status, exit code and reason after the exception that ends a run."""
     if error is None:
-        return "done", 0, ""
+        return {"status": "done", "exit_code": 0, "reason": ""}
     if isinstance(error, KeyboardInterrupt):
-        return "interrupted", getattr(error, "exit_code", 130), str(error) or "interrupted"
+        code, reason = getattr(error, "exit_code", 130), str(error) or "interrupted"
+        return {"status": "interrupted", "exit_code": code, "reason": reason}
     code = getattr(error, "exit_code", 1)
-    return "failed", code, str(error) if code != 1 else f"{type(error).__name__}: {error}"
+    return {"status": "failed", "exit_code": code,
+            "reason": str(error) if code != 1 else f"{type(error).__name__}: {error}"}  # fmt: skip
 
 
 def _now() -> str:

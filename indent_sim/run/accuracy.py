@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from indent_sim.config.schema import Config
 from indent_sim.model.state import State
-from indent_sim.process.errors import ConfigError, VerificationError
+from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_bars import FORCELESS, RATIOS, Budget, Companion, ErrorBars
 from indent_sim.scene.fineness import MOST, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene
@@ -18,54 +19,48 @@ ATTEMPTS = 6
 LEAST, GREATEST = 1.3, 2.5  # how much finer a next mesh is
 AIM = 1.1  # and how much finer than the estimate says
 
-Result = TypeVar("Result")
 Resolve = Callable[[float | None], Scene]  # the scene with so many elements in a contact radius
 log = logging.getLogger("indent_sim")
 
 
-class AccuracyNotReached(VerificationError):
-    """The error bar is wider than `accuracy` allows.
+@dataclass
+class Attempt:
+    """A scene on one of the meshes on the way to its accuracy."""
 
-    `finer` is the scene to try next, if there is one; `companions` the last runs as companions of this one.
+    scene: Scene
+    tried: tuple[float, ...] = ()  # elements in the contact radius of the attempts before, in turn
+    companions: Sequence[Companion] = ()  # the last of those as companions of this one; none: it makes its own
+    missed: str = ""  # why it is not accurate enough; "" when it is
+    following: Attempt | None = None  # what to try then; None: nothing may help
+
+    def judge(self, resolve: Resolve, states: Sequence[State], bars: ErrorBars) -> None:
+        """Find whether an error bar is wider than the scene's accuracy allows, and what to try then."""
+        found, worst = worst_of(states, bars.budgets)
+        fineness = self.scene.fineness
+        if fineness is None or worst is None or found <= fineness.target:
+            return
+        tried = (*self.tried, fineness.n)
+        finer, end = _finer(resolve, fineness, found, worst, len(tried))
+        if finer is not None and finer.fineness is not None:
+            end = f"refining to {finer.fineness.n:.3g} elements in the contact radius"
+            ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
+            last = [Companion(1.0, states, self.scene), *bars.companions][: len(RATIOS)]
+            self.following = Attempt(finer, tried, [companion.beside(ratio) for companion in last])
+        self.missed = (f"accuracy not reached: the error at step {worst.step} is estimated as {found:.2g} of the "
+                       f"force, {fineness.target:g} is asked for; {end}")  # fmt: skip
+
+
+def attempts(resolve: Resolve, elements: float | None = None, tried: Sequence[float] = ()) -> Iterator[Attempt]:
+    """A scene, and finer and finer ones while the last is judged not to be accurate enough.
+
+    A resumed run begins with the `elements` in the contact radius of its last attempt; `tried` are those before.
     """
-
-    def __init__(self, message: str, finer: Scene | None, companions: Sequence[Companion]):
-        super().__init__(message)
-        self.finer, self.companions = finer, companions
-
-
-def pursue(resolve: Resolve, attempt: Callable[[Scene, Sequence[Companion]], Result]) -> Result:
-    """Attempt a scene, and finer and finer ones until one is accurate enough; each run is the next one's companion.
-
-    Without `accuracy` in the config it is one attempt.
-    """
-    scene: Scene = resolve(None)
-    companions: Sequence[Companion] = ()
-    while True:
-        try:
-            return attempt(scene, companions)
-        except AccuracyNotReached as miss:
-            if miss.finer is None:
-                raise
-            log.info(str(miss))
-            finer = scene.sizes.h_contact / miss.finer.sizes.h_contact
-            companions = [companion.beside(finer) for companion in miss.companions]
-            scene = miss.finer
-
-
-def check(resolve: Resolve, scene: Scene, states: Sequence[State], bars: ErrorBars, attempts: int) -> None:
-    """AccuracyNotReached when an error bar is wider than the scene's accuracy allows."""
-    fineness = scene.fineness
-    if fineness is None:
-        return
-    found, worst = worst_of(states, bars.budgets)
-    if found <= fineness.target or worst is None:
-        return
-    said = f"accuracy not reached: the error at step {worst.step} is estimated as {found:.2g} of the force, "
-    said += f"{fineness.target:g} is asked for"
-    finer, why = _finer(resolve, fineness, found, worst, attempts)
-    end = f"refining to {finer.fineness.n:.3g} elements in the contact radius" if finer and finer.fineness else why
-    raise AccuracyNotReached(f"{said}; {end}", finer, [Companion(1.0, states, scene), *bars.companions][: len(RATIOS)])
+    attempt: Attempt | None = Attempt(resolve(elements), tuple(tried))
+    while attempt is not None:
+        yield attempt
+        if attempt.following is not None:
+            log.info(attempt.missed)
+        attempt = attempt.following
 
 
 def unjudged(scene: Scene, states: Sequence[State], bars: ErrorBars) -> list[str]:

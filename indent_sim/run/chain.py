@@ -11,14 +11,13 @@ from indent_sim.mesh import gmsh
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import ERRORS, State
 from indent_sim.model.tips import Indenter
-from indent_sim.model.units import scaled
-from indent_sim.process.errors import BackendError, ConfigError
+from indent_sim.process.errors import BackendError, ConfigError, VerificationError
 from indent_sim.process.limits import spent
 from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
 from indent_sim.results.reader import checked_report, earlier_run, lost_files
-from indent_sim.run.accuracy import check, entry, pursue, refuse_other_bars, unjudged
+from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, resolved
@@ -59,9 +58,8 @@ def simulate(
 
     comm = comm if comm is not None else _alone()
     target = Path(directory or config.output.directory or "results/run")
-    attempt = Attempt(config, comm, target, progress, resume, error_bars)
     try:
-        outcome = pursue(attempt.resolve, attempt)
+        outcome = Run(config, comm, target, progress, resume, error_bars).outcome()
     except ConfigError as error:
         raise located(config, error) from None
     if config.output.plot:
@@ -69,30 +67,36 @@ def simulate(
     return outcome
 
 
-class Attempt:
+class Run:
     """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
 
     def __init__(self, config: Config, comm: Any, target: Path, progress: Progress | None, resume: bool, bars: bool):
         self.config, self.comm, self.target, self.progress = config, comm, target, progress
-        self.clock, self.count = Clock(), 0
+        self._resume, self._clock = resume, Clock()
         self._before = comm.bcast(on_root(comm, checked_report, target)) if resume else {}
-        self._resume = resume
-        self._tried: list[float] = list((self._before.get("accuracy") or {}).get("tried", []))  # elements, in turn
         self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
 
-    def resolve(self, elements: float | None = None) -> Scene:
-        """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
-        with self.clock.stage("resolve"):
-            return resolve(self.config, elements or (self._before.get("accuracy") or {}).get("elements"))
+    def outcome(self) -> Outcome:
+        """What the last attempt came to; VerificationError when it is not as accurate as asked for."""
+        known = self._before.get("accuracy") or {}
+        for attempt in attempts(self._resolved, known.get("elements"), known.get("tried", ())):
+            outcome = self._outcome(attempt)
+        if attempt.missed:
+            raise VerificationError(attempt.missed)
+        return outcome
 
-    def __call__(self, scene: Scene, companions: Sequence[Companion]) -> Outcome:
-        """Simulate a scene, with its error bars against companions; without any it makes its own."""
+    def _resolved(self, elements: float | None) -> Scene:
+        """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
+        with self._clock.stage("resolve"):
+            return resolve(self.config, elements)
+
+    def _outcome(self, attempt: Attempt) -> Outcome:
+        """Simulate an attempt, with its error bars, and judge it."""
         from indent_sim.config.file import to_yaml
 
-        config, decided = self.config, resolved(self.config, scene)
-        resume = self._resume and self.count == 0
-        self.count += 1
+        config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
+        resume = self._resume and not attempt.companions  # only the first one
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, config.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
@@ -104,16 +108,17 @@ class Attempt:
                               "auto": left_open(config, decided)},
                         warnings=list(scene.warnings), ranks=self.comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
-            bars = self._bars(scene, companions) if self._with_bars else None
+            bars = self._bars(attempt) if self._with_bars else None
             if bars is not None:
-                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness, self._tried))
-            simulation = Simulation(config, scene, record, self.clock, bars)
+                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness, attempt.tried))
+            simulation = Simulation(config, scene, record, self._clock, bars)
             states = simulation.follow(self.progress)
             simulation.release()
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))
-                self._tried += [scene.fineness.n] if scene.fineness else []
-                check(self.resolve, scene, states, bars, len(self._tried))
+                attempt.judge(self._resolved, states, bars)
+            if attempt.missed:
+                record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
     def _errors(self, scene: Scene) -> tuple[str, ...]:
@@ -122,19 +127,19 @@ class Attempt:
             return ()
         return ERRORS if scene.path.control == "force" else tuple(name for name in ERRORS if name != "delta_error")
 
-    def _bars(self, scene: Scene, companions: Sequence[Companion]) -> ErrorBars:
-        with self.clock.stage("imports"):
+    def _bars(self, attempt: Attempt) -> ErrorBars:
+        with self._clock.stage("imports"):
             backend()
-        with self.clock.stage("companions"):
-            companions = companions or self._companions(scene)
+        with self._clock.stage("companions"):
+            companions = attempt.companions or self._companions(attempt)
             own = companions[0].scene
             soft = self._curve(softer(own)) if own is not None and isinstance(own.contact, Penalty) else None
-            return ErrorBars(scene, companions, soft)
+            return ErrorBars(attempt.scene, companions, soft)
 
-    def _companions(self, scene: Scene) -> list[Companion]:
-        """Runs beside the first of this call; those of a resumed one begin with its earlier attempts, as before."""
-        earlier = [self.resolve(elements) for elements in reversed(self._tried)]
-        return [Companion(ratio, self._curve(other), other) for ratio, other in beside(scene, earlier)]
+    def _companions(self, attempt: Attempt) -> list[Companion]:
+        """Runs beside the first attempt; those of a resumed one begin with its earlier attempts, as before."""
+        earlier = [self._resolved(elements) for elements in reversed(attempt.tried)]
+        return [Companion(ratio, self._curve(other), other) for ratio, other in beside(attempt.scene, earlier)]
 
     def _curve(self, scene: Scene) -> list[State]:
         """The states of a scene without surface tables; what one failed to reach is missing."""
@@ -166,7 +171,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     """
     fe = backend()
     comm = comm if comm is not None else _alone()
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
     for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
         yield state.in_units(scene.scales)
     fe.release(mesh)
@@ -197,10 +202,10 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        L, P = self.scene.scales.length, self.scene.scales.pressure
+        L = self.scene.scales.length
         changes: dict[str, Any] = {}
         if indenter is not None:
-            changes["indenter"] = scaled(indenter, L, P)
+            changes["indenter"] = self.scene.scales.scaled(indenter)
         if deltas is not None:
             changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
         if forces is not None:
@@ -223,7 +228,8 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
     comm = comm or MPI.COMM_SELF
-    return CondensedBody(scene, fe.equilibrium(scene, fe.distribute(on_root(comm, gmsh.build, scene), scene, comm)))
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
+    return CondensedBody(scene, fe.equilibrium(scene, mesh))
 
 
 def warm_up() -> None:

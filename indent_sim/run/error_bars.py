@@ -100,7 +100,7 @@ class Budget:
 def coarser(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     sizes = scene.sizes
-    height = scene.extent[-1][1] - scene.extent[-1][0]
+    height = scene.part.height
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
     edge = sizes.h_edge and min(ratio**RATE * sizes.h_edge, fine)
@@ -138,14 +138,14 @@ class ErrorBars:
     def __init__(self, scene: Scene, companions: Sequence[Companion], soft: Sequence[State] | None = None):
         self.budgets: list[Budget] = []
         self.companions = companions
-        self._truncation = scene.prediction.get("truncation_error", 0.0)
+        self._truncation = sum(doubt.force_error for doubt in scene.doubts if doubt.key == "truncation")
         self._sizes, self._scales = scene.sizes, scene.scales
         self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
         self._is_nitsche = isinstance(scene.contact, Nitsche)
         self._is_rounded = getattr(scene.indenter, "edge_radius", 0.0) > 0
-        self._oracle = scene.oracle if scene.oracle and scene.oracle.exact and scene.gap == "reference" else None
+        self._theory = scene.exact_theory
         self._finds_depths = scene.path.control == "force"
-        self._dim, self._creases = scene.kinematics.dim, scene.indenter.creases()
+        self._dim, self._creases = scene.part.kinematics.dim, scene.indenter.creases()
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
         beside = companions[0].scene or scene
@@ -265,9 +265,9 @@ class ErrorBars:
 
     def _from_theory(self, state: State) -> float:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
-        if self._oracle is None or state.delta <= 0:
+        if self._theory is None or state.delta <= 0:
             return 0.0
-        solution = self._oracle.at(state.delta / self._scales.length)
+        solution = self._theory.at(state.delta / self._scales.length)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _enforcement(self, step: int) -> float:

@@ -13,11 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import isfinite, isnan
 
-from indent_sim.model import stability
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
-from indent_sim.scene.doubts import force_doubt
-from indent_sim.scene.expected import penalty_loss
+from indent_sim.scene.doubts import force_doubt, penalty_loss
 from indent_sim.scene.given import end_of_sides
 from indent_sim.scene.scene import Scene
 from indent_sim.theory.solution import Solution
@@ -124,7 +122,7 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    fall = LINEAR_FALL if scene.material.small_strain and scene.gap == "reference" else FALL
+    fall = LINEAR_FALL if scene.small_strain and scene.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
     deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
@@ -139,15 +137,15 @@ def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
 def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
     delta, unit = state.delta / scene.scales.length, scene.scales.force
-    solution = scene.oracle.at(delta) if scene.oracle else None
-    if scene.oracle is None or solution is None or solution.force <= 0:
+    solution = scene.theory.at(delta) if scene.theory else None
+    if scene.theory is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force * unit
     lowest, highest = _range(scene, solution)
-    said = f"the force is {state.force:.6g}, and {scene.oracle.name}"
+    said = f"the force is {state.force:.6g}, and {scene.theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
         return f"{said} expects {expected:.6g}"
-    if not _is_theorys_problem(scene) or state.force_error is None or isnan(state.force_error):
+    if not scene.exact_theory or state.force_error is None or isnan(state.force_error):
         return None
     if abs(state.force - expected) <= state.force_error + DIGITS * expected:
         return None
@@ -181,24 +179,18 @@ def _bar(state: State) -> float:
 
 def _may_soften(scene: Scene) -> bool:
     """Whether the law is no longer stable at the strains to expect: then a force may fall."""
-    a, deepest = scene.prediction["a"] / scene.scales.length, max(scene.deltas)
-    return bool(stability.doubts(scene.material, stability.reach(scene.indenter, a, deepest, scene.body.height)))
-
-
-def _is_theorys_problem(scene: Scene) -> bool:
-    """Whether this run's equations are theory's own."""
-    return scene.oracle is not None and scene.oracle.exact and scene.material.small_strain and scene.gap == "reference"
+    return any(doubt.key == "stability" for doubt in scene.doubts)
 
 
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
-    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.material.constants[1])
-    left = 1 - penalty_loss(scene.contact, scene.material, scene.oracle, theory.delta, theory.a)
-    if _is_theorys_problem(scene):
+    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.material.constants.nu)
+    left = 1 - penalty_loss(scene.contact, scene.material, scene.theory, theory.delta, theory.a)
+    if scene.exact_theory:
         return left / (EXACT * coarse), EXACT * coarse
     if not _feels_a_half_space(scene, theory.a):
         return 0.0, float("inf")
-    may_stiffen = not scene.material.small_strain and theory.delta > SHALLOW * theory.a
+    may_stiffen = not scene.small_strain and theory.delta > SHALLOW * theory.a
     return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse
 
 

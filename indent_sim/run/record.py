@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from indent_sim.model.state import State
+from indent_sim.process.errors import IndentSimError
 from indent_sim.process.ranks import on_root
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.reader import Earlier
@@ -69,6 +70,11 @@ class Record:
         """Add entries to run.json."""
         if self._folder is not None:
             self._folder.report.update(entries)
+
+    def fail(self, error: IndentSimError) -> None:
+        """Say that the run has failed, though all of its rows are there."""
+        if self._folder is not None:
+            self._folder.finish(error)
 
     def warn(self, *warnings: str) -> None:
         """Add warnings to those of run.json."""

@@ -7,7 +7,6 @@ from typing import Any
 
 from indent_sim.config.file import to_mapping
 from indent_sim.config.schema import Config
-from indent_sim.model.units import rounded
 from indent_sim.scene.scene import Scene
 
 OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
@@ -16,8 +15,8 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
-        "material": _decided(config.material, formulation=scene.formulation),
-        "center": config.center or config.body.centre,
+        "material": _decided(config.material, formulation=scene.part.regions[0].formulation),
+        "center": config.center or config.body.center,
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
         "accuracy": None,
@@ -47,7 +46,7 @@ def _decided(section: Any, **found: Any) -> Any:
 def _mesh(config: Config, scene: Scene) -> Any:
     sizes, L = scene.sizes, scene.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
-                    symmetry=scene.symmetry)  # fmt: skip
+                    symmetry=scene.part.symmetry)  # fmt: skip
     if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name in OWN if (length := getattr(sizes, name))}
@@ -55,8 +54,6 @@ def _mesh(config: Config, scene: Scene) -> Any:
 
 
 def _contact(config: Config, scene: Scene) -> Any:
-    law = type(scene.contact)
-    given = config.contact if isinstance(config.contact, law) else law()
-    own = rounded(getattr(scene.contact, "stiffness", 0.0) * scene.scales.pressure / scene.scales.length)
-    stiffness = {name: own for name in ("epsilon_n", "gamma") if hasattr(given, name)}
-    return _decided(dataclasses.replace(given, gap=config.contact.gap), gap=scene.gap, **stiffness)
+    law = scene.scales.unscaled(scene.contact)
+    given = config.contact if isinstance(config.contact, type(law)) else type(law)(gap=config.contact.gap)
+    return _decided(given, **vars(law) | {"gap": scene.gap})

@@ -51,12 +51,12 @@ class Simulation:
 
     def _assemble(self) -> None:
         record, scene, clock = self.record, self.scene, self.clock
-        answer: Any = on_root(record.comm, gmsh.begin, scene)  # it is meshed while the libraries load
+        answer: Any = on_root(record.comm, gmsh.begin, scene.part, scene.sizes)  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
             grid = on_root(record.comm, answer)
-            self._mesh = mesh = fe.distribute(grid, scene, record.comm)
+            self._mesh = mesh = fe.distribute(grid, scene.part, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)

@@ -8,8 +8,8 @@ import numpy as np
 
 from indent_sim.model.state import State
 from indent_sim.process.usage import peak_memory
-from indent_sim.scene.expected import half_space_depth, half_space_force
 from indent_sim.scene.scene import Scene
+from indent_sim.scene.theories import Theory, half_space_depth, half_space_force
 from indent_sim.theory.solution import Solution
 
 POINTS = 50  # of the theory curve that is kept for the plot
@@ -51,22 +51,23 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
     """
     pushed = [state for state in states if state.delta > 0]
-    if scene.oracle is None or not pushed:
+    theory = scene.theory
+    if theory is None or not pushed:
         return None
     deepest = max(pushed, key=lambda state: state.delta)
     L, F = scene.scales.length, scene.scales.force
-    solution = _theory_beside(scene, deepest)
+    solution = _theory_beside(scene, theory, deepest)
     if solution is None:
         return None
     depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)]
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
     if scene.path.control == "force":
         found = {"delta_deviation": deepest.delta / (solution.delta * L) - 1}
-    curve = scene.oracle.curve(depths) or []
+    curve = theory.curve(depths) or []
     return {
-        "name": scene.oracle.name,
-        "exact": not _difference(scene),
-        "why": "; ".join(_difference(scene)) or scene.oracle.why,
+        "name": theory.name,
+        "exact": not scene.differences,
+        "why": "; ".join(scene.differences) or theory.why,
         "delta": solution.delta * L,
         "force": solution.force * F,
         "a": solution.a * L,
@@ -81,25 +82,13 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     }
 
 
-def _theory_beside(scene: Scene, state: State) -> Solution | None:
+def _theory_beside(scene: Scene, theory: Theory, state: State) -> Solution | None:
     """Theory at the state's depth, or, where forces are prescribed, at its force."""
-    assert scene.oracle is not None
     delta, height = state.delta / scene.scales.length, scene.body.height
     if scene.path.control == "depth":
-        return scene.oracle.at(delta)
-    found = scene.oracle.depth(state.force / scene.scales.force, delta, height)
-    return scene.oracle.at(found) if found is not None and found < height else None
-
-
-def _difference(scene: Scene) -> tuple[str, ...]:
-    """What this run's problem has that theory's has not; empty when they are one."""
-    assert scene.oracle is not None
-    parts = (
-        (not scene.material.small_strain, "strain is finite, theory's small"),
-        (scene.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
-        (not scene.oracle.exact, scene.oracle.why),
-    )
-    return tuple(why for applies, why in parts if applies)
+        return theory.at(delta)
+    found = theory.depth(state.force / scene.scales.force, height)
+    return theory.at(found) if found is not None and found < height else None
 
 
 def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:

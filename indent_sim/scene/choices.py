@@ -15,9 +15,10 @@ from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, r
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
-from indent_sim.scene.expected import TELLING, oracle, penalty_loss
+from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Premises
+from indent_sim.scene.given import Given
+from indent_sim.scene.theories import layer_theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -26,9 +27,7 @@ if TYPE_CHECKING:
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
-STIFFEST = 1e3  # E*/h of a penalty that the program chooses: beyond it the pressures oscillate
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
-MOST_COMPRESSED = 0.49999  # beyond it a displacement element's matrix loses its digits
 
 
 @dataclass(frozen=True)
@@ -40,34 +39,30 @@ class Choice:
     why: str
 
 
-def model(given: Premises) -> list[Choice]:
+def model(given: Given) -> list[Choice]:
     """What of the body is modelled, and how."""
-    material, reduction = given.material, given.reduction
+    material, part = given.material, given.part
     body = f"{given.body.shape}, height {given.scales.length:.4g}"
     strain = ("small", "the material is linear elastic") if material.small_strain else ("finite", "it is hyperelastic")
     return [
         *([Choice("body", body, given.truncation.why)] if given.truncation else []),
-        Choice("symmetry", reduction.symmetry, reduction.why),
-        Choice("kinematics", reduction.kinematics.name, reduction.kinematics.why),
+        Choice("symmetry", part.symmetry, given.part_why),
+        Choice("kinematics", part.kinematics.name, part.kinematics.why),
         Choice("strain", *strain),
         *([Choice("control", "force", FORCE_WHY)] if given.path.control == "force" else []),
-        *([Choice("pins", len(reduction.pins), PINS_WHY)] if reduction.pins else []),
+        *([Choice("pins", len(part.pins), PINS_WHY)] if part.pins else []),
     ]
 
 
-def formulation(material: Material) -> tuple[str, Choice]:
-    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
-    (_, nu), wanted = material.constants, material.formulation
-    chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
-    if chosen == "displacement" and nu > MOST_COMPRESSED:
-        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
-    if chosen == "mixed" and nu <= 0:
-        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
-    why = "as given" if wanted != "auto" else f"nu = {nu:g} {'>=' if chosen == 'mixed' else '<'} {LOCKING:g}"
-    return chosen, Choice("material.formulation", chosen, why)
+def formulation(given: Given) -> Choice:
+    """Displacements alone, or with a pressure."""
+    (region,), nu = given.part.regions, given.material.constants.nu
+    sign = ">=" if region.formulation == "mixed" else "<"
+    why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
+    return Choice("material.formulation", region.formulation, why)
 
 
-def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
+def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
     """Where the gap is tested, at the undeformed or the deformed point.
 
     ConfigError for a gap at the deformed point that has no answer: a body that slides away, a needle.
@@ -80,7 +75,7 @@ def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
             "indenter", f"the depth is {given.deepest / end:.3g} times the radius at which the tip ends: gap: current "
             "cannot tell how a body gives way to such a needle", "give both in the same unit of length",
         )  # fmt: skip
-    if chosen == "current" and given.reduction.pins:
+    if chosen == "current" and given.part.pins:
         raise ConfigError(
             "contact.gap", "'current' pushes sideways, and nothing holds this body there (roller base, free sides)",
             "fix the base, hold a side, use gap: reference, or put the tip in the middle and use symmetry",
@@ -91,7 +86,7 @@ def gap(wanted: Contact, given: Premises) -> tuple[str, Choice]:
     return chosen, Choice("contact.gap", chosen, why)
 
 
-def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
+def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
         kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
@@ -100,16 +95,18 @@ def contact(wanted: Contact, given: Premises, sizes: Sizes, fineness: Fineness |
     name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
     if name is None:
         return kind(), Choice("contact", kind().method, why)
-    auto, in_users = getattr(wanted, name, "auto") == "auto", given.scales.pressure / given.scales.length
-    stiffness = rounded(_stiffness(kind, given, sizes, fineness) * in_users) if auto else getattr(wanted, name)
-    value, unit = stiffness / in_users, given.material.E_star / sizes.h_contact
-    _refuse_soft(kind, name, value / unit, unit * in_users)
+    scales, unit = given.scales, given.material.E_star / sizes.h_contact
+    value: Any = getattr(scales.scaled(wanted), name, "auto")
+    source = f"{name} {'auto' if value == 'auto' else 'as given'}"
+    if value == "auto":
+        value = rounded(_stiffness(kind, given, sizes, fineness))
+    _refuse_soft(kind, name, value / unit, unit * scales.stiffness)
     law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
-    source = f"{name} {'auto' if auto else 'as given'}: {value / unit:.3g} E*/h_contact"
-    return law, Choice("contact", f"{law.method}, {name} = {stiffness:.6g}", f"{why}; {source}")
+    why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
+    return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
-def _stiffness(kind: Any, given: Premises, sizes: Sizes, fineness: Fineness | None) -> float:
+def _stiffness(kind: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
     unit = given.material.E_star / sizes.typical
     usual = float(kind.auto_multiple * unit)
@@ -165,7 +162,7 @@ def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes:
     return Choice("solver.method", wanted, "as given")
 
 
-def mesh(config: Config, given: Premises, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
+def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
     """The element sizes, and where each comes from."""
     L, a, wanted = given.scales.length, given.a, config.mesh
     per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
@@ -221,7 +218,7 @@ def blunted(tip: Indenter, a: float, body: Body, material: Material, center: tup
 
 
 def _force(tip: Indenter, body: Body, material: Material, center: tuple[float, ...], delta: float) -> float | None:
-    theory = oracle(body, material, tip, center)
+    theory = layer_theory(body, material, tip, center)
     with contextlib.suppress(ArithmeticError):
         solution = theory.at(delta) if theory and delta > 0 else None
         return solution.force if solution else None

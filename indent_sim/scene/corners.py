@@ -9,10 +9,10 @@ h^(2 lambda) (Williams 1952, J. Appl. Mech. 19, 526). Elements that grow with th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, hypot
+from math import exp
 
+from indent_sim.mesh.part import Part
 from indent_sim.model.units import rounded
-from indent_sim.scene.reduction import Reduction
 
 POWER = 1.2  # 2 lambda
 # Relative error of the force with elements of the size h at a corner at the distance d: FELT (2 nu)^2 (h/d)^POWER, at
@@ -47,20 +47,16 @@ class Corner:
         return min(singular, self.distance / n) if self.is_near else singular
 
 
-def corners(reduction: Reduction, center: tuple[float, ...], a: float, nu: float, sharp: bool) -> list[Corner]:
+def corners(part: Part, center: tuple[float, ...], a: float, nu: float, sharp: bool) -> list[Corner]:
     """Corners that a contact of the radius a [length] may feel; in three dimensions the points of edges next to it.
 
     sharp: the contact ends at a punch's edge, which has a size of its own.
     """
-    supports, (bottom, top) = reduction.supports, reduction.extent[-1]
-    distances = {"r_max": reduction.extent[0][1] - hypot(*center)}
-    for axis, c, (low, high) in zip("xy", center, reduction.extent[:-1], strict=False):
-        distances |= {f"{axis}_min": c - low, f"{axis}_max": high - c}
     return [
         corner
-        for side, distance in distances.items()
-        if side in supports and (r := rounded(distance)) > 0  # 0: a mirror plane
-        for corner in _beside(r, top - bottom, a, nu, sharp, supports["base"], supports[side])
+        for surface, r in part.distances(center).items()
+        if rounded(r) > 0  # 0: a mirror plane
+        for corner in _beside(rounded(r), part.height, a, nu, sharp, part.supports["base"], part.supports[surface])
     ]
 
 

@@ -12,6 +12,7 @@ from math import pi
 
 import numpy as np
 
+from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 
 CELLS = {2: 2.63, 3: 5.8}  # per size^dim
@@ -57,15 +58,13 @@ class Cost:
         return replace(self, seconds=self.seconds + COMPANIONS * (self.seconds - START))
 
 
-def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], work: Work,
-         *, is_round: bool = False) -> Cost:  # fmt: skip
-    """Predict what a scene will cost; `is_round`: the extent is that of a cylinder in three dimensions."""
-    dim = len(extent)
-    cells = _cells(sizes, extent, center, is_round)
+def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
+    """Predict what a scene will cost."""
+    dim, cells = part.dim, _cells(sizes, part)
     dofs = cells * (NODES[dim] * dim + (VERTICES[dim] if work.mixed else 0.0))
     memory = PROCESS + (6e3 * dofs if dim == 2 else 900.0 * dofs**1.25)
     if work.method == "condensed":
-        n = candidates(sizes, extent, center)
+        n = candidates(sizes, part)
         memory += DENSE * n**2
         solve = _condensed(dim, n, dofs, work)
     else:
@@ -73,24 +72,22 @@ def cost(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[fl
     return Cost(cells, dofs, float(memory), float(START + 3e-5 * cells + solve))
 
 
-def _cells(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...], is_round: bool) -> float:
-    dim, sectors = len(extent), _sectors(extent, center)
-    height = extent[-1][1] - extent[-1][0]
-    reach = [max(abs(end - c) for end in ends) for ends, c in zip(extent[:-1], center, strict=False)]
-    area = float(np.prod([high - low for low, high in extent[:-1]])) * (pi / 4 if is_round else 1.0)
-    r_max = float(max(reach)) if dim == 2 else float(np.sqrt(area * 4 / pi / sectors))
+def _cells(sizes: Sizes, part: Part) -> float:
+    dim, sectors, height = part.dim, _sectors(sizes, part), part.height
+    reach = max(abs(end - sizes.axis[0]) for end in part.extent[0])
+    r_max = reach if dim == 2 else float(np.sqrt(part.area * 4 / pi / sectors))
     r, wr = _log_grid(r_max, sizes.smallest)
     z, wz = _log_grid(height, sizes.smallest)
     density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
     return CELLS[dim] * float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
 
 
-def candidates(sizes: Sizes, extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
+def candidates(sizes: Sizes, part: Part) -> float:
     """How many nodes of the surface may come into contact: the order of a condensed body's dense matrices."""
-    dim = len(extent)
+    dim = part.dim
     r, wr = _log_grid(sizes.patch + CANDIDATES * sizes.h_contact, sizes.smallest)
     size = sizes.at(r, np.zeros_like(r)) ** (dim - 1)
-    return ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(extent, center)) * wr / size).sum())
+    return ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(sizes, part)) * wr / size).sum())
 
 
 def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
@@ -109,9 +106,9 @@ def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
     return pi / 2 * sectors * r if dim == 3 else np.full_like(r, sectors)
 
 
-def _sectors(extent: tuple[tuple[float, float], ...], center: tuple[float, ...]) -> float:
+def _sectors(sizes: Sizes, part: Part) -> float:
     """Quarters of a full turn about the tip's axis that the modelled part contains; sides in two dimensions."""
-    return float(np.prod([_sides(ends, c) for ends, c in zip(extent[:-1], center, strict=False)]))
+    return float(np.prod([_sides(ends, c) for ends, c in zip(part.extent[:-1], sizes.axis, strict=False)]))
 
 
 def _sides(ends: tuple[float, float], c: float) -> float:

@@ -2,25 +2,150 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
 
 from indent_sim.mesh.sizes import ENOUGH, Sizes
 from indent_sim.model import stability
-from indent_sim.model.body import Body
+from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
-from indent_sim.model.tips import Indenter, Paraboloid
-from indent_sim.scene.expected import (
-    SEVERAL,
-    SMALL,
-    TELLING,
-    Oracle,
-    characteristic_strain,
-    half_space_force,
-    has_several_equilibria,
-    penalty_loss,
-)
-from indent_sim.scene.sizing import HARDLY
+from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
+from indent_sim.scene.given import Given
+from indent_sim.scene.theories import Theory, half_space_force
+
+TELLING = 0.005  # of the force: a smaller error is not worth a warning
+UNRESOLVED = 0.02  # of the force: a contact in less than two elements
+STIFFEST = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
+ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
+SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
+SEVERAL = 0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
+ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
+HARDLY = 0.45  # Poisson ratio from which a body is said to hardly compress
+MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
+DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
+STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason not to trust the force, in words, and the relative error of the last row's force that it stands for.
+
+    words: empty where the error is too small to be worth any. force_error: 0 where it is not known.
+    """
+
+    key: str
+    words: str
+    force_error: float = 0.0
+
+
+def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt, ...]:
+    """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
+    if given.deepest <= 0:
+        return (Doubt("no_contact", "the tip never reaches the body: every depth is <= 0"),)
+    of_model = (*_of_model(given), *_of_tip(given, gap))
+    return (*of_model, *_of_contact(given, law, gap, sizes), *_of_mesh(given, sizes), *_of_truncation(given))
+
+
+def _of_model(given: Given) -> Iterator[Doubt]:
+    """Where the scene needs more than was asked for."""
+    body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
+    nu, (strain, formula) = material.constants.nu, characteristic_strain(tip, delta, a)
+    if material.small_strain and strain > SMALL:
+        yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
+    if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
+        words = "depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid"
+        yield Doubt("paraboloid", words)
+    if material.small_strain and delta > 0.1 * body.height:
+        share = f"depth is {delta / body.height:.0%} of the thickness"
+        yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
+    if a > 0.8 * body.rim_distance(given.center):
+        yield Doubt("rim", "the contact comes close to the edge of the body")
+    if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
+        yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
+    for words in stability.instabilities(material, stability.largest_strain(tip, a, delta, body.height)):
+        yield Doubt("stability", words)
+    solution = given.solution(delta) if body.shape != "strip" else None
+    closed = half_space_force(tip, delta, material.E_star)
+    if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
+        why = "does not apply: for a contact this large the body is not thick enough"
+        yield Doubt("half_space", f"{closed[0]}, half-space, {why}")
+
+
+def _of_tip(given: Given, gap: str) -> Iterator[Doubt]:
+    """That a tip ends inside the contact, and what the model makes of it."""
+    tip, delta, end = given.tip, given.deepest, reach(given.tip)
+    is_beyond = given.a >= end or (isinstance(tip, Sphere) and delta > end)
+    if isinstance(tip, FlatPunch) or not is_beyond:
+        return
+    words = "deeper than the profile is high: the body may slip around its end"
+    if gap == "reference":
+        words = "deeper than the tip has a shape: where it ends the contact ends like under a punch"
+    elif isinstance(tip, Sphere):
+        words = f"deeper than the ball's radius: it is whole but for a stem within {STEM:g} degrees of its top"
+    yield Doubt("tip_end", words)
+    if delta > ABSURD * end:
+        times = f"the depth is {delta / end:.3g} times the radius at which the tip ends"
+        yield Doubt("units", f"{times}: are both in one unit?")
+
+
+def _of_contact(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> Iterator[Doubt]:
+    """What the contact method, and a stiffness given in the config, do to the answer."""
+    material, theory = given.material, given.theory
+    # nodal pressures on a deformed surface
+    if gap == "current" and law.multiplier == "nodal":
+        words = (f"{law.method} with gap: current: several sets of nodes may be in equilibrium, which one is found "
+                 f"depends on the steps, and their forces differ by {in_words(SEVERAL)}")  # fmt: skip
+        yield Doubt("several_equilibria", words, SEVERAL)
+    stiffest = (1 + ROUNDING) * STIFFEST * material.E_star / sizes.h_contact
+    if isinstance(law, Penalty | Nitsche) and law.stiffness > stiffest:
+        yield Doubt("stiffness", "a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
+    if isinstance(law, Penalty):
+        lost, at_last = _deepest_and_last(given, lambda delta, a: penalty_loss(law, material, theory, delta, a))
+        words = f"the force is up to {100 * lost:.2g} % too low at this epsilon_n"
+        yield Doubt("penalty", f"penalty: the tip sinks into the body, {words}" if lost >= TELLING else "", at_last)
+
+
+def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
+    """What coarse elements will do to the results.
+
+    Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: a is wrong by up to 5 %.
+    """
+    if sizes.corner_error >= TELLING:
+        words = ("coarse elements at corners that the contact feels: the force may be too high by up to "
+                 f"{in_words(sizes.corner_error)}; use smaller sizes everywhere, or leave them to the program")
+        yield Doubt("corners", words, sizes.corner_error)
+    nu, a = given.material.constants.nu, given.a
+    likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
+    shallowest = given.radius(min(delta for delta in given.deltas if delta > 0))
+    words = ""
+    if sizes.edge is not None and sizes.h_edge is not None and likely >= TELLING:
+        words = (f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge: the force may be too low by "
+                 f"{in_words(likely)}; give a smaller h_contact or h_edge")  # fmt: skip
+    elif not sizes.is_enough(a):
+        words = (f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
+                 f"{in_words(likely)}, a by up to 5 %; give h_contact at most {1 / ENOUGH:.2g} of the contact radius")
+    elif not sizes.is_enough(shallowest) and (there := force_doubt(sizes, shallowest, nu)) >= UNRESOLVED:
+        words = (f"the elements suit the deepest contact; at the shallowest only {shallowest / sizes.h_contact:.2g} of "
+                 f"them are in the contact radius, and the force there may be wrong by {in_words(there)}")  # fmt: skip
+    if words or at_last:
+        yield Doubt("elements", words, at_last)
+
+
+def _of_truncation(given: Given) -> Iterator[Doubt]:
+    """That a finite body stands for the half-space."""
+    if given.truncation:
+        yield Doubt("truncation", "", given.truncation.error)
+
+
+def _deepest_and_last(given: Given, error: Callable[[float, float], float]) -> tuple[float, float]:
+    """A relative error(depth, contact radius) at the deepest contact and at the last row, where there is contact."""
+    last = given.deltas[-1]
+    known = {delta: error(delta, given.radius(delta)) for delta in {given.deepest, last} if delta > 0}
+    return known[given.deepest], known.get(last, 0.0)
 
 
 def in_words(error: float) -> str:
@@ -28,83 +153,27 @@ def in_words(error: float) -> str:
     if error >= 1:
         return "more than there is of it"
     return "tens of per cent" if error >= 0.2 else f"about {100 * error:.1g} %"
-UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 
 
-def warnings_of(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], delta: float, a: float,
-                theory: Oracle | None, formulation: str) -> list[str]:  # fmt: skip
-    """Where the scene needs more than was asked for, a sentence each."""
-    if delta <= 0:
-        return ["the tip never reaches the body: every depth is <= 0"]
-    warnings = []
-    strain, formula = characteristic_strain(tip, delta, a)
-    if material.small_strain and strain > SMALL:
-        warnings.append(f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
-    if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
-        warnings.append("depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid")
-    if material.small_strain and delta > 0.1 * body.height:
-        warnings.append(f"depth is {delta / body.height:.0%} of the thickness: small strain is no longer a good model")
-    if a > 0.8 * body.rim_distance(center):
-        warnings.append("the contact comes close to the edge of the body")
-    if formulation == "displacement" and material.constants[1] >= LOCKING:
-        warnings.append(
-            f"nu = {material.constants[1]:g} with displacement elements: pressures oscillate, forces are too high"
-        )
-    warnings += stability.doubts(material, stability.reach(tip, a, delta, body.height))
-    return warnings + _half_space_warning(tip, material, delta, theory, body)
+def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float, str]:
+    """The strain beside a contact and the formula that gave it.
 
-
-def stated_error(contact: ContactLaw, gap: str, material: Material, sizes: Sizes, theory: Oracle | None, delta: float,
-                 a: float) -> float:  # fmt: skip
-    """The relative error of the force at a depth that the program warns of; 0 when it knows of none."""
-    if delta <= 0:
-        return 0.0
-    several = SEVERAL if has_several_equilibria(contact, gap) else 0.0
-    return several + penalty_loss(contact, material, theory, delta, a) + force_doubt(sizes, a, material.constants[1])
-
-
-def shallow_doubts(sizes: Sizes, material: Material, deltas: Sequence[float], radius: Callable[[float], float]
-                   ) -> list[str]:  # fmt: skip
-    """That the shallowest contact is smaller than an element, when the deepest one is not."""
-    inside = [delta for delta in deltas if delta > 0]
-    a = radius(min(inside)) if inside else 0.0
-    if not inside or sizes.is_enough(a) or not sizes.is_enough(radius(max(inside))):
-        return []
-    doubt = force_doubt(sizes, a, material.constants[1])
-    if doubt < UNRESOLVED:
-        return []
-    return [
-        f"the elements suit the deepest contact; at the shallowest only {a / sizes.h_contact:.2g} of them are in the "
-        f"contact radius, and the force there may be wrong by {in_words(doubt)}"
-    ]
-
-
-def contact_warnings(contact: ContactLaw, gap: str, material: Material, sizes: Sizes, theory: Oracle | None,
-                     delta: float, a: float) -> list[str]:  # fmt: skip
-    """What the contact method, and a stiffness given in the config, do to the answer at the deepest contact."""
-    doubts, sinking = [], penalty_loss(contact, material, theory, delta, a)
-    if has_several_equilibria(contact, gap):
-        doubts.append(f"{contact.method} with gap: current: several sets of nodes may be in equilibrium, which one is "
-                      f"found depends on the steps, and their forces differ by {in_words(SEVERAL)}")  # fmt: skip
-    if isinstance(contact, (Penalty, Nitsche)) and contact.stiffness > 1e3 * material.E_star / sizes.h_contact:
-        doubts.append("a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
-    if sinking >= TELLING:
-        lost = f"the force is up to {100 * sinking:.2g} % too low at this epsilon_n"
-        doubts.append(f"penalty: the tip sinks into the body, {lost}")
-    return doubts
-
-
-def _half_space_warning(
-    tip: Indenter, material: Material, delta: float, theory: Oracle | None, body: Body
-) -> list[str]:
-    solution = theory.at(delta) if theory and body.shape != "strip" else None
-    closed = half_space_force(tip, delta, material.E_star)
-    if not (solution and closed):
-        return []
-    low = 1 - closed[1] / solution.force
-    if abs(low) < 0.01:
-        return []
-    return [f"{closed[0]}, half-space, does not apply: for a contact this large the body is not thick enough"]
+    0.2 times the tip's slope at the contact's edge (Tabor 1951 for a ball, Johnson 1985, 6.3 for a cone, whatever its
+    depth), a pyramid as the cone of equal sections. A punch has no slope: 0.3 delta/a, which is the same share of
+    the mean pressure 2 E* delta/(pi a) as 0.2 a/R is of a ball's 4 E* a/(3 pi R), within 1 %.
+    """
+    match tip:
+        case Paraboloid(R=R) | Sphere(R=R) if a < R or isinstance(tip, Paraboloid):
+            return 0.2 * a / R, "0.2 a/R"
+        case Cone(half_angle=angle, tip_radius=radius) if a > radius * cos(angle):
+            return 0.2 / tan(angle), "0.2 cot(half_angle)"
+        case Cone(tip_radius=radius):
+            return 0.2 * a / radius, "0.2 a/tip_radius"
+        case Pyramid(half_angle=angle, roundness=roundness):
+            return 0.2 / (roundness * tan(angle)), "0.2 cot(half_angle of the cone of equal sections)"
+        case Profile() if a < reach(tip):
+            return 0.2 * tip.slope(a), "0.2 times the slope at the contact's edge"
+    return 0.3 * delta / a, "0.3 delta/a"
 
 
 def force_doubt(sizes: Sizes, a: float, nu: float) -> float:
@@ -120,27 +189,33 @@ def force_doubt(sizes: Sizes, a: float, nu: float) -> float:
     return 0.0 if sizes.is_enough(a) else 0.07 / sizes.elements(a) ** 2
 
 
-def resolution_doubts(sizes: Sizes, a: float, nu: float) -> list[str]:
-    """What too few elements in the expected contact radius a will do to the results, in words.
+def penalty_loss(contact: ContactLaw, material: Material, theory: Theory | None, delta: float, a: float) -> float:
+    """The share of the force, at most, that a penalty costs at a depth; 0 for the other methods.
 
-    Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: a is wrong by up to 5 %.
+    The body feels only the depth s that the penetration leaves: s + c p(s)/epsilon_n = delta with the mean pressure p,
+    and 1 - F(s)/F(delta) is lost; by theory, or as on a half-space under a paraboloid where there is none. c, the
+    integral of p dp/dF over p, is 0.69 for a cone and 0.75 for a paraboloid on a half-space, and for a paraboloid on a
+    thin layer 1 when it is compressible and 1.5 when not.
     """
-    likely, doubts = force_doubt(sizes, a, nu), []
-    if sizes.corner_error >= TELLING:
-        doubts.append(
-            "coarse elements at corners that the contact feels: the force may be too high by up to "
-            f"{in_words(sizes.corner_error)}; use smaller sizes everywhere, or leave them to the program"
-        )
-    if sizes.edge is not None and sizes.h_edge is not None:
-        of_radius = f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge"
-        if likely >= TELLING:
-            doubts.append(
-                f"{of_radius}: the force may be too low by {in_words(likely)}; give a smaller h_contact or h_edge"
-            )
-        return doubts
-    if not sizes.is_enough(a):
-        doubts.append(
-            f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
-            f"{in_words(likely)}, a by up to 5 %; give h_contact at most {1 / ENOUGH:.2g} of the contact radius"
-        )
-    return doubts
+    if not isinstance(contact, Penalty) or delta <= 0:
+        return 0.0
+    sunk = MOST_SUNK * (1.0 if material.small_strain else (1.0 - delta) ** -DEEPER) / contact.stiffness
+    force, pressure = _carried(theory, material, delta, a, np.ones(1))
+    if (quick := STEEPEST * sunk * float(pressure[0]) / delta) < TELLING:
+        return quick  # a theory of many depths takes its time
+    s = np.array([1e-6, 1e-3, 0.03, 0.2, 0.5, 0.8, 0.95, 1.0])
+    force, pressure = _carried(theory, material, delta, a, s)
+    felt = np.interp(np.log(delta), np.log(s * delta + sunk * pressure), np.log(force))
+    return float(1 - np.exp(felt) / force[-1])
+
+
+def _carried(theory: Theory | None, material: Material, delta: float, a: float, s: np.ndarray
+             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Force (in any unit) and mean pressure at parts s of a depth."""
+    curve = theory.curve([float(depth) for depth in s * delta]) if theory else None
+    if curve:
+        force = np.array([solution.force for solution in curve])
+        return force, force / [solution.area for solution in curve]
+    E, nu = material.constants
+    confined = E * (1 - nu) / ((1 + nu) * max(1 - 2 * nu, 1e-4)) * s  # of a body in contact from wall to wall
+    return s**1.5, delta * np.maximum(4 / (3 * pi) * material.E_star / a * np.sqrt(s), confined)

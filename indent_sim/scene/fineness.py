@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from indent_sim.mesh.sizes import GivenSizes
-
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # The error bar of the force is about CONSTANT n^-RATE at the worst step (by dim), as
 # `python -m pytest -m verify tests/physics/test_accuracy.py -s` prints it for every scene
@@ -31,6 +29,18 @@ EDGE = {2: 0.3, 3: 3.0}  # h_edge n^RATE over the punch's radius, by dim
 SMALLEST = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
 SINKING = 1.5  # per cent of force for a per cent of depth that a penalty of mean pressure / epsilon_n takes
 ENFORCEMENT = 0.2  # share of the error that a penalty may take where its stiffness is left to the program
+
+
+@dataclass(frozen=True)
+class SettledSizes:
+    """Sizes [length] and grading that the config or an accuracy settles; None: left to `sizing.choose`."""
+
+    h_contact: float | None = None
+    h_axis: float | None = None
+    h_edge: float | None = None
+    h_corner: float | None = None
+    h_far: float | None = None
+    grading: float | None = None
 
 
 @dataclass(frozen=True)
@@ -67,11 +77,11 @@ class Fineness:
         )
 
     def sizes(self, height: float, width: float, edge: float | None, round_radius: float | None,
-              keenness: float) -> GivenSizes:  # fmt: skip
+              keenness: float) -> SettledSizes:  # fmt: skip
         """The sizes for a body of this height and width [length]; see `sizing.choose`."""
         n = self.n
         fine = min(self.largest / n, height * min(1.0, THIN / n))
-        return GivenSizes(
+        return SettledSizes(
             h_contact=fine,
             h_axis=min(self.smallest / n, fine) if edge is None else None,
             h_edge=min(edge * EDGE[self.dim] * n**-RATE / keenness, fine) if edge is not None else None,

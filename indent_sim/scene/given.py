@@ -10,23 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from indent_sim.mesh.part import Part, Region
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.materials import Material
+from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
-from indent_sim.model.units import Scales, rounded, scaled
+from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.expected import Oracle, depths_of, oracle
-from indent_sim.scene.reduction import Reduction, reduce
-from indent_sim.scene.truncation import Truncation, expected_depth, half_space_oracle, truncate
+from indent_sim.scene.expected import depths_of
+from indent_sim.scene.reduction import reduce
+from indent_sim.scene.theories import Theory, half_space_theory, layer_theory
+from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
+MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
+
+
 @dataclass(frozen=True)
-class Premises:
+class Given:
     """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
 
     scales: Scales
@@ -36,15 +41,16 @@ class Premises:
     tip: Indenter
     center: tuple[float, ...]
     path: LoadPath
-    reduction: Reduction
-    theory: Oracle | None
+    part: Part
+    part_why: str
+    theory: Theory | None
     deltas: tuple[float, ...]  # requested, or expected at the requested forces
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
     @property
     def dim(self) -> int:
         """Dimensions of the mesh."""
-        return self.reduction.kinematics.dim
+        return self.part.dim
 
     @property
     def deepest(self) -> float:
@@ -61,24 +67,24 @@ class Premises:
         return self.theory.at(delta) if self.theory else None
 
 
-def premises(config: Config) -> Premises:
+def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
     material = _material(config)
     whole, truncation = _finite(config, material)
-    center = whole.centre if truncation else config.center or whole.centre
+    center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, material, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants[0], 2 if whole.shape == "strip" else 3)
-    unit = (scales.length, scales.pressure)
-    body, tip, material = scaled(whole, *unit), scaled(config.indenter, *unit), scaled(material, *unit)
+    scales = Scales(whole.height, material.constants.E, whole.dim)
+    body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    theory = half_space_oracle(tip, material, 1.0) if truncation else oracle(body, material, tip, center)
-    return Premises(
-        scales, body, truncation, material, tip, center, path,
-        reduction=reduce(_rounded_body(body), center, config.mesh.symmetry, tip), theory=theory,
+    region = Region("body", material, _formulation(material))
+    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, (region,))
+    theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)
+    return Given(
+        scales, body, truncation, material, tip, center, path, part, part_why, theory=theory,
         deltas=depths_of(path, theory, tip, material, body.height, scales),
         radius=cache(partial(_expected_radius, theory, tip, body, center)),
     )  # fmt: skip
@@ -90,6 +96,17 @@ def _material(config: Config) -> Material:
     except ValueError as wrong:
         raise ConfigError("material", str(wrong)) from wrong
     return material
+
+
+def _formulation(material: Material) -> str:
+    """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
+    nu, wanted = material.constants.nu, material.formulation
+    chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
+    if chosen == "displacement" and nu > MOST_COMPRESSED:
+        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+    if chosen == "mixed" and nu <= 0:
+        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+    return chosen
 
 
 def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None]:
@@ -116,7 +133,7 @@ def _rounded_body(body: Body) -> Body:
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width = 2 * body.rim_distance(body.centre)
+    width = 2 * body.rim_distance(body.center)
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
         raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                           f"at most {width / 2:g}")  # fmt: skip
@@ -148,16 +165,15 @@ def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: Load
 
 
 def _expected_radius(
-    theory: Oracle | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
+    theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
-    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.centre))
+    rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
         return 0.2 * rim
     solution = theory.at(delta) if theory else None
     return min(solution.a if solution else tip.radius_at(delta), rim)
 
-POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
 
 
 def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> float:
@@ -166,10 +182,9 @@ def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, 
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    _, nu = material.constants
-    if nu < 0.5 or not is_held(body):
+    if material.constants.nu < 0.5 or not body.is_held:
         return float("inf")
-    x, y = _top(body)
+    x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]
     return float(np.mean(tip.height(x - along_x, y - along_y)))
 
@@ -180,39 +195,6 @@ def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
     Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no displacement of finite
     energy does, and the force of a mesh grows as the logarithm of its elements there.
     """
-    x, y = _fixed_ends(body)
+    x, y = body.fixed_ends()
     along_x, along_y = (*center, 0.0)[:2]
     return float(np.min(tip.height(x - along_x, y - along_y), initial=np.inf))
-
-
-def is_held(body: Body) -> bool:
-    """Whether no side lets the body out."""
-    sides = body.sides
-    each = [sides] if isinstance(sides, str) else list(vars(sides).values())
-    return "free" not in each
-
-
-def _top(body: Body) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the top surface, each standing for an equal area."""
-    middles = (np.arange(POINTS) + 0.5) / POINTS
-    match body.shape:
-        case "cylinder":
-            r, angle = body.radius * np.sqrt(middles)[:, None], 2 * np.pi * middles[None, :]
-            return r * np.cos(angle), r * np.sin(angle)
-        case "strip":
-            return body.width * middles, np.zeros(POINTS)
-    return body.size[0] * middles[:, None], body.size[1] * middles[None, :]
-
-
-def _fixed_ends(body: Body) -> np.ndarray:
-    """x and y of points along the top of all fixed sides, shape (2, points)."""
-    share = np.linspace(0, 1, POINTS + 1)
-    if body.shape == "cylinder":
-        angle = 2 * np.pi * share if body.sides == "fixed" else share[:0]
-        return body.radius * np.array([np.cos(angle), np.sin(angle)])
-    lx, ly = (body.width, 0.0) if body.shape == "strip" else body.size[:2]
-    start, along_x, along_y = 0 * share, lx * share, ly * share
-    lines = {"x_min": (start, along_y), "x_max": (start + lx, along_y),
-             "y_min": (along_x, start), "y_max": (along_x, start + ly)}  # fmt: skip
-    fixed = [np.array(lines[name]) for name, support in vars(body.sides).items() if support == "fixed"]
-    return np.hstack([np.empty((2, 0)), *fixed])

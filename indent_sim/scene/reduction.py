@@ -3,68 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import pairwise
 from math import isclose
 
+from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
 from indent_sim.model.body import Body, Box, Cylinder, Strip
-from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
+from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
 
-Extent = tuple[tuple[float, float], ...]
-Pins = tuple[tuple[tuple[float, ...], int], ...]
+Regions = tuple[Region, ...]
+SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
+TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
 
 
-@dataclass(frozen=True)
-class Reduction:
-    """The modelled part: its kinematics, extent and supports; `copies` of it make the body."""
-
-    kinematics: Kinematics
-    symmetry: str
-    copies: int
-    extent: Extent
-    supports: Mapping[str, str]
-    why: str
-    radius: float | None = None  # of the curved wall r_max, in three dimensions
-
-    @property
-    def pins(self) -> Pins:
-        """Point constraints (point, component) that take the rigid modes the supports leave, and nothing else."""
-        if self.kinematics.name == "axisymmetric" or "fixed" in self.supports.values():
-            return ()
-        if self.radius is not None:
-            return self._round_pins(self.radius)
-        corner = tuple(low for low, _ in self.extent)
-        held = {
-            axis for axis in "xy" if "roller" in (self.supports.get(f"{axis}_min"), self.supports.get(f"{axis}_max"))
-        }
-        horizontal = self.kinematics.axes[:-1]
-        pins = [(corner, component) for component, axis in enumerate(horizontal) if axis not in held]
-        if len(horizontal) == 2 and not held:  # the turn about z is free too
-            pins.append(((self.extent[0][1], *corner[1:]), 1))
-        return tuple(pins)
-
-    def _round_pins(self, radius: float) -> Pins:
-        """Without a mirror plane the turn about z is free, even between rollers; along the planes, the shift."""
-        at_x, at_y = ((radius, 0.0, self.extent[2][0]), (0.0, radius, self.extent[2][0]))
-        cut = [axis for axis in "xy" if f"{axis}_min" in self.supports]
-        if self.supports["r_max"] == "roller":
-            return () if cut else ((at_x, 1),)
-        if not cut:
-            return ((at_x, 0), (at_x, 1), (at_y, 0))
-        return {"x": ((at_y, 1),), "y": ((at_x, 0),), "xy": ()}["".join(cut)]
-
-
-def reduce(body: Body, center: tuple[float, ...], wanted: str, tip: Indenter) -> Reduction:
-    """Choose the symmetric part to model; `wanted` is `mesh.symmetry`.
+def reduce(body: Body, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
+    """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`.
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.
     """
     if isinstance(body, Cylinder):
-        return _cylinder(body, center, wanted, tip)
-    if isinstance(body, Strip):
-        return _strip(body, center, wanted)
-    return _box(body, center, wanted, tip)
+        part, why = _cylinder(body, center, wanted, tip, regions)
+    elif isinstance(body, Strip):
+        part, why = _strip(body, center, wanted, regions)
+    else:
+        part, why = _box(body, center, wanted, tip, regions)
+    return replace(part, pins=_pins(part)), why
 
 
 def _refuse(wanted: str, why: str, remedy: str) -> ConfigError:
@@ -76,43 +41,51 @@ def _mirrors(tip: Indenter, axis: str) -> bool:
     return tip.of_revolution or tip.is_mirrored({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
 
 
-def _cylinder(body: Cylinder, center: tuple[float, ...], wanted: str, tip: Indenter) -> Reduction:
+def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
     obstacle = obstacle if tip.of_revolution else f"a {tip.shape} is no tip of revolution"
     if wanted == "plane_strain" or (wanted == "axisymmetric" and obstacle):
         raise _refuse(wanted, obstacle or "a cylinder is not infinitely long", "use 'auto', 'half' or 'full'")
+    supports = {"base": body.base, "r_max": body.sides}
     if wanted in ("auto", "axisymmetric") and not obstacle:
-        supports = {"base": body.base, "r_max": body.sides, "r_min": "roller"}
-        extent = ((0.0, body.radius), (-body.height, 0.0))
-        why = "tip of revolution on the axis of a cylinder"
-        return Reduction(Axisymmetric(), "axisymmetric", 1, extent, supports, why)
+        section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, body.radius), (-body.height, 0.0))
+        part = Part(Axisymmetric(), "axisymmetric", 1, section, body.height, regions, {**supports, "r_min": "roller"})
+        return part, "tip of revolution on the axis of a cylinder"
     cuts = _cuts(wanted, [axis for axis in "xy" if on_axis[axis] and _mirrors(tip, axis)])
-    low = {axis: 0.0 if axis in cuts else -body.radius for axis in "xy"}
-    round_extent = ((low["x"], body.radius), (low["y"], body.radius), (-body.height, 0.0))
-    supports = {"base": body.base, "r_max": body.sides, **{f"{axis}_min": "roller" for axis in cuts}}
-    symmetry = ("full", "half", "quarter")[len(cuts)]
-    why = f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
-    return Reduction(ThreeDimensional(), symmetry, 2 ** len(cuts), round_extent, supports, why, body.radius)
+    part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts), _sector(body.radius, cuts), body.height,
+                regions, _mirrored(supports, cuts))  # fmt: skip
+    return part, f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
 
 
-def _strip(body: Strip, center: tuple[float, ...], wanted: str) -> Reduction:
+def _sector(radius: float, cuts: list[str]) -> tuple[Side, ...]:
+    """The circle, or the half or quarter of it on one side of the mirror planes, from arcs of a quarter turn."""
+    first = -1 if cuts == ["x"] else 0
+    ends = [(radius * c, radius * s) for c, s in (TURNS[k % 4] for k in range(first, first + 4 // 2 ** len(cuts) + 1))]
+    arcs = tuple(Side("r_max", start, end, middle=(0.0, 0.0)) for start, end in pairwise(ends))
+    if not cuts:
+        return arcs
+    inwards = Side(f"{cuts[0]}_min", ends[-1], (0.0, 0.0))
+    return (*arcs, inwards, Side(f"{cuts[-1]}_min", (0.0, 0.0), ends[0]))
+
+
+def _strip(body: Strip, center: Point, wanted: str, regions: Regions) -> tuple[Part, str]:
     if wanted not in ("auto", "plane_strain", "half", "full"):
         raise _refuse(wanted, "a strip is modelled in plane strain", "use 'auto', 'half' or 'full'")
     symmetric = _middle(center[0], body.width) and body.sides.x_min == body.sides.x_max
-    supports = {"base": body.base, "x_min": body.sides.x_min, "x_max": body.sides.x_max}
+    supports = {"base": str(body.base), **vars(body.sides)}
     if wanted == "half" and not symmetric:
         raise _refuse(wanted, "tip or side conditions are not symmetric about the middle", "use 'auto' or 'full'")
-    if wanted == "full" or not symmetric:
-        why = "plane strain, asked for whole" if wanted == "full" else "plane strain, not symmetric about the tip"
-        extent = ((0.0, body.width), (-body.height, 0.0))
-        return Reduction(PlaneStrain(), "full", 1, extent, supports, why)
-    extent = ((center[0], body.width), (-body.height, 0.0))
-    why = "plane strain, tip and sides symmetric about the middle"
-    return Reduction(PlaneStrain(), "half", 2, extent, {**supports, "x_min": "roller"}, why)
+    cuts = ["x"] if symmetric and wanted != "full" else []
+    section = _rectangle(("base", "x_max", "top", "x_min"), (center[0] if cuts else 0.0, body.width),
+                         (-body.height, 0.0))  # fmt: skip
+    whole = "asked for whole" if wanted == "full" else "not symmetric about the tip"
+    part = Part(PlaneStrain(), SYMMETRY[len(cuts)], 2 ** len(cuts), section, body.height, regions,
+                _mirrored(supports, cuts))  # fmt: skip
+    return part, f"plane strain, {'tip and sides symmetric about the middle' if cuts else whole}"
 
 
-def _box(body: Box, center: tuple[float, ...], wanted: str, tip: Indenter) -> Reduction:
+def _box(body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
     if wanted not in ("auto", "quarter", "half", "full"):
         raise _refuse(wanted, "a box is modelled in three dimensions", "use 'auto', 'quarter', 'half' or 'full'")
     sides = body.sides
@@ -121,15 +94,47 @@ def _box(body: Box, center: tuple[float, ...], wanted: str, tip: Indenter) -> Re
         "y": _middle(center[1], body.size[1]) and sides.y_min == sides.y_max and _mirrors(tip, "y"),
     }
     cuts = _cuts(wanted, [axis for axis, symmetric in mirrored.items() if symmetric])
-    supports = {"base": str(body.base)} | {side: getattr(sides, side) for side in ("x_min", "x_max", "y_min", "y_max")}
-    extent = [(0.0, body.size[0]), (0.0, body.size[1]), (-body.size[2], 0.0)]
-    for axis in cuts:
-        component = "xy".index(axis)
-        extent[component] = (center[component], body.size[component])
-        supports[f"{axis}_min"] = "roller"
-    symmetry = ("full", "half", "quarter")[len(cuts)]
-    why = f"tip and sides: {_about(cuts)}"
-    return Reduction(ThreeDimensional(), symmetry, 2 ** len(cuts), tuple(extent), supports, why)
+    across = [(c if axis in cuts else 0.0, size) for axis, c, size in zip("xy", center, body.size, strict=False)]
+    part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts),
+                _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), body.height, regions,
+                _mirrored({"base": body.base, **vars(sides)}, cuts))  # fmt: skip
+    return part, f"tip and sides: {_about(cuts)}"
+
+
+def _rectangle(surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]) -> tuple[Side, ...]:
+    (x0, x1), (y0, y1) = across, up
+    return polygon(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
+
+
+def _mirrored(supports: Mapping[str, str], cuts: list[str]) -> dict[str, str]:
+    """The supports of a part that is cut along mirror planes."""
+    return {**supports, **{f"{axis}_min": "roller" for axis in cuts}}
+
+
+def _pins(part: Part) -> Pins:
+    """Point constraints (point, component) that take the rigid modes the supports leave, and nothing else."""
+    if isinstance(part.kinematics, Axisymmetric) or "fixed" in part.supports.values():
+        return ()
+    if part.bend is not None:
+        return _round_pins(part, part.bend)
+    corner = tuple(low for low, _ in part.extent)
+    held = {part.normal(surface) for surface, support in part.supports.items() if support == "roller"}
+    horizontal = range(part.dim - 1)
+    pins = [(corner, component) for component in horizontal if component not in held]
+    if part.dim == 3 and not held.intersection(horizontal):  # the turn about z is free too
+        pins.append(((part.extent[0][1], *corner[1:]), 1))
+    return tuple(pins)
+
+
+def _round_pins(part: Part, radius: float) -> Pins:
+    """Without a mirror plane the turn about z is free, even between rollers; along the planes, the shift."""
+    at_x, at_y = (radius, 0.0, -part.height), (0.0, radius, -part.height)
+    cut = [axis for axis in "xy" if f"{axis}_min" in part.supports]
+    if part.supports["r_max"] == "roller":
+        return () if cut else ((at_x, 1),)
+    if not cut:
+        return ((at_x, 0), (at_x, 1), (at_y, 0))
+    return {"x": ((at_y, 1),), "y": ((at_x, 0),), "xy": ()}["".join(cut)]
 
 
 def _about(cuts: list[str]) -> str:

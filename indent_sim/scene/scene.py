@@ -6,10 +6,10 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ContactLaw
-from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -20,12 +20,12 @@ from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice, blunted
 from indent_sim.scene.cost import Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import contact_warnings, resolution_doubts, shallow_doubts, stated_error, warnings_of
-from indent_sim.scene.expected import Oracle, peakless, prediction_of, tip_warnings
+from indent_sim.scene.doubts import Doubt, doubts
+from indent_sim.scene.expected import peakless, prediction_of
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Premises, premises
-from indent_sim.scene.reduction import Pins
+from indent_sim.scene.given import Given, given_by
 from indent_sim.scene.sizing import AT_END
+from indent_sim.scene.theories import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -43,16 +43,9 @@ class Scene:
     title: str
     units: dict[str, str]
     scales: Scales
-    kinematics: Kinematics
-    symmetry: str  # axisymmetric | quarter | half | full
-    copies: int  # how many times the modelled part makes the whole body
     body: Body
-    extent: tuple[tuple[float, float], ...]  # of the modelled part, (min, max) along each axis
-    supports: dict[str, str]  # named surface -> free | roller | fixed; symmetry planes are rollers
-    pins: Pins  # (point, component) that remove rigid modes
+    part: Part  # of the body, modelled
     wall_stiffness: float  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
-    material: Material
-    formulation: str  # displacement | mixed
     indenter: Indenter
     center: tuple[float, ...]
     contact: ContactLaw
@@ -62,15 +55,45 @@ class Scene:
     solver: dict[str, Any]
     forces: tuple[float, ...] | None = None  # of the whole body, when they are requested instead of depths
     fineness: Fineness | None = None  # where `accuracy` chose the sizes
-    oracle: Oracle | None = field(default=None, repr=False)
+    theory: Theory | None = field(default=None, repr=False)
     choices: tuple[Choice, ...] = ()
-    warnings: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
     prediction: dict[str, float] = field(default_factory=dict)  # in the user's units
+
+    @property
+    def material(self) -> Material:
+        """What the tip touches: its E* compares pressures with lengths."""
+        return self.part.regions[0].material
+
+    @property
+    def small_strain(self) -> bool:
+        """Whether the strain is small in all of the body."""
+        return all(region.material.small_strain for region in self.part.regions)
 
     @property
     def path(self) -> LoadPath:
         """What is prescribed, step by step."""
         return LoadPath("depth", self.deltas) if self.forces is None else LoadPath("force", self.forces)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Where the model or the mesh is a poor one for what is asked, a sentence each."""
+        return tuple(doubt.words for doubt in self.doubts if doubt.words)
+
+    @property
+    def differences(self) -> tuple[str, ...]:
+        """What this problem has that theory's has not, in words; empty when they are one, or there is no theory."""
+        parts = (
+            (not self.material.small_strain, "strain is finite, theory's small"),
+            (self.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
+            (self.theory is not None and not self.theory.exact, self.theory.why if self.theory else ""),
+        )
+        return tuple(why for applies, why in parts if applies)
+
+    @property
+    def exact_theory(self) -> Theory | None:
+        """The theory of this very problem."""
+        return self.theory if not self.differences else None
 
     def has_peak(self, a: float) -> bool:
         """Whether the pressures of a contact of radius a [length] have a largest one that a mesh can know.
@@ -89,42 +112,39 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is expected to need.
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
-    given = premises(config)
+    given = given_by(config)
     fineness = sizing.fineness(config, given, per_radius)
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
-    formulation, formulation_choice = choices.formulation(given.material)
-    nodes = candidates(sizes, given.reduction.extent, given.center)
+    nodes = candidates(sizes, given.part)
     solver = choices.solver(config, given.material, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = _smooth(given, gap)
-    cost = _affordable(given, sizes, _work(given, str(solver.value), gap, formulation), fineness is not None)
-    reduction, scales = given.reduction, given.scales
+    cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
+    doubted, scales = doubts(given, law, gap, sizes), given.scales
     return Scene(
         title=config.title, units={"length": config.units.length, "force": config.units.force}, scales=scales,
-        kinematics=reduction.kinematics, symmetry=reduction.symmetry, copies=reduction.copies,
-        body=given.body, extent=reduction.extent, supports=dict(reduction.supports), pins=reduction.pins,
-        wall_stiffness=wall, material=given.material, formulation=formulation, indenter=tip, center=given.center,
-        contact=law, gap=gap, deltas=given.deltas, sizes=sizes, fineness=fineness, oracle=given.theory,
+        body=given.body, part=given.part, wall_stiffness=wall, indenter=tip, center=given.center,
+        contact=law, gap=gap, deltas=given.deltas, sizes=sizes, fineness=fineness, theory=given.theory,
         forces=given.path.values if given.path.control == "force" else None,
         solver=dataclasses.asdict(config.solver) | {"method": solver.value},
-        choices=(*choices.model(given), formulation_choice, gap_choice, law_choice, *tip_choice, *wall_choice,
+        choices=(*choices.model(given), choices.formulation(given), gap_choice, law_choice, *tip_choice, *wall_choice,
                  *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver),
-        warnings=_warnings(given, law, gap, formulation, sizes),
-        prediction=_prediction(given, law, gap, sizes, cost.with_error_bars if fineness else cost),
+        doubts=doubted,
+        prediction=_prediction(given, doubted, cost.with_error_bars if fineness else cost),
     )  # fmt: skip
 
 
-def _wall(given: Premises, sizes: Sizes) -> tuple[float, list[Choice]]:
+def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
     """The stiffness of a curved roller wall in three dimensions [pressure/length, without units]; 0: there is none."""
-    if given.reduction.radius is None or given.reduction.supports["r_max"] != "roller":
+    if given.part.bend is None or given.part.supports["r_max"] != "roller":
         return 0.0, []
-    stiffness = WALL_STIFFNESS * given.material.constants[0] / sizes.h_far
-    return stiffness, [Choice("wall", stiffness * given.scales.pressure / given.scales.length, WALL_WHY)]
+    stiffness = WALL_STIFFNESS * given.material.constants.E / sizes.h_far
+    return stiffness, [Choice("wall", stiffness * given.scales.stiffness, WALL_WHY)]
 
 
-def _smooth(given: Premises, gap: str) -> tuple[Indenter, list[Choice]]:
+def _smooth(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
     """The tip, with a small radius where the gap needs a normal everywhere."""
     blunt = None
     if gap == "current":
@@ -134,21 +154,21 @@ def _smooth(given: Premises, gap: str) -> tuple[Indenter, list[Choice]]:
     return blunt.tip, [Choice(blunt.key, blunt.radius * given.scales.length, blunt.why)]
 
 
-def _peak(given: Premises, tip: Indenter, sizes: Sizes) -> list[Choice]:
+def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
     """That p_max is left empty, and why."""
     why = peakless(given.body, tip, given.center, sizes, given.a if given.deepest > 0 else 0.0)
     return [Choice("p_max", "empty", why)] if why else []
 
 
-def _work(given: Premises, solver: str, gap: str, formulation: str) -> Work:
+def _work(given: Given, solver: str, gap: str) -> Work:
     solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1)
-    return Work(solver, formulation == "mixed", solves, gap == "current" or not given.material.small_strain)
+    mixed = any(region.formulation == "mixed" for region in given.part.regions)
+    return Work(solver, mixed, solves, gap == "current" or not given.material.small_strain)
 
 
-def _affordable(given: Premises, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
+def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
     """What the scene will cost; ConfigError when that is beyond this machine."""
-    reduction = given.reduction
-    found = cost_of(sizes, reduction.extent, given.center, work, is_round=reduction.radius is not None)
+    found = cost_of(sizes, given.part, work)
     available = machine_memory()
     if found.memory > available:
         key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
@@ -157,24 +177,11 @@ def _affordable(given: Premises, sizes: Sizes, work: Work, is_chosen: bool) -> C
     return found
 
 
-def _warnings(given: Premises, law: ContactLaw, gap: str, formulation: str, sizes: Sizes) -> tuple[str, ...]:
-    """Where the model is a poor one for what is asked, a sentence each."""
-    body, material, theory, deepest, a = given.body, given.material, given.theory, given.deepest, given.a
-    return (
-        *warnings_of(body, material, given.tip, given.center, deepest, a, theory, formulation),
-        *tip_warnings(given.tip, gap, deepest, a),
-        *contact_warnings(law, gap, material, sizes, theory, deepest, a),
-        *(resolution_doubts(sizes, a, material.constants[1]) if deepest > 0 else ()),
-        *shallow_doubts(sizes, material, given.deltas, given.radius),
-    )
-
-
-def _prediction(given: Premises, law: ContactLaw, gap: str, sizes: Sizes, cost: Cost) -> dict[str, float]:
+def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:
     """What to expect of the results and of the run, in the user's units."""
-    material, theory, last = given.material, given.theory, given.deltas[-1]
-    expected = prediction_of(given.path, theory, given.tip, material, given.deepest, given.a, given.scales)
+    expected = prediction_of(given.path, given.theory, given.tip, given.material, given.deepest, given.a, given.scales)
     truncation = {"truncation_error": given.truncation.error} if given.truncation else {}
-    error = stated_error(law, gap, material, sizes, theory, last, given.radius(last))
+    error = sum(doubt.force_error for doubt in doubted) if given.deltas[-1] > 0 else 0.0
     effort = {"cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
               "seconds": float(f"{cost.seconds:.2g}")}  # fmt: skip
     return expected | truncation | ({"force_error": error} if error else {}) | effort

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.mesh.sizes import GivenSizes, Sizes
-from indent_sim.model.body import Box
+from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
-from indent_sim.scene.fineness import Fineness, fineness_of, target_of
-from indent_sim.scene.given import Premises, is_held
+from indent_sim.scene.fineness import Fineness, SettledSizes, fineness_of, target_of
+from indent_sim.scene.given import Given
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, MeshSettings
@@ -28,12 +26,11 @@ PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon enclo
 # an incompressible body between roller walls feels as much
 PATCH = 1.15  # the fine patch reaches this far beyond the expected contact radius
 AUTO = 0.003  # of the force, the error that the sizes left to the program may cost
-HARDLY = 0.45  # Poisson ratio from which a body is said to hardly compress
 SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that still gets as many elements
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
 
-def choose(a: float, height: float, width: float, dim: int, given: GivenSizes, *, edge: float | None,
+def choose(a: float, height: float, width: float, dim: int, settled: SettledSizes, *, edge: float | None,
            last: float | None = None, round_radius: float | None = None, keenness: float = 1.0) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
@@ -41,15 +38,15 @@ def choose(a: float, height: float, width: float, dim: int, given: GivenSizes, *
     round_radius: of a curved wall, which straight facets follow [length].
     keenness: how much finer than usual a punch's edge must be, in two dimensions; in three it would cost too much.
     """
-    fine = rounded(given.h_contact or min(a / PER_RADIUS[dim], height / 4))  # what follows must not know
+    fine = rounded(settled.h_contact or min(a / PER_RADIUS[dim], height / 4))  # what follows must not know
     wide = min(max(a / width - 0.5, 0.0), 0.5)  # who chose it. Wide contacts feel the corners at the base
     coarse = (0.25 - 0.3 * wide) * max(height, width)
-    far = given.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
+    far = settled.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
     patch = PATCH * a + 2 * fine
     ratio = EDGE_RATIO[dim] * (keenness if dim == 2 else 1.0)
-    h_edge = rounded(given.h_edge or fine / ratio) if edge is not None else None
-    axis = rounded(given.h_axis or (fine if given.h_contact else fine * max((last or a) / a, SMALLEST)))
-    grading = rounded(given.grading or GRADING)
+    h_edge = rounded(settled.h_edge or fine / ratio) if edge is not None else None
+    axis = rounded(settled.h_axis or (fine if settled.h_contact else fine * max((last or a) / a, SMALLEST)))
+    grading = rounded(settled.grading or GRADING)
     return Sizes(fine, rounded(far), rounded(patch), grading, edge, h_edge,
                  h_axis=axis if axis < fine else None, a=rounded(a), keenness=keenness)  # fmt: skip
 
@@ -66,7 +63,7 @@ RULE = 0.25  # and from what share on they rule how the force converges
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
-def fineness(config: Config, given: Premises, per_radius: float | None) -> Fineness | None:
+def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness | None:
     """What `accuracy` asks of the mesh; the shallowest and the deepest contact know it."""
     target = target_of(config.accuracy)
     if target is None:
@@ -75,7 +72,7 @@ def fineness(config: Config, given: Premises, per_radius: float | None) -> Finen
     contacts = [_contact(given, delta) for delta in (min(inside), max(inside))]
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
-    gives_way = squeezed and given.material.constants[1] >= INCOMPRESSIBLE
+    gives_way = squeezed and given.material.constants.nu >= INCOMPRESSIBLE
     confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
     return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given)
 
@@ -85,14 +82,14 @@ def _is_sharp(tip: Indenter) -> bool:
     return isinstance(tip, FlatPunch) and tip.edge_radius < NEARLY_SHARP * tip.radius
 
 
-def _contact(given: Premises, delta: float) -> tuple[float, float, float]:
+def _contact(given: Given, delta: float) -> tuple[float, float, float]:
     """A depth, the contact radius and the mean pressure to expect there."""
     a, solution = given.radius(delta), given.solution(delta)
-    area = pi * a**2 if given.body.shape != "strip" else 2 * a
+    area = given.part.kinematics.contact_area(a)
     return delta, a, solution.force / area if solution else given.material.E_star * delta / (2 * a)
 
 
-def _edge(given: Premises, gap: str) -> float | None:
+def _edge(given: Given, gap: str) -> float | None:
     """Radius of an edge at which the pressure is singular, or nearly: a punch's, or where contact reaches a tip's end.
 
     With a gap at the deformed point the body goes around the end of a tip.
@@ -103,24 +100,22 @@ def _edge(given: Premises, gap: str) -> float | None:
     return reach(tip) if gap == "reference" and a >= AT_END * reach(tip) else None
 
 
-def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) -> Sizes:
+def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Sizes:
     """The element sizes: the config's, those of the fineness that `accuracy` wants, or those of `sizing`."""
-    mesh, reduction, a = config.mesh, given.reduction, given.a
+    mesh, part, a = config.mesh, given.part, given.a
     edge = _edge(given, gap)
     edge = rounded(edge) if edge is not None else None
-    height = reduction.extent[-1][1] - reduction.extent[-1][0]
-    width = max(high - low for low, high in reduction.extent[:-1])
-    bend, keenness = reduction.radius, _keenness(given, edge)
+    height, width, bend, keenness = part.height, part.width, part.bend, _keenness(given, edge)
     settled = _settled(mesh, given.scales, height, edge)
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
     plain = choose(a, height, width, given.dim, settled, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
-    found = _at_corners(plain, given, settled, wanted)
-    if edge is not None and isinstance(given.body, Box):
+    found = replace(_at_corners(plain, given, settled, wanted), axis=given.center)
+    if edge is not None and part.dim == 3 and bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
-    least = (ON_AXIS if reduction.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
+    least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)
     if edge is not None:
         size = float(found.at(np.array(edge), np.array(0.0)))
@@ -128,28 +123,28 @@ def sizes(config: Config, given: Premises, wanted: Fineness | None, gap: str) ->
     return found
 
 
-def _keenness(given: Premises, edge: float | None) -> float:
+def _keenness(given: Given, edge: float | None) -> float:
     """How much more than on a far larger body the force feels the radius of a sharp punch.
 
     d ln F/d ln a of an incompressible layer grows with a over the gap up to the wall, until its compressibility gives
     way: 2 to 100, by layer theory. A fixed wall holds the surface in the gap too.
     """
-    held = [support for name, support in given.reduction.supports.items() if name != "base"]
+    held = [support for name, support in given.part.supports.items() if name != "base"]
     if edge is None:
         return 1.0
     gap = max(given.body.rim_distance(given.center) - edge, 1e-9 * edge)
-    squeezed = 1 / max(1 - 2 * given.material.constants[1], 1e-9) ** 0.5 if is_held(given.body) else 1.0
+    squeezed = 1 / max(1 - 2 * given.material.constants.nu, 1e-9) ** 0.5 if given.body.is_held else 1.0
     sheared = (1 + edge / gap) ** 0.5 if "fixed" in held else 1.0
     return max(1.0, KEEN * min(1 + edge / gap, max(squeezed, sheared)))
 
 
-def _at_corners(plain: Sizes, given: Premises, settled: GivenSizes, wanted: Fineness | None) -> Sizes:
+def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Fineness | None) -> Sizes:
     """The sizes, smaller towards the corners that the contact feels; all of them where it feels one.
 
     In three dimensions they are lines, and elements along them would cost more than they give: there it is only said.
     """
-    nu, sharp = given.material.constants[1], plain.edge is not None
-    around = corners(given.reduction, given.center, given.a, nu, sharp) if given.deepest > 0 else []
+    nu, sharp = given.material.constants.nu, plain.edge is not None
+    around = corners(given.part, given.center, given.a, nu, sharp) if given.deepest > 0 else []
     if settled.h_corner and (given.dim == 3 or not around):
         raise ConfigError("mesh.h_corner", "is for bonded corners and narrow gaps beside the contact in a meshed "
                           "section, and this scene has none", "leave it out")  # fmt: skip
@@ -199,7 +194,7 @@ def _refuse_lost_edge(radius: float, least: float) -> None:
         raise ConfigError("indenter.radius", problem, "make the box smaller, or the body a half_space")
 
 
-def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> GivenSizes:
+def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | None) -> SettledSizes:
     """The sizes of the config; ConfigError where they contradict one another or the scene."""
     names = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far")
     lengths = {name: getattr(mesh, name) for name in names if getattr(mesh, name) not in (None, "auto")}
@@ -217,4 +212,4 @@ def _settled(mesh: MeshSettings, scales: Scales, height: float, edge: float | No
         problem = "is for the sharp edge of a flat punch, or of a tip that ends inside the contact"
         raise ConfigError("mesh.h_edge", problem, "leave it out")
     grading = None if mesh.grading == "auto" else mesh.grading
-    return GivenSizes(**{name: length / scales.length for name, length in lengths.items()}, grading=grading)
+    return SettledSizes(**{name: length / scales.length for name, length in lengths.items()}, grading=grading)

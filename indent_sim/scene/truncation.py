@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from indent_sim.model.body import Box, BoxSides, Cylinder
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
-from indent_sim.scene.expected import Oracle, layer_tip, section_depth
+from indent_sim.scene.theories import DEEP, half_space_theory, section_depth, shape_of
 from indent_sim.theory import layer, profiles
 from indent_sim.theory.solution import Solution
 
 ACCURACY = 1e-3  # wanted of the force
 SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
 MARGIN = 1.5  # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
-DEEP = 1e7  # this many contact radii are infinitely deep for theory: it is off by less than their inverse
 
 
 @dataclass(frozen=True)
@@ -41,10 +40,10 @@ class Truncation:
 
 def truncate(tip: Indenter, material: Material, delta: float) -> Truncation:
     """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of the half-space's."""
-    theory, depth = layer_tip(tip), abs(delta) or 1.0
+    theory, depth = shape_of(tip), abs(delta) or 1.0
     if theory is None or (deepest := _deep(theory, depth, tip.radius_at(depth))) is None:
         theory, deepest = _punch(tip.radius_at(depth), depth)
-    _, nu = material.canonical().constants
+    nu = material.constants.nu
     target, ratio = SHARE * ACCURACY, 100.0
     error = _error(theory, deepest, nu, ratio)
     while error > target:
@@ -59,26 +58,11 @@ def truncate(tip: Indenter, material: Material, delta: float) -> Truncation:
     return Truncation(Box((2 * size, 2 * size, size), base="fixed", sides=walls), ratio, MARGIN * error)
 
 
-def half_space_oracle(tip: Indenter, material: Material, size: float) -> Oracle | None:
-    """Half-space theory of a tip; `size` is any length [length] above the contact radius."""
-    theory = layer_tip(tip)
-    if theory is None:
-        return None
-    exact, why = True, "the half-space itself"
-    if not tip.of_revolution:
-        exact, why = False, "theory's tip is the cone of equal sections"
-    if not material.small_strain:
-        exact, why = False, "theory is that of small strain"
-    # the half-space feels E and nu only as E*
-    arguments = {"E": material.E_star, "nu": 0.0, "h": DEEP * size, "base": "fixed", "wall": None}
-    return Oracle("half-space theory", exact, why, layer, theory, arguments)
-
-
 def expected_depth(tip: Indenter, material: Material, force: float) -> float:
     """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
     start = section_depth(tip, force, material.E_star, 3)
-    theory = half_space_oracle(tip, material, 10 * max(start, tip.radius_at(start)))
-    return (theory and theory.depth(force, start, 1e6 * start)) or start
+    theory = half_space_theory(tip, material, 10 * max(start, tip.radius_at(start)))
+    return (theory and theory.depth(force, 1e6 * start)) or start
 
 
 def _deep(theory: profiles.Tip, delta: float, size: float) -> Solution | None:

@@ -17,7 +17,7 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.study.file import StudyFile
 from indent_sim.study.grid import Multiple, Point, Setting
 
-SPOKEN = ("title", "units", "oracle", "choices", "warnings", "prediction")  # what a scene says beside its physics
+SPOKEN = ("title", "units", "theory", "choices", "doubts", "prediction")  # what a scene says beside its physics
 MOST_TOLD = 20  # errors
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
 
@@ -127,7 +127,7 @@ class _Builder:
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
             scene = _resolved(self._config((*others, auto)), point)
-            self._units[name] = stiffness_unit(scene) * scene.scales.pressure / scene.scales.length
+            self._units[name] = stiffness_unit(scene) * scene.scales.stiffness
         return self._units[name]
 
 

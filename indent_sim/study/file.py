@@ -12,8 +12,7 @@ from typing import Any
 from indent_sim.config.file import OF_A_STUDY, Place, read_document
 from indent_sim.config.messages import closest
 from indent_sim.config.schema import Source, keys_at, outside
-from indent_sim.config.strict_yaml import Path as Keys
-from indent_sim.config.strict_yaml import key_path, key_text
+from indent_sim.config.strict_yaml import KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.study.grid import LARGEST, MOST, Block, Point, points, read_block
 
@@ -88,10 +87,10 @@ class _Reader:
     def __init__(self, path: Path, document: dict[str, Any], source: Source):
         self.path, self.document, self.source = path, document, source
 
-    def error(self, keys: Keys, problem: str, remedy: str = "") -> ConfigError:
+    def error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
         return ConfigError(key_text(keys), problem, remedy, *self.place(keys))
 
-    def place(self, keys: Keys) -> Place:
+    def place(self, keys: KeyPath) -> Place:
         return self.source.place(keys)
 
     def text(self, key: str) -> str:
@@ -153,7 +152,7 @@ class _Reader:
         parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
         blocks = []
         for index, part in parts:
-            keys: Keys = ("vary", index) if listed else ("vary",)
+            keys: KeyPath = ("vary", index) if listed else ("vary",)
             if not isinstance(part, dict) or not set(part) - {"zip"}:
                 raise self.error(keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]")
             varied = [key for key in part if key != "zip"]
@@ -165,7 +164,7 @@ class _Reader:
                 raise self.error(keys, f"more than {MOST} runs")
         return tuple(blocks)
 
-    def check_apart(self, given: list[str], keys: Keys) -> None:
+    def check_apart(self, given: list[str], keys: KeyPath) -> None:
         """No section beside a key inside it, here or in `set`: one of the two would be lost."""
         written = {key: ("set", key) for key in self.section("set")} | {key: (*keys, key) for key in given}
         for whole in given:
@@ -174,7 +173,7 @@ class _Reader:
                     written[part], f"contradicts {whole}, which is given as a whole", "give one of the two"
                 )
 
-    def check_key(self, keys: Keys, key: str) -> None:
+    def check_key(self, keys: KeyPath, key: str) -> None:
         if not key or key != key_text(key_path(key)):
             raise self.error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
         if key.split(".")[0] in UNVARIED:

@@ -12,8 +12,7 @@ import numpy as np
 
 from indent_sim.config.file import Place
 from indent_sim.config.schema import Source
-from indent_sim.config.strict_yaml import Path as Keys
-from indent_sim.config.strict_yaml import key_text
+from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError
 
 RANGE = ("from", "to", "count", "spacing", "unit")
@@ -56,7 +55,7 @@ def points(block: Block) -> Iterator[Point]:
         yield tuple(setting for part in chosen for setting in part)
 
 
-def read_block(part: Mapping[str, Any], keys: Keys, source: Source) -> Block:
+def read_block(part: Mapping[str, Any], keys: KeyPath, source: Source) -> Block:
     """The grid of one section of `vary`; `zip: true` or `zip: [keys]` says which keys go together."""
     values = {key: _values(wanted, (*keys, key), key, source) for key, wanted in part.items() if key != "zip"}
     together = _zipped(part.get("zip", False), values, (*keys, "zip"), source)
@@ -69,7 +68,7 @@ def read_block(part: Mapping[str, Any], keys: Keys, source: Source) -> Block:
     return Block(tuple(axes))
 
 
-def _zipped(wanted: Any, values: Mapping[str, Any], keys: Keys, source: Source) -> list[str]:
+def _zipped(wanted: Any, values: Mapping[str, Any], keys: KeyPath, source: Source) -> list[str]:
     """The keys that go together, in the order of the block."""
     if isinstance(wanted, bool):
         together = list(values) if wanted else []
@@ -84,7 +83,7 @@ def _zipped(wanted: Any, values: Mapping[str, Any], keys: Keys, source: Source) 
     return together
 
 
-def _values(wanted: Any, keys: Keys, key: str, source: Source) -> list[Setting]:
+def _values(wanted: Any, keys: KeyPath, key: str, source: Source) -> list[Setting]:
     """The settings of one key: each item of a list, the numbers of a range, or a single word or number."""
     if isinstance(wanted, dict) and "from" in wanted:
         return [(key, value, source.place(keys)) for value in _range(wanted, keys, source)]
@@ -97,7 +96,7 @@ def _values(wanted: Any, keys: Keys, key: str, source: Source) -> list[Setting]:
     return [(key, wanted, source.place(keys))]
 
 
-def _range(wanted: Mapping[str, Any], keys: Keys, source: Source) -> list[Any]:
+def _range(wanted: Mapping[str, Any], keys: KeyPath, source: Source) -> list[Any]:
     """`count` numbers from one to another, equally far apart or by equal factors."""
     if unknown := [key for key in wanted if key not in RANGE]:
         raise _error((*keys, unknown[0]), source, "unknown key", f"a range has {', '.join(RANGE)}")
@@ -119,12 +118,12 @@ def _range(wanted: Mapping[str, Any], keys: Keys, source: Source) -> list[Any]:
     return [int(value) for value in values] if whole else values
 
 
-def _number(wanted: Mapping[str, Any], end: str, keys: Keys, source: Source) -> int | float:
+def _number(wanted: Mapping[str, Any], end: str, keys: KeyPath, source: Source) -> int | float:
     value = wanted.get(end)
     if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > LARGEST:
         raise _error((*keys, end), source, f"must be a number of size {LARGEST:g} at most")
     return value
 
 
-def _error(keys: Keys, source: Source, problem: str, remedy: str = "") -> ConfigError:
+def _error(keys: KeyPath, source: Source, problem: str, remedy: str = "") -> ConfigError:
     return ConfigError(key_text(keys), problem, remedy, *source.place(keys))

@@ -115,9 +115,9 @@ class Comparison:
             if answer is None:
                 raise _error(where, f"there is no theory for {case.words}", "compare_to: finest always works")
             self._answers[case.problem] = answer
-        inexact = next((case.scene for case in cases if not _is_exact(case)), None)
+        inexact = next((case.scene for case in cases if not case.scene.exact_theory), None)
         if inexact is not None:
-            why = inexact.oracle.why if inexact.oracle and not inexact.oracle.exact else "the gap is the current one"
+            why = "; ".join(inexact.differences)
             self.notes = (f"theory is not exact for this body ({why}): the errors include the difference",)
 
 
@@ -141,7 +141,7 @@ def of_theory(case: Case) -> Answer | None:
     if scene.path.control == "force" and depths:
         around = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS)
         depths = [float(depth) for depth in around]
-    curve = (scene.oracle.curve(depths) if scene.oracle else None) if depths else []
+    curve = (scene.theory.curve(depths) if scene.theory else None) if depths else []
     if curve is None:
         return None
     L, P, F = scene.scales.length, scene.scales.pressure, scene.scales.force
@@ -166,10 +166,6 @@ def _peak(solution: Any) -> float:
         p = np.asarray(solution.pressure(inside), dtype=float)
     steep = p[:-1].max() > 1.5 * p[2:-2].max()
     return NAN if not np.isfinite(p).all() or steep else float(p.max())
-
-
-def _is_exact(case: Case) -> bool:
-    return bool(case.scene.oracle and case.scene.oracle.exact and case.scene.gap == "reference")
 
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:

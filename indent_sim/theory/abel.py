@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from indent_sim.theory.hankel import gauss
+from indent_sim.theory.profiles import Shape
 
 MAX_PANELS = 40
-Profile = Callable[[np.ndarray], np.ndarray]
 Nodes = tuple[np.ndarray, np.ndarray]
 
 
@@ -27,7 +27,7 @@ def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
     return _join(panels)
 
 
-def tip_pressure(g: Profile, r: np.ndarray, a: float, breaks: Sequence[float], sharp: bool) -> np.ndarray:
+def tip_pressure(g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], sharp: bool) -> np.ndarray:
     """∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, shape of r: pi/E* times the half-space pressure.
 
     By parts about g(r), so that g' is not needed and only differences ~ (t - r) are divided:
@@ -48,7 +48,7 @@ def tip_pressure(g: Profile, r: np.ndarray, a: float, breaks: Sequence[float], s
     return value
 
 
-def _on_axis(g: Profile, a: float, g_edge: float, breaks: Sequence[float]) -> float:
+def _on_axis(g: Shape, a: float, g_edge: float, breaks: Sequence[float]) -> float:
     """∫_0^a g'(t)/t dt = g(a)/a + ∫_0^a g(t)/t^2 dt of a tip that is smooth at its apex."""
     t, w = contact_nodes(a, breaks, 64)
     return g_edge / a + float(w @ (g(t) / t**2))

@@ -69,14 +69,14 @@ class Kernel:
         return np.vstack([cosines, hyperbolic, np.zeros((1, x.size))])
 
 
-def axisymmetric_kernel(a: float, nu: float, base: str, wall: float | None) -> Kernel:
+def axisymmetric_kernel(a: float, nu: float, base: str, wall: float) -> Kernel:
     """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius up to a.
 
-    wall = None: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the integral over L
+    wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the integral over L
     becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that neighbouring radii share one
     kernel.
     """
-    if wall is None or math.isinf(wall):
+    if math.isinf(wall):
         return _layer_kernel(2.0 ** math.ceil(math.log2(max(a, 1.0))), nu, base)
     clearance = 2.0 ** math.floor(math.log2(1.0 - a / wall))
     return _cylinder_kernel(clearance, nu, base, wall)

@@ -15,40 +15,17 @@ Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from indent_sim.theory.abel import contact_nodes, tip_pressure
-from indent_sim.theory.half_space import E_star
 from indent_sim.theory.hankel import Kernel, axisymmetric_kernel, gauss
-from indent_sim.theory.march import march
+from indent_sim.theory.march import LayerContact
 from indent_sim.theory.profiles import Tip
-from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_body, wall_distance
-
-
-def indent(
-    tip: Tip, delta: float, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
-) -> Solution:
-    """Equilibrium of a layer of thickness h [L] under `tip` pushed in by delta [L].
-
-    No contact for delta <= 0. nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller"
-    (frictionless); wall: radius W [L] of a frictionless side wall (the body is then a cylinder), None for
-    the infinite layer.
-    Raises ValueError for values out of range and when the contact would reach the wall, the end of the tip,
-    or a/h = 100.
-    """
-    return curve(tip, [delta], E=E, nu=nu, h=h, base=base, wall=wall)[0]
-
-
-def curve(
-    tip: Tip, deltas: Sequence[float], *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
-) -> list[Solution]:
-    """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's contact radius."""
-    check_body(E, nu, h, base, wall)
-    return march(_Layer(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
+from indent_sim.theory.solution import Solution
 
 
 @dataclass(frozen=True)
@@ -74,26 +51,12 @@ class _Linear:
         return self.shape_edge / self.one_edge
 
 
-@dataclass(frozen=True)
-class _Layer:
-    tip: Tip
-    E_star: float
-    nu: float
-    h: float
-    base: str
-    wall: float | None  # in units of h
-
-    @property
-    def edge(self) -> float | None:
-        return self.tip.edge
+class Layer(LayerContact):
+    """A layer under a tip of revolution; with a wall, a cylinder of that radius."""
 
     def profile(self, x: np.ndarray) -> np.ndarray:
+        """g [h] of the tip."""
         return self.tip.g(x * self.h) / self.h
-
-    def largest(self) -> float:
-        """Contact radius [h] that cannot be reached."""
-        wall = math.inf if self.wall is None else self.wall
-        return min(wall, self.tip.reach / self.h, MAX_SLENDERNESS)
 
     def at(self, a: float) -> _Linear:
         """Solve the integral equation for unit depth and for the tip's shape at the contact radius a [h].
@@ -129,8 +92,7 @@ class _Layer:
     def _smooth_count(self, a: float) -> int:
         # exponential convergence: the kernel is analytic 2h off the axis, singular where the contact meets
         # a wall
-        wall = math.inf if self.wall is None else self.wall
-        return 20 + math.ceil(5.0 * a + 12.0 * math.sqrt(a / max(wall - a, 1e-4 * a)))
+        return 20 + math.ceil(5.0 * a + 12.0 * math.sqrt(a / max(self.wall - a, 1e-4 * a)))
 
     def _tip_count(self, a: float) -> int:
         # the tip's own singularity is where it ends, next to the last panel
@@ -147,13 +109,23 @@ class _Layer:
             delta=float(delta),
             force=2.0 * self.E_star * self.h**2 * float(lin.w @ phi),
             a=float(a * self.h),
+            area=math.pi * (a * self.h) ** 2,
             energy=self.E_star * self.h**3 * float(lin.w @ (phi * (depth - lin.g))),
             stiffness=2.0 * self.E_star * self.h * float(lin.w @ lin.one),
             pressure=partial(_pressure, self, lin, a, edge, depth * lin.one_modes - lin.shape_modes),
         )
 
 
-def _pressure(layer: _Layer, lin: _Linear, a: float, edge: float, modes: np.ndarray, r) -> np.ndarray:
+def indent(tip: Tip, delta: float, **body: Any) -> Solution:
+    """Equilibrium of a layer under `tip` pushed in by delta [L]; no contact for delta <= 0.
+
+    body: E, nu, thickness h, base, and wall, the radius [L] of a frictionless side wall (the body is then a cylinder);
+    see `LayerContact.of` and, for the errors, `LayerContact.curve`.
+    """
+    return Layer.of(tip, **body).curve([delta])[0]
+
+
+def _pressure(layer: Layer, lin: _Linear, a: float, edge: float, modes: np.ndarray, r) -> np.ndarray:
     """p(r) [F/L^2] from phi = delta - g + psi: the edge, the tip and the layer each add one Abel integral."""
     r = np.abs(np.asarray(r, dtype=float)) / layer.h
     flat = np.atleast_1d(r).ravel()
@@ -177,8 +149,8 @@ def _layer_part(lin: _Linear, a: float, modes: np.ndarray, r: np.ndarray, chord:
     return -chord * (curvature(t) @ w)
 
 
-def _tip_part(layer: _Layer, a: float, r: np.ndarray) -> np.ndarray:
+def _tip_part(layer: Layer, a: float, r: np.ndarray) -> np.ndarray:
     """∫_r^a g'(t)/sqrt(t^2-r^2) dt, the half-space pressure of the tip; nothing for a flat one."""
     if layer.tip.edge is not None:
         return np.zeros_like(r)
-    return tip_pressure(layer.profile, r, a, [b / layer.h for b in layer.tip.breaks], layer.tip.sharp)
+    return tip_pressure(layer.profile, r, a, [b / layer.h for b in layer.tip.breaks], layer.tip.corner > 0.0)

@@ -1,14 +1,18 @@
-"""A layer theory's contacts at one depth after another."""
+"""A layer theory's contacts: at one depth after another, and under a force."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
+from indent_sim.theory.half_space import E_star
+from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import first_guess, increasing_root, next_guess
-from indent_sim.theory.solution import Solution, check_contact, no_contact
+from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_body, check_contact, no_contact, wall_distance
 
 
 class Touching(Protocol):
@@ -20,50 +24,70 @@ class Touching(Protocol):
         ...
 
 
-class Layer(Protocol):
-    """A layer of thickness h [L] under a tip; contact sizes are in units of h."""
+@dataclass(frozen=True)
+class LayerContact(ABC):
+    """A layer of thickness h [L] under a tip.
 
-    @property
-    def h(self) -> float:
-        """The thickness [L]."""
-        ...
+    wall: the distance of frictionless side walls, infinity for none; like all contact sizes in units of h.
+    """
 
-    @property
-    def edge(self) -> float | None:
-        """The contact size [L] that a flat punch has at any depth."""
-        ...
+    tip: Tip
+    E_star: float
+    nu: float
+    h: float
+    base: str
+    wall: float
 
+    @classmethod
+    def of(cls, tip: Tip, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None) -> Self:
+        """The layer of thickness h [L], infinitely wide, or between frictionless walls at the distance `wall` [L].
+
+        nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller" (frictionless). ValueError otherwise.
+        """
+        check_body(E, nu, h, base, wall)
+        return cls(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h))
+
+    @abstractmethod
     def profile(self, x: np.ndarray) -> np.ndarray:
         """An increasing shape function of the tip, about the depth [h] of a contact of size x."""
-        ...
+
+    @abstractmethod
+    def at(self, a: float) -> Touching:
+        """The linear problem of the contact size a."""
+
+    @abstractmethod
+    def solution(self, delta: float, a: float) -> Solution:
+        """The contact of size a at the depth delta [L]."""
 
     def largest(self) -> float:
         """The contact size that cannot be reached."""
-        ...
+        return min(self.wall, self.tip.reach / self.h, MAX_SLENDERNESS)
 
-    def at(self, a: float) -> Touching:
-        """The linear problem of the contact size a."""
-        ...
+    def curve(self, deltas: Sequence[float]) -> list[Solution]:
+        """One Solution per depth [L], each contact sought from its neighbour's; none for a depth <= 0.
 
-    def solution(self, delta: float, a: float) -> Solution:
-        """The contact of size a at the depth delta [L]."""
-        ...
+        Raises ValueError when the contact would reach the wall, the end of the tip, or a/h = 100.
+        """
+        solutions: list[Solution] = []
+        known: list[tuple[float, float]] = []
+        for delta in deltas:
+            check_contact(delta, self.tip.edge, self.h, self.wall * self.h)
+            if delta <= 0.0:
+                solutions.append(no_contact(delta))
+            elif self.tip.edge is not None:
+                solutions.append(self.solution(delta, self.tip.edge / self.h))
+            else:
+                depth = delta / self.h
+                start = next_guess(known, depth) or first_guess(self.profile, depth, self.largest())
+                a = increasing_root(lambda a: self.at(a).touch, depth, start, self.largest())
+                known.append((depth, a))
+                solutions.append(self.solution(delta, a))
+        return solutions
 
-
-def march(layer: Layer, deltas: Sequence[float], wall: float | None) -> list[Solution]:
-    """One Solution per depth [L], each contact sought from its neighbour's; `wall`: distance of the side walls [L]."""
-    solutions: list[Solution] = []
-    known: list[tuple[float, float]] = []
-    for delta in deltas:
-        check_contact(delta, layer.edge, layer.h, wall)
-        if delta <= 0.0:
-            solutions.append(no_contact(delta))
-        elif layer.edge is not None:
-            solutions.append(layer.solution(delta, layer.edge / layer.h))
-        else:
-            depth = delta / layer.h
-            start = next_guess(known, depth) or first_guess(layer.profile, depth, layer.largest())
-            a = increasing_root(lambda a: layer.at(a).touch, depth, start, layer.largest())
-            known.append((depth, a))
-            solutions.append(layer.solution(delta, a))
-    return solutions
+    def depth(self, force: float) -> float:
+        """The depth [L] at which the force is this one [F] > 0, found by the contact's size; errors as for `curve`."""
+        if self.tip.edge is not None:
+            return force / self.curve([self.h])[0].stiffness
+        start = first_guess(self.profile, force / (self.E_star * self.h**2), self.largest())
+        a = increasing_root(lambda a: self.solution(self.at(a).touch * self.h, a).force, force, start, self.largest())
+        return self.at(a).touch * self.h

@@ -1,7 +1,8 @@
-"""Rigid tips of revolution as the layer theory sees them: their Abel transform instead of their shape.
+"""Rigid tips as the layer theories see them: their shape in plane strain, its Abel transform about an axis.
 
-A profile f(r) >= 0 [L], f(0) = 0, enters the theory only through g(x) = x ∫_0^x f'(r)/sqrt(x^2 - r^2) dr [L]
-(Sneddon 1965). Contact is assumed to be one disc, so f' must not decrease.
+A profile f(r) >= 0 [L], f(0) = 0, enters the axisymmetric theory only through
+g(x) = x ∫_0^x f'(r)/sqrt(x^2 - r^2) dr [L] (Sneddon 1965), and the plane one, even in x, as it is. Contact is assumed
+to be one disc or band, so f' must not decrease.
 """
 
 from __future__ import annotations
@@ -15,34 +16,42 @@ import numpy as np
 
 from indent_sim.theory.solution import require_positive
 
+Shape = Callable[[np.ndarray], np.ndarray]
+
 
 @dataclass(frozen=True)
 class Tip:
-    """One tip: g(x) (array in, array out, [L]) and the facts that quadrature must know about it.
+    """One tip: g(x) and f(x) (array in, array out, [L]) and the facts that quadrature must know about it.
 
+    f: None for a tip that plane strain does not know, since its shape is not smooth beside the apex.
     edge: contact radius that the shape imposes (flat punch), or None if the contact grows with the load [L].
     reach: radius at which the tip ends; the contact stays below it [L].
     breaks: increasing radii where f' is not smooth [L].
-    sharp: f'(0) > 0, so the pressure on the axis is infinite.
+    corner: the slope f'(0+); where it is not 0 the pressure at the apex is infinite.
     """
 
-    g: Callable[[np.ndarray], np.ndarray]
+    g: Shape
+    f: Shape | None = None
     edge: float | None = None
     reach: float = math.inf
     breaks: tuple[float, ...] = ()
-    sharp: bool = False
+    corner: float = 0.0
 
 
 def paraboloid(R: float) -> Tip:
     """f = r^2/(2R), g = x^2/R."""
     require_positive(R=R)
-    return Tip(lambda x: x * x / R)
+    return Tip(lambda x: x * x / R, lambda x: x * x / (2.0 * R))
 
 
 def sphere(R: float) -> Tip:
     """f = R - sqrt(R^2 - r^2), g = x artanh(x/R) = x/2 ln((R+x)/(R-x)), x < R."""
     require_positive(R=R)
-    return Tip(lambda x: x * np.arctanh(x / R), reach=R)
+
+    def f(x):
+        return x * x / (R + np.sqrt(np.maximum((R - x) * (R + x), 0.0)))
+
+    return Tip(lambda x: x * np.arctanh(x / R), f, reach=R)
 
 
 def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
@@ -55,7 +64,7 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
         raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
     cot = 1.0 / math.tan(math.radians(half_angle))
     if tip_radius == 0.0:
-        return Tip(lambda x: 0.5 * math.pi * cot * x, sharp=True)
+        return Tip(lambda x: 0.5 * math.pi * cot * x, lambda x: cot * np.abs(x), corner=cot)
     require_positive(tip_radius=tip_radius)
     tangent = tip_radius * math.cos(math.radians(half_angle))
 
@@ -70,7 +79,7 @@ def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
     """f = 0, g = 0, contact radius fixed; with edge_radius > 0 the rim is a quarter circle of that radius."""
     require_positive(radius=radius)
     if edge_radius == 0.0:
-        return Tip(lambda x: 0.0 * x, edge=radius)
+        return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x, edge=radius)
     if not 0.0 < edge_radius < radius:
         raise ValueError(f"edge_radius must lie in [0, radius), got {edge_radius!r}")
     flat = radius - edge_radius
@@ -102,16 +111,10 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
         corners = (d * np.arccos(np.minimum(c / safe, 1.0)) for d, c in zip(jumps, r[:-1], strict=True))
         return x * sum(corners)
 
-    return Tip(g, reach=float(r[-1]), breaks=tuple(r[1:-1].tolist()), sharp=bool(slopes[0] > 0.0))
+    return Tip(g, reach=float(r[-1]), breaks=tuple(r[1:-1].tolist()), corner=float(slopes[0]))
 
 
-def profile(
-    slope: Callable[[np.ndarray], np.ndarray],
-    *,
-    reach: float = math.inf,
-    breaks: Sequence[float] = (),
-    sharp: bool = False,
-) -> Tip:
+def profile(slope: Shape, *, reach: float = math.inf, breaks: Sequence[float] = (), corner: float = 0.0) -> Tip:
     """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by quadrature.
 
     breaks: the radii where f' jumps or kinks; between them the quadrature converges exponentially.
@@ -131,4 +134,4 @@ def profile(
             total += half * np.sum(weight * slope(x[..., None] * np.sin(angle)), axis=-1)
         return x * total
 
-    return Tip(g, reach=reach, breaks=breaks, sharp=sharp)
+    return Tip(g, reach=reach, breaks=breaks, corner=corner)

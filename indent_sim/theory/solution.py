@@ -17,14 +17,15 @@ FAR_WALL = 1e4  # in thicknesses; the number of modes between walls grows with i
 class Solution:
     """State of the body at one depth; in plane strain force, energy and stiffness are per unit length.
 
-    delta [L]; force [F]; contact radius or half-width a [L]; strain energy [F L]; stiffness d force/d delta
-    [F/L];
+    delta [L]; force [F]; contact radius or half-width a [L]; contact area [L^2], or width [L]; strain energy [F L];
+    stiffness d force/d delta [F/L];
     pressure: r -> p [F/L^2], number or array in, same shape out, 0 outside the contact.
     """
 
     delta: float
     force: float
     a: float
+    area: float
     energy: float
     stiffness: float
     pressure: Callable[[np.ndarray], np.ndarray]
@@ -32,7 +33,7 @@ class Solution:
 
 def no_contact(delta: float) -> Solution:
     """The untouched body: everything but delta is zero."""
-    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, lambda r: np.zeros_like(np.asarray(r, dtype=float))[()])
+    return Solution(float(delta), 0.0, 0.0, 0.0, 0.0, 0.0, lambda r: np.zeros_like(np.asarray(r, dtype=float))[()])
 
 
 def check_body(E: float, nu: float, h: float, base: str, wall: float | None) -> None:
@@ -46,18 +47,18 @@ def check_body(E: float, nu: float, h: float, base: str, wall: float | None) -> 
         raise ValueError(f"wall must be > 0 or None, got {wall!r}")
 
 
-def wall_distance(wall: float | None, h: float) -> float | None:
-    """W/h, or None for the infinite layer; beyond FAR_WALL the two differ by less than about (a/h) 1e-8."""
-    return None if wall is None or wall > FAR_WALL * h else wall / h
+def wall_distance(wall: float | None, h: float) -> float:
+    """W/h, or infinity for the infinite layer; beyond FAR_WALL the two differ by less than about (a/h) 1e-8."""
+    return math.inf if wall is None or wall > FAR_WALL * h else wall / h
 
 
-def check_contact(delta: float, edge: float | None, h: float, wall: float | None) -> None:
+def check_contact(delta: float, edge: float | None, h: float, wall: float) -> None:
     """Raise ValueError if delta is not finite or a fixed edge is wider than the body or the theory allows."""
     if not math.isfinite(delta):
         raise ValueError(f"delta must be finite, got {delta!r}")
     if edge is not None and edge > MAX_SLENDERNESS * h:
         raise ValueError(f"a punch of radius {edge:g} is wider than {MAX_SLENDERNESS:g} thicknesses")
-    if edge is not None and wall is not None and edge >= wall:
+    if edge is not None and edge >= wall:
         raise ValueError(f"a punch of radius {edge:g} does not fit between walls at {wall:g}")
 
 

@@ -18,85 +18,16 @@ layer.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
-from indent_sim.theory.half_space import E_star
 from indent_sim.theory.hankel import S_MAX, base_complement, gauss
-from indent_sim.theory.march import march
-from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_body, require_positive, wall_distance
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Even, convex tip f(x) [L] (array in, array out), f(0) = 0.
-
-    edge: half-width that the shape imposes (flat punch), or None [L]; reach: where the tip ends [L].
-    corner: slope f'(0+) [-] of a tip with a kink at x = 0 (wedge), whose pressure is infinite there.
-    """
-
-    f: Callable[[np.ndarray], np.ndarray]
-    edge: float | None = None
-    reach: float = math.inf
-    corner: float = 0.0
-
-
-def paraboloid(R: float) -> Profile:
-    """Parabolic cylinder f = x^2/(2R)."""
-    require_positive(R=R)
-    return Profile(lambda x: x * x / (2.0 * R))
-
-
-def sphere(R: float) -> Profile:
-    """Circular cylinder f = R - sqrt(R^2 - x^2), |x| < R."""
-    require_positive(R=R)
-    return Profile(lambda x: x * x / (R + np.sqrt(np.maximum((R - x) * (R + x), 0.0))), reach=R)
-
-
-def cone(half_angle: float) -> Profile:
-    """Wedge f = |x| cot(alpha); alpha in degrees between the plane of symmetry and a face."""
-    if not 0.0 < half_angle < 90.0:
-        raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
-    cot = 1.0 / math.tan(math.radians(half_angle))
-    return Profile(lambda x: cot * np.abs(x), corner=cot)
-
-
-def flat_punch(radius: float) -> Profile:
-    """Flat punch of half-width `radius`, f = 0."""
-    require_positive(radius=radius)
-    return Profile(lambda x: 0.0 * x, edge=radius)
-
-
-def indent(
-    tip: Profile, delta: float, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
-) -> Solution:
-    """Equilibrium of a strip of thickness h [L] under `tip` pushed in by delta [L].
-
-    No contact for delta <= 0. nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller"
-    (frictionless); wall: half-width W [L] between frictionless side walls, None for the infinite strip.
-    force, energy, stiffness per unit length; a = half-width.
-    Raises ValueError for values out of range and when the contact would reach a wall, the end of the tip,
-    or a/h = 100.
-    """
-    return curve(tip, [delta], E=E, nu=nu, h=h, base=base, wall=wall)[0]
-
-
-def curve(
-    tip: Profile,
-    deltas: Sequence[float],
-    *,
-    E: float,
-    nu: float,
-    h: float,
-    base: str = "fixed",
-    wall: float | None = None,
-) -> list[Solution]:
-    """One Solution per depth of `deltas`, as `indent`, each starting from its neighbour's half-width."""
-    check_body(E, nu, h, base, wall)
-    return march(_Strip(tip, E_star(E, nu), nu, h, base, wall_distance(wall, h)), deltas, wall)
+from indent_sim.theory.march import LayerContact
+from indent_sim.theory.profiles import Tip
+from indent_sim.theory.solution import Solution
 
 
 @dataclass(frozen=True)
@@ -121,25 +52,14 @@ class _Linear:
         return self.shape_edge / float(np.sum(self.one))
 
 
-@dataclass(frozen=True)
-class _Strip:
-    tip: Profile
-    E_star: float
-    nu: float
-    h: float
-    base: str
-    wall: float | None  # in units of h
-
-    @property
-    def edge(self) -> float | None:
-        return self.tip.edge
+class Strip(LayerContact):
+    """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per unit length."""
 
     def profile(self, x: np.ndarray) -> np.ndarray:
+        """f [h] of the tip; ValueError for one that plane strain does not know."""
+        if self.tip.f is None:
+            raise ValueError("plane strain does not know this tip")
         return self.tip.f(x * self.h) / self.h
-
-    def largest(self) -> float:
-        """Half-width [h] that cannot be reached."""
-        return min(math.inf if self.wall is None else self.wall, self.tip.reach / self.h, MAX_SLENDERNESS)
 
     def at(self, a: float) -> _Linear:
         """Solve by collocation for unit depth and for the tip's shape at the half-width a [h]."""
@@ -162,33 +82,32 @@ class _Strip:
 
     def _log_scale(self, a: float) -> float:
         """log(a/2), or log sin(pi a/(2 W)) with its digits where a nearly is W."""
-        if self.wall is None:
+        if math.isinf(self.wall):
             return math.log(a / 2.0)
         return 0.5 * math.log1p(-(math.sin(math.pi * (self.wall - a) / (2.0 * self.wall)) ** 2))
 
     def _node_count(self, a: float) -> int:
         # exp. convergence: the remainder is analytic 2h off the axis, and singular at a wall or the tip's end
-        ends = [self.tip.reach / self.h, math.inf if self.wall is None else self.wall]
-        near_end = sum(math.sqrt(a / max(end - a, 1e-4 * a)) for end in ends)
+        near_end = sum(math.sqrt(a / max(end - a, 1e-4 * a)) for end in (self.tip.reach / self.h, self.wall))
         fewest = 100 if self.tip.corner else 18  # between walls a corner leaves a |q|^3 behind
         return fewest + math.ceil(6.0 * a + 12.0 * near_end)
 
     def _position(self, q: np.ndarray, a: float) -> tuple[np.ndarray, float]:
         """x(q) [h], and dx/dq in the middle."""
-        if self.wall is None:
+        if math.isinf(self.wall):
             return a * q, a
         c = math.pi / (2.0 * self.wall)
         return np.arcsin(math.sin(c * a) * q) / c, math.sin(c * a) / c
 
     def _remainder(self, x: np.ndarray, a: float) -> np.ndarray:
         """What the base and the uniform mode take off the logarithm, shape (len(x), len(x))."""
-        if self.wall is None:
+        if math.isinf(self.wall):
             k, weight = _layer_modes(2.0 ** math.ceil(math.log2(max(a, 1.0))), self.nu, self.base)
         else:
             k, weight = _strip_modes(self.nu, self.base, self.wall)
         B = np.cos(np.outer(k, x))
         smooth = B.T @ (weight[:, None] * B)
-        if self.wall is None:
+        if math.isinf(self.wall):
             near, far = np.subtract.outer(x, x), np.add.outer(x, x)
             return smooth - 0.25 * (np.log(near**2 + 4.0) + np.log(far**2 + 4.0))
         return smooth - math.pi * (1.0 - 2.0 * self.nu) / (4.0 * self.wall * (1.0 - self.nu) ** 2)
@@ -205,13 +124,23 @@ class _Strip:
             delta=float(delta),
             force=unit * self.h * math.pi * float(b[0]),
             a=float(a * self.h),
+            area=2.0 * float(a * self.h),
             energy=0.5 * unit * self.h**2 * _work(lin, rest, depth),
             stiffness=unit * math.pi * float(lin.one[0]),
             pressure=partial(_pressure, self, a, rest, lin.corner),
         )
 
 
-def _pressure(strip: _Strip, a: float, b: np.ndarray, corner: float, x) -> np.ndarray:
+def indent(tip: Tip, delta: float, **body: Any) -> Solution:
+    """Equilibrium of a strip under `tip` pushed in by delta [L]; no contact for delta <= 0; a = half-width.
+
+    body: E, nu, thickness h, base, and wall, the half-width [L] between frictionless side walls; see `LayerContact.of`
+    and, for the errors, `LayerContact.curve`.
+    """
+    return Strip.of(tip, **body).curve([delta])[0]
+
+
+def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.ndarray:
     """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], with y(1) = 0 used exactly for smooth tips.
 
     b: coefficients of y without the corner's, whose part is the wedge on a half-plane, 2/pi^2 arcosh(1/q)
@@ -237,9 +166,9 @@ def _pressure(strip: _Strip, a: float, b: np.ndarray, corner: float, x) -> np.nd
     return p.reshape(x.shape)[()]
 
 
-def _stretched(strip: _Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
+def _stretched(strip: Strip, x: np.ndarray, a: float) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
     """q(x), dq/dx and 1 - q (without cancellation at the edge)."""
-    if strip.wall is None:
+    if math.isinf(strip.wall):
         return x / a, 1.0 / a, (a - x) / a
     c = math.pi / (2.0 * strip.wall)
     S = math.sin(c * a)

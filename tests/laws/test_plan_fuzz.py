@@ -20,17 +20,13 @@ from hypothesis import strategies as st
 
 from indent_sim.cli import commands
 from indent_sim.config import schema
-from indent_sim.config.file import from_mapping
 from indent_sim.config.key_types import hints, kinds_of
 from indent_sim.config.strict_yaml import dump, parse
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.scene.scene import resolve
 from indent_sim.study import file as study_file
 
 ROOT = Path(__file__).resolve().parents[2]
 WAIT = 20.0  # s of wall time for one plan: the slowest takes 1 s, on a machine that may be busy
-RUN_WAIT = 240.0  # s for one run that is planned to take 3 s; a path that is hard is cut into many substeps
-AFFORDABLE = {"dofs": 8_000, "seconds": 3.0}  # at most, in the plan of a scene that is run
 
 FUZZ = settings(deadline=None, database=None, suppress_health_check=list(HealthCheck))
 BRIEF = settings(FUZZ, derandomize=True)
@@ -190,22 +186,6 @@ def plan(document: dict[str, Any]) -> None:
     assert not {"nan", "inf"} & set(done.stdout.replace(",", " ").split())
 
 
-def run(document: dict[str, Any]) -> bool:
-    """Run a scene that is small enough, of few steps; returns whether it was."""
-    with suppress(ConfigError):
-        if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(document["loading"]):
-            document["loading"]["steps"] = 2
-        document.pop("output", None)
-        scene = resolve(from_mapping(document))
-        if len(scene.deltas) <= 5 and all(scene.prediction[k] <= most for k, most in AFFORDABLE.items()):
-            out = ("--output", "out", "--set", "output.plot=false")
-            with pytest.MonkeyPatch.context() as patch:
-                patch.chdir(tempfile.mkdtemp())
-                ended("run", document, *out, codes=(0, 3, 4, 5, 6), wait=RUN_WAIT)
-            return True
-    return False
-
-
 def read_study(document: dict[str, Any]) -> None:
     """Points of a grid, or the words of exit code 2 or 3; the scenes themselves are tried elsewhere."""
     with tempfile.TemporaryDirectory() as place, within(WAIT), warnings.catch_warnings():
@@ -228,19 +208,6 @@ def test_any_study(document):
     read_study(document)
 
 
-def test_some_scenes_are_run():
-    ran = []
-
-    @settings(BRIEF, max_examples=80)
-    @given(scenes())
-    def some(document):
-        if len(ran) < 4 and run(document):
-            ran.append(document)
-
-    some()
-    assert len(ran) == 4
-
-
 @pytest.mark.stress
 @settings(FUZZ, max_examples=10_000)
 @given(scenes())
@@ -253,10 +220,3 @@ def test_ten_thousand_scenes(document):
 @given(studies())
 def test_two_thousand_studies(document):
     read_study(document)
-
-
-@pytest.mark.stress
-@settings(FUZZ, max_examples=500)
-@given(scenes())
-def test_runs_of_five_hundred_scenes(document):
-    run(document)

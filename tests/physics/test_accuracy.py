@@ -87,8 +87,8 @@ class Judged:
 def exact_forces(config: Config) -> np.ndarray:
     """The force of every step, by theory."""
     scene = resolve(config)
-    assert scene.oracle is not None
-    return np.array([solution.force for solution in scene.oracle.curve(scene.deltas) or []]) * scene.scales.force
+    assert scene.theory is not None
+    return np.array([solution.force for solution in scene.theory.curve(scene.deltas) or []]) * scene.scales.force
 
 
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:

@@ -41,8 +41,8 @@ class Judged:
 def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
     """delta, force, a and p_max of every step at prescribed depths, all of height and modulus 1."""
     scene = resolve(from_mapping(mapping))
-    assert scene.oracle is not None and scene.oracle.exact
-    curve = scene.oracle.curve(scene.deltas) or []
+    assert scene.theory is not None and scene.theory.exact
+    curve = scene.theory.curve(scene.deltas) or []
     L, P, F = scene.scales.length, scene.scales.pressure, scene.scales.force
     peaks = [float(np.max(solution.pressure(solution.a * RADII))) * P for solution in curve]
     return {"delta": np.array([solution.delta for solution in curve]) * L, "p_max": np.array(peaks),

@@ -126,7 +126,7 @@ def drawn(count: int, seed: int) -> list[Case]:
 def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
     """The scene on a mesh that shrinks to nothing towards every corner and towards the end of every step's contact."""
     base = resolve(config, n)
-    (low, high), (bottom, top) = base.extent
+    (low, high), (bottom, top) = base.part.extent
     ends = {abs(end - base.center[0]) for end in (low, high)} - {0.0}
     points = {(r, depth) for r in ends for depth in (0.0, top - bottom)}
     if base.sizes.edge is None:
@@ -140,7 +140,7 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
 def true_forces(config: Config) -> np.ndarray:
     """The force of every step: by exact theory, where the body is its own, else on a graded mesh."""
     scene = resolve(config)
-    if scene.oracle is not None and scene.oracle.exact and (found := scene.oracle.curve(scene.deltas)):
+    if scene.theory is not None and scene.theory.exact and (found := scene.theory.curve(scene.deltas)):
         return np.array([solution.force for solution in found]) * scene.scales.force
     return np.array([state.force for state in states(graded(config), with_surface=False)])
 

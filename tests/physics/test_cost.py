@@ -28,7 +28,7 @@ def assert_close(predicted: float, found: float) -> None:
 def test_cells(path: Path) -> None:
     """The count that all other predictions come from; the mesh alone is quickly made."""
     scene = resolve(load(path))
-    assert_close(scene.prediction["cells"], len(gmsh.build(scene).cells))
+    assert_close(scene.prediction["cells"], len(gmsh.build(scene.part, scene.sizes).cells))
 
 
 @pytest.mark.verify

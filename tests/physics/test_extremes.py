@@ -39,8 +39,8 @@ def once(delta: float) -> dict[str, Any]:
 
 def error(base: Scene) -> float:
     """Force over that of theory - 1, at the last depth."""
-    theory = base.oracle.at(base.deltas[-1])
-    assert base.oracle.exact
+    theory = base.theory.at(base.deltas[-1])
+    assert base.theory.exact
     return solve(base)[-1].force / (theory.force * base.scales.force) - 1
 
 

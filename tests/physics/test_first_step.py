@@ -130,7 +130,7 @@ def judged(config: dict[str, Any]) -> Verdict:
     big = along(scene, [depth, half])
     if not big[0].converged:
         return Verdict("refused" if big[0].reason else "WRONG", big[0].reason)
-    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.kinematics.dim == 2 else FEWEST)
+    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.part.dim == 2 else FEWEST)
     fine = along(scene, [depth * k / steps for k in range(1, steps + 1)])
     pairs = [(big[0], fine[-1])]
     if len(big) == 2 and big[1].converged and len(fine) >= steps // 2:

@@ -49,11 +49,11 @@ def test_stated_error_covers_the_true_one(nu: float) -> None:
     assert any(c.key == "body" and f"{stated:.2%}" in c.why for c in base.choices)
 
 
-def test_the_oracle_is_the_half_space() -> None:
+def test_its_theory_is_the_half_space() -> None:
     """The layer that stands for it in theory is 1e7 bodies deep: Hertz to 1e-6 in force and radius."""
     base = over(*TIPS["paraboloid"][:2])
-    solution = base.oracle.at(base.deltas[-1]) if base.oracle else None
-    assert solution and base.oracle and base.oracle.name == "half-space theory"
+    solution = base.theory.at(base.deltas[-1]) if base.theory else None
+    assert solution and base.theory and base.theory.name == "half-space theory"
     assert solution.force * base.scales.force == pytest.approx(base.prediction["force_half_space"], rel=1e-6)
     assert solution.a * base.scales.length == pytest.approx(0.1, rel=1e-6)
     assert not base.warnings
@@ -80,7 +80,7 @@ def test_a_tip_in_contact_to_its_end() -> None:
 
 
 def test_three_dimensions_on_request() -> None:
-    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).symmetry == "quarter"
+    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).part.symmetry == "quarter"
 
 
 def test_a_place_on_it_is_refused() -> None:

@@ -53,7 +53,7 @@ def reference(request: pytest.FixtureRequest) -> tuple[dict[str, Any], dict[str,
     body, sections = SHAPES[request.param]
     sections = sections | {"material": ELASTIC | {"E": 5.0}}
     base = scene(body, **sections)
-    return body, sections, solve(base), gmsh.build(base).hash
+    return body, sections, solve(base), gmsh.build(base.part, base.sizes).hash
 
 
 @pytest.mark.parametrize("units", UNITS)
@@ -66,7 +66,7 @@ def test_units_do_not_matter(reference: Any, units: str) -> None:
     converted["indenter"] = in_other_units(PARABOLOID, length)
     converted.setdefault("loading", {"delta": 0.01 * length, "steps": 1})
     other = scene(in_other_units(body, length), **converted)
-    assert gmsh.build(other).hash == mesh
+    assert gmsh.build(other.part, other.sizes).hash == mesh
     force = pressure * length ** (1 if body["shape"] == "strip" else 2)
     scales = [length, force, length, pressure, length, force * length, force]
     for here, there in zip(expected, solve(other), strict=True):
@@ -173,11 +173,11 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
     from indent_sim.fe import solver
 
     base = scene(body, contact=PENALTY, mesh={"h_contact": 0.25, "h_far": 0.5, "symmetry": symmetry})
-    problem = solver.Problem(base, solver.distribute(gmsh.build(base), base, MPI.COMM_SELF))
+    problem = solver.Problem(base, solver.distribute(gmsh.build(base.part, base.sizes), base.part, MPI.COMM_SELF))
     problem.delta.value = -10.0  # a turn by 1 must not lift the body into the tip
-    dim = base.kinematics.dim
+    dim = base.part.kinematics.dim
     X = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, :dim]
-    for motion in rigid_motions(dim, base.symmetry == "axisymmetric", X):
+    for motion in rigid_motions(dim, base.part.symmetry == "axisymmetric", X):
         x = problem.x.copy()
         x.array[problem.unknowns.places("u")] = motion.ravel()
         problem.body.set_solution(x)

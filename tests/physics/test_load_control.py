@@ -75,8 +75,8 @@ def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
     shape, force = TIPS[tip]
     base = scene(body, indenter=shape, loading={"force": force, "steps": 2})
     half, whole = solve(base)
-    assert base.oracle and base.oracle.exact
-    expected = base.oracle.at(whole.delta)  # E = height = 1: the scene's units are the user's
+    assert base.theory and base.theory.exact
+    expected = base.theory.at(whole.delta)  # E = height = 1: the scene's units are the user's
     assert expected and expected.force == pytest.approx(force, rel=0.01 if tip == "punch" else 0.003)
     assert [half.force, whole.force] == pytest.approx([force / 2, force], rel=1e-10)
     assert base.prediction["delta"] == pytest.approx(whole.delta, rel=0.01 if tip == "punch" else 0.003)

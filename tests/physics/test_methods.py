@@ -17,7 +17,7 @@ from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
 from test_hertz import CUBE, FORCES, RADII
 
 from indent_sim.cli import commands
-from indent_sim.fe.condensed import contact
+from indent_sim.fe.solve import uzawa
 from indent_sim.model.state import State
 from indent_sim.run import chain
 
@@ -94,8 +94,8 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
     base = scene(WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h},
                  loading={"delta": delta, "steps": 10})  # fmt: skip
     assert base.prediction["dofs"] < 6000
-    assert base.oracle is not None and base.oracle.exact
-    theory, states = base.oracle.curve(base.deltas), solve(base)
+    assert base.theory is not None and base.theory.exact
+    theory, states = base.theory.curve(base.deltas), solve(base)
     assert theory is not None
     forces = np.array([state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)])
     place = theory[-1].a / 2 if tip == "cone" else 0.0
@@ -175,7 +175,7 @@ def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: s
 
 def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Uzawa far below E*/h creeps; where its loops end, there is no number, but a reason."""
-    monkeypatch.setattr(contact, "UZAWA_LOOPS", 15)
+    monkeypatch.setattr(uzawa, "LOOPS", 15)
     (state,) = chain.states(scene(CYLINDER, contact=method("uzawa", 1e-5), mesh={"h_contact": 0.05}))
     assert not state.converged
     assert np.isnan(state.force)
@@ -266,7 +266,7 @@ def test_contact_radius_grows_without_stairs(name: str) -> None:
     h = 0.01
     base = scene(WALLED, contact=method(name), mesh={"h_contact": h},
                  loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()})  # fmt: skip
-    theory = base.oracle.curve(base.deltas)
+    theory = base.theory.curve(base.deltas)
     off = np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
     assert np.abs(off).max() < 1 / 12
     assert np.abs(np.diff(off)).max() < 0.05

@@ -10,10 +10,9 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.config.file import from_mapping
-from indent_sim.fe.condensed import contact as condensed_contact
 from indent_sim.fe.path import steps
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve import algorithms, linear
+from indent_sim.fe.solve import linear, uzawa
 from indent_sim.fe.solve.newton import Newton
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.run.chain import Outcome, simulate
@@ -141,8 +140,7 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])
 def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
-    for module in (algorithms, condensed_contact):
-        monkeypatch.setattr(module, "UZAWA_LOOPS", 3)
+    monkeypatch.setattr(uzawa, "LOOPS", 3)
     monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
     contact = {"method": "uzawa", "epsilon_n": 0.01}
     config = from_mapping(SCENE | {"contact": contact, "solver": {"method": method}})

@@ -26,8 +26,8 @@ CURRENT = {"method": "auto", "gap": "current"}
 
 def theory(base: Scene) -> float:
     """The force of layer theory at the last depth."""
-    solution = base.oracle.at(base.deltas[-1]) if base.oracle else None
-    assert base.oracle and base.oracle.exact and solution
+    solution = base.theory.at(base.deltas[-1]) if base.theory else None
+    assert base.theory and base.theory.exact and solution
     return solution.force * base.scales.force
 
 
@@ -35,7 +35,7 @@ def theory(base: Scene) -> float:
 def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
     """0.3 % is what `h_contact: auto` promises at the last step."""
     base = scene(WALLED, indenter=tip, loading={"delta": 0.02, "steps": 2})
-    assert base.symmetry == "axisymmetric" and base.solver["method"] == "condensed"
+    assert base.part.symmetry == "axisymmetric" and base.solver["method"] == "condensed"
     assert force(base) == pytest.approx(theory(base), rel=3e-3)
 
 
@@ -87,7 +87,7 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
     base = scene(
         {"shape": "half_space"}, indenter=pyramid, mesh={"h_contact": 0.06}, loading={"delta": 0.1, "steps": 1}
     )
-    assert base.symmetry == "quarter" and base.body.shape == "box"
+    assert base.part.symmetry == "quarter" and base.body.shape == "box"
     assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=0.01)
 
 
@@ -105,7 +105,7 @@ def test_square_pyramid_as_planned() -> None:
 def test_pyramids_take_the_symmetry_they_have(faces: int, rotation: float, symmetry: str) -> None:
     tip = {"shape": "pyramid", "half_angle": 70, "faces": faces, "rotation": rotation}
     for body in (BOX, WALLED):
-        assert scene(body, indenter=tip, mesh={"h_contact": 0.2}).symmetry == symmetry
+        assert scene(body, indenter=tip, mesh={"h_contact": 0.2}).part.symmetry == symmetry
 
 
 def test_a_turned_pyramid_on_a_round_body_feels_the_same() -> None:

@@ -92,7 +92,7 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
     center = [place * width] if body is STRIP else [place * width, 1.0]
     base = scene(body | ON_ROLLERS, indenter={"shape": "paraboloid", "R": 1.0, "center": center},
                  mesh={"h_contact": h, "symmetry": "full"})  # fmt: skip
-    assert len(base.pins) == (1 if body is STRIP else 3)
+    assert len(base.part.pins) == (1 if body is STRIP else 3)
     (state,) = solve(base)
     assert_audited(state, state.force)
     assert state.stray_reaction <= 1e-10 * state.force
@@ -112,5 +112,5 @@ def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
 def test_held_by_symmetry_a_body_on_rollers_may_feel_the_current_gap() -> None:
     """In the middle the sideways pushes cancel, and the mid-planes are walls."""
     base = scene(STRIP | ON_ROLLERS, contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.02})
-    assert not base.pins
+    assert not base.part.pins
     assert solve(base)[-1].force > 0

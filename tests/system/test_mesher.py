@@ -48,6 +48,10 @@ def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
     return resolve(loads(SCENE.format(body=body, tip=tip, mesh=f"{{{mesh}h_contact: {h!r}, h_far: 0.5}}")))
 
 
+def meshed(scene: Scene) -> Grid:
+    return gmsh.build(scene.part, scene.sizes)
+
+
 def areas(grid: Grid) -> np.ndarray:
     """Signed areas of triangles."""
     a, b, c = (grid.points[grid.cells[:, i]] for i in range(3))
@@ -63,7 +67,7 @@ def test_a_split_near_a_corner_is_meshed(kind):
     chance = random.Random(kind)
     for power in range(-13, -5):
         d, width = chance.uniform(1, 10) * 10.0**power, chance.choice([1.0, chance.uniform(0.3, 5)])
-        size = areas(gmsh.build(near_a_corner(kind, d, width, chance.choice([0.1, 0.02]))))
+        size = areas(meshed(near_a_corner(kind, d, width, chance.choice([0.1, 0.02]))))
         assert size.sum() == pytest.approx(width, rel=1e-9) and (size > 0).all()
 
 
@@ -72,7 +76,7 @@ def test_no_triangle_is_flat(place):
     """gmsh left one on three points of the top, of no area at all: nothing converged."""
     tip = f"{{shape: cone, half_angle: 70.0, center: [{place!r}]}}"
     scene = SCENE.format(body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}")
-    found = gmsh.build(resolve(loads(scene, overrides=["loading.delta=0.0005"])))
+    found = meshed(resolve(loads(scene, overrides=["loading.delta=0.0005"])))
     assert areas(found).sum() == pytest.approx(2 / 3, rel=1e-9) and (areas(found) > 0).all()
 
 
@@ -80,7 +84,7 @@ def test_a_failure_by_chance_is_tried_again():
     """gmsh found facets of this box that cut one another; half as large a shift does the same, a tenth does not."""
     body = "{shape: box, size: [2.0, 1.999999999999993, 0.3], base: fixed, sides: fixed}"
     tip = "{shape: cone, half_angle: 70.0, center: [0.9999999999999989, 1.000000001519999]}"
-    found = gmsh.build(resolve(loads(SCENE.format(body=body, tip=tip, mesh="{}"), overrides=["loading.delta=4.92e-6"])))
+    found = meshed(resolve(loads(SCENE.format(body=body, tip=tip, mesh="{}"), overrides=["loading.delta=4.92e-6"])))
     assert len(found.cells) > 10_000 and not gmsh.has_flat_cells(found)
 
 
@@ -88,15 +92,15 @@ def test_a_flat_cell_is_told():
     """Three points of the upper side of a square; and a triangle as thin as beside the narrowest split."""
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 1.0], [1e-8, 0.0]])
     halves = [[0, 1, 2], [0, 2, 3], [0, 5, 3]]
-    assert not gmsh.has_flat_cells(Grid(points, np.array(halves), ""))
-    assert gmsh.has_flat_cells(Grid(points, np.array([*halves, [2, 4, 3]]), ""))
+    assert not gmsh.has_flat_cells(Grid(points, np.array(halves)))
+    assert gmsh.has_flat_cells(Grid(points, np.array([*halves, [2, 4, 3]])))
 
 
 def test_a_mesh_that_stays_flat_is_refused(monkeypatch):
     monkeypatch.setattr(gmsh, "has_flat_cells", lambda grid: True)
     gmsh._mesher.stop()  # forked anew, it knows
     with pytest.raises(MeshError, match="cells without volume"):
-        gmsh.build(resolve(loads(SMALL)))
+        meshed(resolve(loads(SMALL)))
     gmsh._mesher.stop()
 
 
@@ -296,16 +300,16 @@ class TestRun:
 
     def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
         scene = resolve(loads(SMALL))
-        expected = gmsh.build(scene)
+        expected = meshed(scene)
 
         def refuse() -> int:
             raise BlockingIOError("no room")
 
         gmsh._mesher.stop()
         monkeypatch.setattr(os, "fork", refuse)
-        assert gmsh.build(scene).hash == expected.hash
+        assert meshed(scene).hash == expected.hash
 
     def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
         gmsh._mesher.stop()
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert len(gmsh.build(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_up
+        assert len(meshed(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_up

@@ -464,7 +464,7 @@ class TestComparison:
         rows = study.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
         layer = case_list.of(study.read(tmp_path / "STUDY.yaml"))[0].scene  # of unit height and modulus
-        theory = layer.oracle.at(0.01).force
+        theory = layer.theory.at(0.01).force
         reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
         assert [row["force_error_vs"] for row in rows] == pytest.approx(
             [value / reference - 1 for value in force], abs=1e-9

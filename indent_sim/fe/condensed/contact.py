@@ -32,7 +32,7 @@ from indent_sim.fe.observe.surface import (
     shapes,
     split_quadrature,
 )
-from indent_sim.fe.solve.algorithms import UZAWA_LOOPS, settled
+from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.mixing import Mixing
 from indent_sim.fe.solve.newton import softer
 from indent_sim.scene.scene import Scene
@@ -55,7 +55,7 @@ class CondensedContact:
         self.F: np.ndarray = np.zeros(compliance.size)
         # multiplier at the nodes of the whole surface (active set: nodal pressures)
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
-        self._scene = scene
+        self.scene = scene
         self._recent = [self.F]  # nodal forces of the last equilibria
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
 
@@ -75,17 +75,17 @@ class CondensedContact:
     # ---- the surface ---------------------------------------------------------------------------------------------
 
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted areas (facets, points) and the tip's height (facets, points) there."""
-        trace, scene = self.compliance.trace, self._scene
+        """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
+        trace, scene = self.compliance.trace, self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.kinematics.horizontal(x, scene.center)
-        return self._areas(trace, points, weights), scene.indenter.height(*horizontal)
+        horizontal = scene.part.kinematics.horizontal(x, scene.center)
+        return self._areas(trace, points, weights), scene.indenter.height(*horizontal) - x[-1]
 
     def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Areas (facets, points) of quadrature points, times the kinematics' weight."""
         tangents = trace.tangents(trace.X, points)
         area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
-        return area * weights * self._scene.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
+        return area * weights * self.scene.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
 
     @cached_property
     def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -131,15 +131,23 @@ class CondensedContact:
         own; if that is too far, through softer contact to the law's own.
         """
         start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
-        unit = self._scene.material.E_star / self._scene.sizes.h_contact
+        unit = self.scene.material.E_star / self.scene.sizes.h_contact
         is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
         first = [unit / epsilon_n, 1.0] if is_other else [1.0]
-        for factors in (first, softer(self.law, self._scene)):
+        for factors in (first, softer(self.law, self.scene)):
             self.F = start
             if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
                 return True
         self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
         return False
+
+    def update(self, mixing: Mixing) -> float:
+        """Change the multiplier; returns how far it was from its projection, relative to itself."""
+        before, image = self.lam, self._projected(self.F)
+        change, nothing = np.linalg.norm(image - before), self.nothing(lambda F: np.linalg.norm(self._projected(F)))
+        self.lam = mixing(before, image)
+        size = max(np.linalg.norm(before), np.linalg.norm(image))
+        return float(change / size) if change > nothing else 0.0
 
     def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
         N, W, height = self._quadrature
@@ -208,7 +216,7 @@ class CondensedContact:
         Q, heights, areas, A = self._weighted
         carriers = np.flatnonzero(areas > 0)
         open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
-        scale = self._scene.material.E_star / self._scene.sizes.h_contact
+        scale = self.scene.material.E_star / self.scene.sizes.h_contact
         p = self.lam[self.places[carriers]]
         p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
         self.iterations += solves
@@ -271,18 +279,10 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
-        mixing, nothing = Mixing(MPI.COMM_SELF), contact.nothing(lambda F: np.linalg.norm(contact._projected(F)))
-        for _ in range(UZAWA_LOOPS):
-            if not contact.newton(delta, with_multiplier=False, frozen=contact.lam):
-                return False
-            before, image = contact.lam, contact._projected(contact.F)
-            size = max(np.linalg.norm(before), np.linalg.norm(image))
-            change = np.linalg.norm(image - before)
-            contact.lam = mixing(before, image)
-            if change <= settled(contact._scene) * size + nothing:
-                return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
-            contact.failure = f"the multiplier does not settle, it still changes by {change / size:.1e} of itself"
-        return False
+        def held(rtol: float) -> bool:
+            return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
+
+        return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, held, contact.update)
 
     return solve
 

@@ -32,7 +32,8 @@ class CondensedEquilibrium:
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
         self.scene, self.body, self.dofs = scene, body, body.active_dofs
         self.condenser = condenser or Condenser(body)
-        self._whole = max(abs(end - c) for ends, c in zip(scene.extent, scene.center, strict=False) for end in ends)
+        sides = zip(scene.part.extent[:-1], scene.center, strict=False)
+        self._whole = max(abs(end - c) for ends, c in sides for end in ends)
         self._whole *= 1.5  # the corners of a box
         self._iterations, self._outgrown = 0, ""
         self.observed = RecoveredBody(self)
@@ -62,7 +63,7 @@ class CondensedEquilibrium:
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
-        return self.scene.copies * float(self.contact.F.sum())
+        return self.scene.part.copies * float(self.contact.F.sum())
 
     def sharpen(self) -> None:
         """A dense solve leaves nothing to sharpen."""
@@ -134,7 +135,7 @@ class CondensedEquilibrium:
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
-        contact, copies, compliance = self.contact, self.scene.copies, self.contact.compliance
+        contact, copies, compliance = self.contact, self.scene.part.copies, self.contact.compliance
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
                 "reaction": copies * float(compliance.support @ contact.F),
                 "stray_reaction": copies * float(compliance.stray @ np.abs(contact.F)),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from indent_sim.fe.terms.strain import Crushed
 from indent_sim.model.state import Surface
 from indent_sim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from indent_sim.fe.terms.strain import Crushed
 
 
 class Equilibrium(Protocol):

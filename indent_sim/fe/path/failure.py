@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from indent_sim.fe.path.load_control import Pair
-from indent_sim.fe.terms.strain import Crushed
 from indent_sim.model.materials import Gent
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from indent_sim.fe.terms.strain import Crushed
 
 EVEN = "in shorter and shorter substeps too"
 
@@ -40,10 +43,10 @@ def _advice(scene: Scene) -> str:
     """What a user can change, the most promising first."""
     rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.indenter, key, 0.0)), None)
     ways = [
-        *(["a hyperelastic material"] if scene.material.small_strain and scene.gap == "current" else []),
+        *(["a hyperelastic material"] if scene.small_strain and scene.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),
         *(["contact.method: augmented_lagrangian"] if scene.contact.method != "augmented_lagrangian" else []),
-        *(["nu slightly below 0.5"] if scene.material.constants[1] == 0.5 else []),
+        *(["nu slightly below 0.5"] if scene.material.constants.nu == 0.5 else []),
         "another mesh.h_contact",
     ]
     return " or ".join(ways)

@@ -88,7 +88,7 @@ class BodyEquilibrium:
             return ""
         if measure.penetration(self.problem) > self._deepest:
             return "Newton ends where the tip has passed through the surface"
-        if self.scene.material.small_strain and self.problem.inside_out() > self._largest_inside_out:
+        if self.scene.small_strain and self.problem.inside_out() > self._largest_inside_out:
             return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
         return ""
 

@@ -78,11 +78,12 @@ class Newton:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.ITERATING
 
-    def solve(self, rtol: float | None = None) -> bool:
-        """Find the equilibrium at the problem's delta from its current solution, to `rtol` [its own]; True when done.
+    def solve(self, rtol: float = 0.0) -> bool:
+        """Find the equilibrium at the problem's delta from its current solution; True when done.
 
         Full steps first: at the kinks of contact a line search stalls where they get through. If they do not, through
-        softer contact to the law's own. On failure the solution is left as it was before.
+        softer contact to the law's own. `rtol`: a relative residual that will do, where its own is finer. On failure
+        the solution is left as it was before.
         """
         solved = self._solve(rtol) or self._solve_from_softer_contact()
         if solved:
@@ -107,8 +108,8 @@ class Newton:
         problem.soften(1.0)
         return found
 
-    def _solve(self, rtol: float | None = None) -> bool:
-        self._tolerance = self.rtol if rtol is None else rtol
+    def _solve(self, rtol: float = 0.0) -> bool:
+        self._tolerance = max(self.rtol, rtol)
         start = self.problem.x.copy()
         guess = self.problem.x.copy()
         self.problem.begin_solve()

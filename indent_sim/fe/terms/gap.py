@@ -25,11 +25,11 @@ class Gap:
         self._delta, self._dim = ufl.variable(delta), dim
         self._x = None if scene.gap == "reference" else ufl.variable(body.X + u)
         if self._x is None:
-            horizontal = scene.kinematics.horizontal(body.X, center)
-            self.g = gap_reference(tip, *horizontal, u[dim - 1], self._delta)
+            horizontal = scene.part.kinematics.horizontal(body.X, center)
+            self.g = gap_reference(tip, *horizontal, body.X[dim - 1] + u[dim - 1], self._delta)
             self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
         else:
-            horizontal = scene.kinematics.horizontal(self._x, center)
+            horizontal = scene.part.kinematics.horizontal(self._x, center)
             self.g = gap_current(tip, *horizontal, self._x[dim - 1], self._delta)
             self.normal = ufl.diff(self.g, self._x)
 

@@ -10,5 +10,6 @@ from indent_sim.fe.terms.wall import Wall
 
 
 def matter(body: Body) -> list[Any]:
-    """The strain energy, first, and the curved wall where there is one."""
-    return [Strain(body), *([Wall(body)] if body.scene.wall_stiffness else [])]
+    """The strain energy of each region, first of the one under the tip, and the curved wall where there is one."""
+    strains = [Strain(body, region) for region in body.scene.part.regions]
+    return [*strains, *([Wall(body)] if body.scene.wall_stiffness else [])]

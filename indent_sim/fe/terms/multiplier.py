@@ -22,7 +22,7 @@ def multiplier_order(scene: Scene) -> int:
         case "unknown":
             return ORDER
         case "nodal":
-            return ORDER if scene.kinematics.dim == 2 else 1
+            return ORDER if scene.part.kinematics.dim == 2 else 1
     return 0
 
 

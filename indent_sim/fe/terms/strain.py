@@ -14,6 +14,7 @@ from mpi4py import MPI
 from indent_sim.fe import compat
 from indent_sim.fe.body import DEGREE, Body, symbolic
 from indent_sim.fe.terms.variation import variations
+from indent_sim.mesh.part import Region
 from indent_sim.scene.scene import Scene
 
 
@@ -27,25 +28,25 @@ class Crushed:
     def words(self, scene: Scene) -> str:
         """J and the place, in the user's lengths."""
         place = ", ".join(f"{x * scene.scales.length:.4g}" for x in self.X)
-        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.kinematics.axes)}) = ({place})"
+        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.part.kinematics.axes)}) = ({place})"
 
 
 class Strain:
-    """int psi dOmega of the body's material.
+    """int psi dOmega of a region's material.
 
     nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure].
     """
 
-    def __init__(self, body: Body):
-        self.body = body
+    def __init__(self, body: Body, region: Region):
+        self.body, self.region = body, region
         scene, fields = body.scene, body.unknowns.fields
-        material = symbolic(scene.material, body.mesh)
-        H = ufl.variable(scene.kinematics.gradient(fields["u"], body.X))
-        q = fields.get("q")
+        material = symbolic(region.material, body.mesh)
+        H = ufl.variable(scene.part.kinematics.gradient(fields["u"], body.X))
+        q = fields["q"] if region.formulation == "mixed" else None
         self._psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H
         self.nominal_stress = self.stress = ufl.diff(self._psi, H)
-        if not scene.material.small_strain:
+        if not region.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self._volume_ratio = ufl.det(F)
         self.energy = body.over_volume(self._psi)
@@ -58,7 +59,7 @@ class Strain:
     def least_volume_ratio(self) -> Crushed | None:
         """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
         body = self.body
-        if body.scene.material.small_strain:
+        if self.region.material.small_strain:
             return None
         dim = body.body_mesh.dim
         points, _ = compat.quadrature(compat.CELLS[dim], DEGREE)

@@ -43,7 +43,7 @@ class Traction:
             case "unknown" | "frozen":
                 return self.field.lam
             case "stress":
-                return ufl.dot(self.body.scene.kinematics.in_plane(strain.nominal_stress[:, 2]), self._gap.normal)
+                return ufl.dot(self.body.scene.part.kinematics.in_plane(strain.nominal_stress[:, 2]), self._gap.normal)
         return ufl.as_ufl(0.0)
 
     @cached_property

@@ -20,7 +20,7 @@ class Wall:
         self.body = body
         X, u = body.X, body.unknowns.fields["u"]
         r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
-        if body.scene.material.small_strain:
+        if body.scene.small_strain:
             outward = (u[0] * X[0] + u[1] * X[1]) / r
         else:
             outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r

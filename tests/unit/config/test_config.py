@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -301,12 +299,6 @@ def test_a_pipe_is_not_waited_for(tmp_path):
             read(tmp_path / "scene.yaml")
     with pytest.raises(UsageError, match="not a regular file"):
         load("/dev/zero")
-
-
-def test_reading_a_config_stays_cheap():
-    heavy = ["ufl", "scipy", "matplotlib", "dolfinx", "gmsh", "rich", "petsc4py", "mpi4py"]
-    code = f"import sys, indent_sim.config.file; print([m for m in {heavy} if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
 
 
 def _place(config: Config, key: str) -> tuple[str, int | None]:

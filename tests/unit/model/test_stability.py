@@ -9,7 +9,7 @@ import pytest
 from scenes import WALLED, scene
 
 from indent_sim.model.materials import ArrudaBoyce, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
-from indent_sim.model.stability import MODES, doubts, losses, reach
+from indent_sim.model.stability import MODES, instabilities, largest_strain, losses
 from indent_sim.model.tips import Sphere
 
 STABLE = {
@@ -62,16 +62,16 @@ def test_a_compressed_auxetic_body_is_warned_of(nu: float) -> None:
     """Along l = exp(e) all round psi = 3 mu/2 (l^2 - 1) - 3 mu e + 9/2 lame_lambda e^2, whose second derivative by e,
     6 mu l^2 + 9 lame_lambda, is zero where the warning says (three digits are told), and only for nu < 0."""
     law, quiet = NeoHookean(E=1.0, nu=nu), NeoHookean(E=1.0, nu=0.3)
-    (warned,) = doubts(law, 1.5)
+    (warned,) = instabilities(law, 1.5)
     lost = float(re.search(r"stretch of ([0-9.]+)", warned)[1])
     mu, lame_lambda = 1 / (2 * (1 + nu)), nu / ((1 + nu) * (1 - 2 * nu))
     assert lost == pytest.approx((-1.5 * lame_lambda / mu) ** 0.5, rel=5e-3)
     assert "compression" in warned
-    assert doubts(law, -np.log(lost) - 0.01) == doubts(quiet, 1.5) == []
+    assert instabilities(law, -np.log(lost) - 0.01) == instabilities(quiet, 1.5) == []
 
 
-def test_reach_grows_with_the_tip() -> None:
+def test_the_strain_grows_with_the_tip() -> None:
     """A sphere's slope at a = 0.6 R is 0.75; a thin layer's own compression counts too."""
-    assert reach(Sphere(R=1.0), 0.6, 0.2, 10.0) == pytest.approx(0.75, rel=0.02)
-    assert reach(Sphere(R=1.0), 0.6, 0.2, 0.25) == pytest.approx(-np.log(0.2), rel=1e-12)
+    assert largest_strain(Sphere(R=1.0), 0.6, 0.2, 10.0) == pytest.approx(0.75, rel=0.02)
+    assert largest_strain(Sphere(R=1.0), 0.6, 0.2, 0.25) == pytest.approx(-np.log(0.2), rel=1e-12)
     assert set(MODES) == {"uniaxial", "equibiaxial", "planar"}

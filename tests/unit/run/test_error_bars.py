@@ -42,7 +42,7 @@ def companions(rate: float = RATE) -> list[Companion]:
 
 def bars_of(base: Scene, run: list[State], others: list[Companion], soft: list[State] | None = None) -> np.ndarray:
     """The bars of a scene that no theory knows: its curves are made up."""
-    bars = ErrorBars(replace(base, oracle=None), others, soft)
+    bars = ErrorBars(replace(base, theory=None), others, soft)
     return np.array([bars.judged(state).force_error for state in run])
 
 
@@ -65,11 +65,11 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
 def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
     """Run and companions agree on a force that is 5 % too large; where theory is not exact it has no say."""
     base = scene(accuracy=0.01)
-    assert base.oracle is not None
-    exact = np.array([solution.force for solution in base.oracle.curve([0.0025 * k for k in EXACT]) or []])
+    assert base.theory is not None
+    exact = np.array([solution.force for solution in base.theory.curve([0.0025 * k for k in EXACT]) or []])
     wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
     others = [Companion(ratio, wrong) for ratio in RATIOS]
-    for judge, low, high in ((base, 0.05, 0.05), (replace(base, oracle=replace(base.oracle, exact=False)), 0.0, 0.0),
+    for judge, low, high in ((base, 0.05, 0.05), (replace(base, theory=replace(base.theory, exact=False)), 0.0, 0.0),
                              (replace(base, gap="current"), 0.0, 0.0)):  # fmt: skip
         bars = ErrorBars(judge, others)
         found = np.array([bars.judged(state).force_error for state in wrong]) / exact
@@ -201,8 +201,8 @@ def test_presets_and_their_order() -> None:
 def test_every_step_sees_the_same_number_of_elements() -> None:
     """The size at the edge of any contact on the path is the same share of its radius."""
     base = scene(accuracy=0.01, loading={"delta": 0.01, "steps": 20})
-    assert base.fineness is not None and base.oracle is not None
-    radii = np.array([solution.a for solution in base.oracle.curve(base.deltas)])
+    assert base.fineness is not None and base.theory is not None
+    radii = np.array([solution.a for solution in base.theory.curve(base.deltas)])
     share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.fineness.n
     assert share == pytest.approx(1.0, rel=1e-6)
 

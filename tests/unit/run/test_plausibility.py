@@ -35,7 +35,7 @@ def scene(body: Any = "layer", tip: str = "sphere", **sections: Any) -> Scene:
 
 def theorys(base: Scene, delta: float, step: int = 1) -> State:
     """The state that theory sees at a depth in the user's units."""
-    found = base.oracle.at(delta / base.scales.length) if base.oracle else None
+    found = base.theory.at(delta / base.scales.length) if base.theory else None
     assert found is not None
     p_max = float(found.pressure(0.0))
     state = State(step, found.delta, found.force, found.a, p_max, 0.0, found.energy, 5, 0.1, reaction=found.force)

@@ -57,8 +57,8 @@ def test_coarse_corners_are_doubted() -> None:
 def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
     base = scene({**CYLINDER, "sides": "roller"}, material=SOFT, accuracy=0.01,
                  indenter={"shape": "paraboloid", "R": 20.0}, loading={"delta": 0.01249, "steps": 1})  # fmt: skip
-    assert base.oracle is not None and base.fineness is not None
-    gap = 1.0 - base.oracle.at(0.01249).a  # type: ignore[union-attr]
+    assert base.theory is not None and base.fineness is not None
+    gap = 1.0 - base.theory.at(0.01249).a  # type: ignore[union-attr]
     assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
     assert base.sizes.h_corner == pytest.approx(gap / base.fineness.n, rel=1e-6)
 
@@ -98,8 +98,8 @@ def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
 def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
     """The formula, read by Python at random points, against the numpy function."""
     base = scene(body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01)
-    formula = size_formula(base.sizes, base.center, 2).replace("^", "**")
+    formula = size_formula(base.sizes, 2).replace("^", "**")
     draw = np.random.default_rng(3)
-    x, y = draw.uniform(*base.extent[0], 200), draw.uniform(*base.extent[1], 200)
+    x, y = draw.uniform(*base.part.extent[0], 200), draw.uniform(*base.part.extent[1], 200)
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
     assert found == pytest.approx(base.sizes.at(np.abs(x - base.center[0]), -y), rel=1e-9)

@@ -21,6 +21,8 @@ BOX = SCENE.replace("cylinder, radius: 1.0, height: 1.0", "box, size: [1.0, 1.0,
 PYRAMID = "pyramid, half_angle: 70"
 LIMIT = 4.0  # s of processor time: 0.7 at most is measured on an idle machine, and others may be slower and busy
 
+LONG = 100_000  # characters
+
 
 def edited(old: str, new: str, text: str = SCENE) -> str:
     assert text.count(old) == 1
@@ -96,7 +98,8 @@ def test_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(text)
     assert said in refused("plan", tmp_path / "scene.yaml")
-    assert said in refused("run", tmp_path / "scene.yaml")
+    if len(text) < LONG:  # the reader of long ones is the same
+        assert said in refused("run", tmp_path / "scene.yaml")
 
 
 @pytest.mark.parametrize("text", STUDIES.values(), ids=STUDIES)

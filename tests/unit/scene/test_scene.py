@@ -130,8 +130,8 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
         found = resolve(from_mapping({
             "body": body, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
             "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 1e-3}}))  # fmt: skip
-        assert found.symmetry == symmetry and found.oracle is not None
-        assert found.oracle.exact == (body is strip)
+        assert found.part.symmetry == symmetry and found.theory is not None
+        assert found.theory.exact == (body is strip)
 
 
 @pytest.mark.parametrize("tip", [{"shape": "sphere", "R": 1e-6}, {"shape": "flat_punch", "radius": 1e-5}])

@@ -67,7 +67,7 @@ def test_reference_numbers(tip, delta, nu, base, wall, force, a, at, p):
 @pytest.mark.parametrize(("nu", "base", "expected"), SERIES)
 def test_small_depth_series(nu, base, expected):
     x = np.sort(0.15 * (1.0 + np.cos((np.arange(18) + 0.5) * math.pi / 18)))
-    forces = [s.force for s in layer.curve(PARABOLOID, x**2, nu=nu, base=base, **UNIT)]
+    forces = [s.force for s in layer.Layer.of(PARABOLOID, nu=nu, base=base, **UNIT).curve(x**2)]
     ratio = np.array(forces) / (4.0 / 3.0 * hs.E_star(1.0, nu) * x**3)
     c = np.polynomial.Polynomial.fit(x, ratio, 14).convert().coef
     assert c[0] == pytest.approx(1.0, abs=1e-9)
@@ -116,7 +116,8 @@ def test_conservation_from_thick_to_very_thin(nu, ratio, walled):
     R = 100.0
     delta = ratio**2 / R
     body = {"nu": nu, "wall": 3.0 * ratio + 1.0 if walled else None, **UNIT}
-    less, s, more = layer.curve(profiles.paraboloid(R), [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)], **body)
+    depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
+    less, s, more = layer.Layer.of(profiles.paraboloid(R), **body).curve(depths)
     assert ratio <= s.a < 2.0 * ratio
     assert disc_integral(s) == pytest.approx(s.force, rel=1e-8)
     assert np.all(s.pressure(np.linspace(0.0, 1.2 * s.a, 25)) >= 0.0)
@@ -188,9 +189,9 @@ def test_many_points_converge_to_the_smooth_tip():
 
 def test_curve_equals_single_depths_and_is_quick():
     depths = np.linspace(-0.001, 0.01, 12)
-    layer.curve(PARABOLOID, depths, nu=0.3, wall=2.0, **UNIT)  # kernels cached, scipy imported
+    layer.Layer.of(PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)  # kernels cached, scipy imported
     start = time.perf_counter()
-    curve = layer.curve(PARABOLOID, depths, nu=0.3, wall=2.0, **UNIT)
+    curve = layer.Layer.of(PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)
     assert time.perf_counter() - start < 0.5  # a few ms on an idle core
     for depth, s in zip(depths, curve, strict=True):
         assert s.delta == depth

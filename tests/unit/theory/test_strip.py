@@ -1,15 +1,17 @@
 """The plane-strain strip against its converged reference number, half-plane limits and conservation laws."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from indent_sim.theory import half_space as hs
+from indent_sim.theory import profiles
 from indent_sim.theory import strip as ps
 
 UNIT = {"E": 1.0, "h": 1.0}
-PARABOLOID = ps.paraboloid(1.0)
+PARABOLOID = profiles.paraboloid(1.0)
 E_STAR = hs.E_star(1.0, 0.3)
 
 
@@ -40,16 +42,16 @@ def test_small_contact_is_the_line_contact(wall):
 def test_small_wedge_is_the_half_plane_one():
     # F' = E* a cot(alpha), p = E* cot(alpha)/pi arcosh(a/x) (Johnson 1985, sect. 5.2)
     cot = 1.0 / math.tan(math.radians(70.0))
-    s = ps.indent(ps.cone(70.0), 1e-6, nu=0.3, **UNIT)
+    s = ps.indent(profiles.cone(70.0), 1e-6, nu=0.3, **UNIT)
     assert s.force == pytest.approx(E_STAR * s.a * cot, rel=1e-9)
     assert s.pressure(s.a / 2) == pytest.approx(E_STAR * cot / math.pi * math.acosh(2.0), rel=1e-9)
 
 
 def test_wedge_agrees_with_a_plain_profile():
     # without its corner declared the same wedge converges, only slowly
-    wedge = ps.cone(70.0)
+    wedge = profiles.cone(70.0)
     known = ps.indent(wedge, 0.1, nu=0.3, wall=1.0, **UNIT)
-    plain = ps.indent(ps.Profile(wedge.f), 0.1, nu=0.3, wall=1.0, **UNIT)
+    plain = ps.indent(replace(wedge, corner=0.0), 0.1, nu=0.3, wall=1.0, **UNIT)
     assert known.force == pytest.approx(plain.force, rel=1e-3)
     assert width_integral(known) == pytest.approx(known.force, rel=1e-6)
 
@@ -63,13 +65,13 @@ def test_walls_far_away():
     assert 7e-4 < near.force / infinite.force - 1 < 8e-4
 
 
-@pytest.mark.parametrize("tip", [PARABOLOID, ps.sphere(1.0), ps.cone(60.0), ps.flat_punch(0.3)])
+@pytest.mark.parametrize("tip", [PARABOLOID, profiles.sphere(1.0), profiles.cone(60.0), profiles.flat_punch(0.3)])
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize(("base", "wall"), [("fixed", None), ("fixed", 1.0), ("roller", 2.0), ("roller", None)])
 def test_conservation(tip, nu, base, wall):
     delta = 0.05
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
-    less, s, more = ps.curve(tip, depths, nu=nu, base=base, wall=wall, **UNIT)
+    less, s, more = ps.Strip.of(tip, nu=nu, base=base, wall=wall, **UNIT).curve(depths)
     assert width_integral(s) == pytest.approx(s.force, rel=1e-6)
     assert np.all(s.pressure(np.linspace(-1.2 * s.a, 1.2 * s.a, 24)) >= 0.0)
     assert (more.energy - less.energy) / (2e-4 * delta) == pytest.approx(s.force, rel=1e-7)
@@ -80,7 +82,7 @@ def test_thin_strip_is_an_oedometer():
     # a >> h, bonded, compressible: p = M_c (delta - f)/h, a = sqrt(2 R delta), F' = 4/3 M_c a delta/h
     nu, R, delta = 0.3, 1e4, 0.1
     modulus = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    s = ps.indent(ps.paraboloid(R), delta, nu=nu, **UNIT)
+    s = ps.indent(profiles.paraboloid(R), delta, nu=nu, **UNIT)
     assert s.a == pytest.approx(math.sqrt(2.0 * R * delta), rel=0.02)
     assert s.force == pytest.approx(4.0 / 3.0 * modulus * s.a * delta, rel=0.03)
     assert s.pressure(0.0) == pytest.approx(modulus * delta, rel=1e-3)
@@ -90,17 +92,17 @@ def test_thin_strip_is_an_oedometer():
 def test_a_punch_that_nearly_fills_the_strip_is_an_oedometer(gap):
     """F = 2 W E_oed delta/h between roller walls, of which a gap changes the square of gap/W."""
     E_oed = 0.7 / (1.3 * 0.4)
-    found = ps.indent(ps.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
+    found = ps.indent(profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
     assert found.force == pytest.approx(2 * E_oed * 0.01 / 2, rel=1e-9)
 
 
 def test_units_only_scale_and_lifting_off():
     s = ps.indent(PARABOLOID, 0.1, nu=0.5, wall=2.0, **UNIT)
-    nano = ps.indent(ps.paraboloid(1e-9), 1e-10, E=1e12, nu=0.5, h=1e-9, wall=2e-9)
+    nano = ps.indent(profiles.paraboloid(1e-9), 1e-10, E=1e12, nu=0.5, h=1e-9, wall=2e-9)
     assert nano.force == pytest.approx(s.force * 1e12 * 1e-9, rel=1e-11)
     assert nano.pressure(0.0) == pytest.approx(s.pressure(0.0) * 1e12, rel=1e-11)
     assert ps.indent(PARABOLOID, -0.1, nu=0.3, **UNIT).force == 0.0
-    assert ps.indent(ps.flat_punch(0.5), 0.1, nu=0.3, **UNIT).pressure(0.5) == math.inf
+    assert ps.indent(profiles.flat_punch(0.5), 0.1, nu=0.3, **UNIT).pressure(0.5) == math.inf
 
 
 @pytest.mark.parametrize(
@@ -113,7 +115,7 @@ def test_units_only_scale_and_lifting_off():
         {"wall": -1.0},
         {"delta": math.inf},
         {"delta": 5.0, "wall": 1.0},
-        {"tip": ps.flat_punch(1.0), "wall": 1.0},
+        {"tip": profiles.flat_punch(1.0), "wall": 1.0},
     ],
 )
 def test_nonsense_is_refused(change):

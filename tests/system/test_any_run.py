@@ -1,0 +1,54 @@
+"""Scenes with any value anywhere that are small enough, run to their end or refused in words."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from test_plan_fuzz import BRIEF, FUZZ, ended, scenes
+
+from indent_sim.config.file import from_mapping
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import resolve
+
+RUN_WAIT = 240.0  # s for one run that is planned to take 3 s; a path that is hard is cut into many substeps
+AFFORDABLE = {"dofs": 8_000, "seconds": 3.0}  # at most, in the plan of a scene that is run
+
+
+def run(document: dict[str, Any]) -> bool:
+    """Run a scene that is small enough, of few steps; returns whether it was."""
+    with suppress(ConfigError):
+        if isinstance(document.get("loading"), dict) and {"delta", "force"} & set(document["loading"]):
+            document["loading"]["steps"] = 2
+        document.pop("output", None)
+        scene = resolve(from_mapping(document))
+        if len(scene.deltas) <= 5 and all(scene.prediction[k] <= most for k, most in AFFORDABLE.items()):
+            out = ("--output", "out", "--set", "output.plot=false")
+            with pytest.MonkeyPatch.context() as patch:
+                patch.chdir(tempfile.mkdtemp())
+                ended("run", document, *out, codes=(0, 3, 4, 5, 6), wait=RUN_WAIT)
+            return True
+    return False
+
+
+def test_some_scenes_are_run():
+    ran = []
+
+    @settings(BRIEF, max_examples=80)
+    @given(scenes())
+    def some(document):
+        if len(ran) < 4 and run(document):
+            ran.append(document)
+
+    some()
+    assert len(ran) == 4
+
+
+@pytest.mark.stress
+@settings(FUZZ, max_examples=500)
+@given(scenes())
+def test_runs_of_five_hundred_scenes(document):
+    run(document)

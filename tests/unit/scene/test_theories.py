@@ -1,0 +1,105 @@
+"""What theory knows of each tip, that the depth of a force is that depth, and that nothing is worked out twice."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from indent_sim.config.file import from_mapping
+from indent_sim.model.body import Cylinder, Strip, StripSides
+from indent_sim.model.materials import LinearElastic
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
+from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.theories import TIPS, half_space_force, half_space_theory, layer_theory, shape_of
+from indent_sim.theory.march import LayerContact
+
+GEL = LinearElastic(E=1.0, nu=0.3)
+CYLINDER = Cylinder(2.0, 1.0, sides="roller")
+STRIP = Strip(4.0, 1.0, sides=StripSides("roller", "roller"))
+SHARP = {"paraboloid": Paraboloid(1.0), "sphere": Sphere(0.5), "cone": Cone(60.0), "flat_punch": FlatPunch(0.3)}
+OTHERS = {"blunt_cone": Cone(60.0, 0.1), "rounded_punch": FlatPunch(0.3, 0.05), "pyramid": Pyramid(60.0),
+          "profile": Profile(((0.0, 0.0), (0.1, 0.01), (0.5, 0.2)))}  # fmt: skip
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "loading": {"deltas": [0.002, 0.02, 0.01]},
+}
+
+
+def scene(**sections: Any) -> Scene:
+    """A paraboloid on a layer between frictionless walls, three depths, the last not the deepest."""
+    return resolve(from_mapping(SCENE | sections))
+
+
+def test_every_tip_is_in_the_table() -> None:
+    """A tip that theory does not know has no row, and this list says so."""
+    assert set(get_args(Indenter)) - set(TIPS) == set()
+
+
+@pytest.mark.parametrize("tip", [*SHARP.values(), *OTHERS.values()], ids=[*SHARP, *OTHERS])
+def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
+    shape = shape_of(tip)
+    assert shape is not None
+    assert reach(tip) == (shape.edge or shape.reach)
+
+
+@pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
+def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
+    """The two entries of one tip: Sneddon's integral against the formula."""
+    theory, closed = half_space_theory(tip, GEL, 1.0), half_space_force(tip, 0.01, GEL.E_star)
+    assert theory and closed and (solution := theory.at(0.01))
+    assert solution.force == pytest.approx(closed[1], rel=1e-6)  # the layer adds about a/h = 1e-7
+
+
+@pytest.mark.parametrize("body", [CYLINDER, STRIP], ids=["cylinder", "strip"])
+@pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
+@pytest.mark.parametrize("delta", [1e-4, 0.05])
+def test_the_depth_of_a_force_is_that_depth(tip: Indenter, body: Cylinder | Strip, delta: float) -> None:
+    theory = layer_theory(body, GEL, tip, body.center)
+    assert theory and theory.exact and (solution := theory.at(delta))
+    # both are searched to 1e-11 of the contact's size
+    assert theory.depth(solution.force, 0.9) == pytest.approx(delta, rel=1e-9)
+
+
+def test_the_deepest_point_and_the_end_of_theory() -> None:
+    theory = layer_theory(CYLINDER, GEL, Sphere(0.05), CYLINDER.center)
+    assert theory
+    assert theory.depth(1e9, 0.9) is None or theory.at(0.9)  # the contact would be wider than the ball
+    assert theory.depth(1e-6, 1e-6) == 1e-6
+
+
+def test_plane_strain_knows_sharp_tips_alone() -> None:
+    for name in ("blunt_cone", "rounded_punch", "profile"):  # a pyramid over a strip is no scene
+        assert layer_theory(STRIP, GEL, OTHERS[name], STRIP.center) is None
+    for tip in (Cone(60.0, 0.1), FlatPunch(0.3, 0.05), Pyramid(60.0, faces=3)):
+        assert half_space_force(tip, 0.1, 1.0) is None
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [{}, {"contact": {"method": "penalty"}}, {"accuracy": "fast"}, {"contact": {"method": "penalty", "epsilon_n": 3.0}},
+     {"body": {"shape": "half_space"}}, {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}}],
+    ids=["plain", "penalty", "accuracy", "soft", "half_space", "hyperelastic"],
+)  # fmt: skip
+def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, sections: dict[str, Any]) -> None:
+    """Sizes, choices, doubts and prediction of one resolve want the same contacts; each is marched to once."""
+    asked: Counter[tuple[LayerContact, float]] = Counter()
+    march = LayerContact.curve
+
+    def counted(layer: LayerContact, deltas: Any) -> Any:
+        asked.update((layer, float(delta)) for delta in deltas if delta > 0)
+        return march(layer, deltas)
+
+    monkeypatch.setattr(LayerContact, "curve", counted)
+    found = scene(**sections)
+    assert found.theory and set(asked.values()) == {1}
+    depths = {delta for layer, delta in asked if layer == found.theory.contact}
+    assert set(found.deltas) <= depths
+    assert len(depths) <= 3 + 2 * 7  # a penalty that costs much wants seven more, at the deepest contact and the last
+    before = asked.total()
+    assert np.all(np.array([solution.force for solution in found.theory.curve(found.deltas) or []]) > 0)
+    assert asked.total() == before
