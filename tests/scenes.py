@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from indent_sim.config.file import from_mapping
+from indent_sim.mesh import gmsh
+from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.run import chain
@@ -32,13 +33,27 @@ def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
 
 def with_penalty(base: Scene, epsilon_n: float) -> Scene:
     """The same scene by the penalty method of this stiffness [E/height of the body]."""
-    return dataclasses.replace(base, contact=Penalty(epsilon_n=epsilon_n))
+    return base.with_physics(contact=Penalty(epsilon_n=epsilon_n))
+
+
+def grid_of(base: Scene) -> Grid:
+    """The mesh of a scene as gmsh makes it."""
+    return gmsh.build(base.physics.part, base.sizes)
+
+
+def meshed(base: Scene) -> Any:
+    """The mesh of a scene as the solver takes it, on this process alone."""
+    from mpi4py import MPI
+
+    from indent_sim.fe import solver
+
+    return solver.distribute(grid_of(base), base.physics.part, MPI.COMM_SELF)
 
 
 def solve(base: Scene) -> list[State]:
     """All states of a scene, every one converged, audited and possible, in the user's units."""
     states = list(chain.states(base))
-    assert len(states) == len(base.deltas)
+    assert len(states) == len(base.physics.deltas)
     largest = max(abs(state.force) for state in states)
     for k, state in enumerate(states):
         assert state.converged, state.reason

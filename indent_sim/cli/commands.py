@@ -242,12 +242,12 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
         from indent_sim.results.writer import to_json
 
         parts = ("title", "units", "choices", "prediction", "warnings")
-        say(to_json(DONE | {name: getattr(scene, name) for name in parts}))
+        say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
         return
     from indent_sim.cli import terminal
 
     say(terminal.plan(scene, _width()))
-    for warning in scene.warnings:
+    for warning in scene.plan.warnings:
         tell(f"warning: {warning}")
 
 

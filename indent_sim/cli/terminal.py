@@ -74,12 +74,12 @@ def plan(scene: Scene, width: int = 120) -> str:
     from rich.table import Table
     from rich.text import Text  # rather than words, in which brackets are markup
 
-    title = Text(printable(scene.title)) if scene.title else None
+    title = Text(printable(scene.plan.title)) if scene.plan.title else None
     choices = Table("what", "choice", "why", title=title, title_justify="left", box=None)
-    for choice in scene.choices:
+    for choice in scene.plan.choices:
         choices.add_row(*(Text(printable(word)) for word in (choice.key, _shown(choice.value), choice.why)))
     expected = Table("expected", "", box=None)
-    for name, value in scene.prediction.items():
+    for name, value in scene.plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
     return _rendered(width, choices, "", expected)
 

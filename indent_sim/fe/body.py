@@ -117,11 +117,11 @@ class Body:
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
-        mixed = any(region.formulation == "mixed" for region in scene.part.regions)
+        mixed = any(region.formulation == "mixed" for region in scene.physics.part.regions)
         self.unknowns = Unknowns(self.mesh, body_pressure=mixed, multiplier=multiplier)
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
-        self.weight = scene.part.kinematics.weight(self.X)
+        self.weight = scene.physics.part.kinematics.weight(self.X)
         self.trace = self._build_trace()
         self._tag_facets()
         self._constrain()
@@ -160,7 +160,7 @@ class Body:
     # ---- what is held ------------------------------------------------------------------------------------------
 
     def _constrain(self) -> None:
-        unknowns, part, body_mesh = self.unknowns, self.scene.part, self.body_mesh
+        unknowns, part, body_mesh = self.unknowns, self.scene.physics.part, self.body_mesh
         held: list[tuple[int, np.ndarray]] = []
         for surface, support in part.supports.items():
             normal = part.normal(surface)  # a curved wall has none and is guided weakly

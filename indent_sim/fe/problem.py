@@ -33,7 +33,7 @@ class Problem:
     """The boundary value problem of a scene on a mesh: the body's own terms and the contact term of its method."""
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh):
-        self.scene, self.law, self.body_mesh = scene, scene.contact, body_mesh
+        self.scene, self.law, self.body_mesh = scene, scene.physics.contact, body_mesh
         self.body = body = Body(scene, body_mesh, multiplier=multiplier_order(scene))
         self.mesh, self.comm, self.trace = body.mesh, body.comm, body.trace
         self.unknowns, self.x = body.unknowns, body.x
@@ -62,13 +62,13 @@ class Problem:
     @property
     def stiffness_scale(self) -> float:
         """Pressure per length that compares gaps with pressures: the law's own, or E*/h_contact."""
-        return float(getattr(self.law, "stiffness", self.scene.material.E_star / self.scene.sizes.h_contact))
+        return float(getattr(self.law, "stiffness", self.scene.physics.material.E_star / self.scene.sizes.h_contact))
 
     @cached_property
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
-        moduli = {"q": self.scene.material.constants.E, "lam": self.stiffness_scale}
+        moduli = {"q": self.scene.physics.material.constants.E, "lam": self.stiffness_scale}
         for name in self.unknowns.names[1:]:
             places = self.unknowns.places(name)
             weights[places[places < self.unknowns.owned]] = moduli[name]
@@ -149,7 +149,7 @@ class Problem:
 
         Residual and tangent do not show it: the derivative of ln J is as good for J < 0.
         """
-        return self.scene.small_strain or bool(np.isfinite(self._sum(self._energy)))
+        return self.scene.physics.small_strain or bool(np.isfinite(self._sum(self._energy)))
 
     def inside_out(self) -> float:
         """Size [length] of the region in which J < 0 (collective)."""
@@ -162,11 +162,11 @@ class Problem:
 
     def force(self) -> float:
         """Virtual work of pressing deeper, dPi/d(delta), of the whole body."""
-        return self.scene.part.copies * self.comm.allreduce(self.contact.force(), op=MPI.SUM)
+        return self.scene.physics.part.copies * self.comm.allreduce(self.contact.force(), op=MPI.SUM)
 
     def energy(self) -> float:
         """Pi of the whole body: strain plus contact energy."""
-        return self.scene.part.copies * self._sum(self._energy)
+        return self.scene.physics.part.copies * self._sum(self._energy)
 
     def reactions(self) -> tuple[float, float]:
         """z-reaction of all supports, and the largest reaction of the pins that only remove rigid modes."""
@@ -174,4 +174,4 @@ class Problem:
         values = self.b.array_r
         vertical = self.comm.allreduce(float(values[self.body.z_supports].sum()), op=MPI.SUM)
         stray = self.comm.allreduce(float(np.abs(values[self.body.pinned]).max(initial=0.0)), op=MPI.MAX)
-        return self.scene.part.copies * vertical, self.scene.part.copies * stray
+        return self.scene.physics.part.copies * vertical, self.scene.physics.part.copies * stray

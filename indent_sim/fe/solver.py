@@ -24,11 +24,10 @@ __all__ = ["Fields", "Walk", "distribute", "equilibrium", "release", "versions",
 def equilibrium(scene: Scene, mesh: BodyMesh) -> Equilibrium:
     """The body of a scene on its mesh, whole or condensed, by the scene's solver."""
     watch_the_cache()
-    solver = dict(scene.solver)
     with compiling():
-        if solver.pop("method") == "condensed":
+        if scene.solver.method == "condensed":
             return CondensedEquilibrium(scene, Body(scene, mesh))
-        return BodyEquilibrium(Problem(scene, mesh), **solver)
+        return BodyEquilibrium(Problem(scene, mesh))
 
 
 def walk(scene: Scene, mesh: BodyMesh, started: float | None = None) -> Walk:

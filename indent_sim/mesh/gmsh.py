@@ -60,11 +60,10 @@ def _answered(answer: Callable[[], Grid]) -> Grid:
 
 def _meshed(task: tuple[Part, Sizes], aloud: bool = False) -> Grid:
     """The mesh of a part; gmsh may fail, or leave cells without volume, by its shift: then with a smaller one."""
-    part, sizes = task
     failure = MeshError("gmsh left cells without volume; another mesh.h_contact may help")
     for milder in MILDER:
         try:
-            grid = _generated(part, sizes, milder * _shake(part, sizes), aloud)
+            grid = _generated(*task, milder * _shake(*task), aloud)
         except MeshError as error:
             failure = error
             continue

@@ -149,7 +149,7 @@ class ResultFolder:
     def finish(self, error: BaseException | None) -> None:
         """Say how the run ended; the first word counts."""
         if self._status["status"] == "running":
-            self._status = _ending(error)
+            self._status = dict(zip(("status", "exit_code", "reason"), _ending(error), strict=True))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -229,16 +229,14 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-def _ending(error: BaseException | None) -> dict[str, Any]:
+def _ending(error: BaseException | None) -> tuple[str, int, str]:
     """Status, exit code and reason after the exception that ends a run."""
     if error is None:
-        return {"status": "done", "exit_code": 0, "reason": ""}
+        return "done", 0, ""
     if isinstance(error, KeyboardInterrupt):
-        code, reason = getattr(error, "exit_code", 130), str(error) or "interrupted"
-        return {"status": "interrupted", "exit_code": code, "reason": reason}
+        return "interrupted", getattr(error, "exit_code", 130), str(error) or "interrupted"
     code = getattr(error, "exit_code", 1)
-    return {"status": "failed", "exit_code": code,
-            "reason": str(error) if code != 1 else f"{type(error).__name__}: {error}"}  # fmt: skip
+    return "failed", code, str(error) if code != 1 else f"{type(error).__name__}: {error}"
 
 
 def _now() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,16 +36,16 @@ class Attempt:
     def judge(self, resolve: Resolve, states: Sequence[State], bars: ErrorBars) -> None:
         """Find whether an error bar is wider than the scene's accuracy allows, and what to try then."""
         found, worst = worst_of(states, bars.budgets)
-        fineness = self.scene.fineness
+        fineness = self.scene.plan.fineness
         if fineness is None or worst is None or found <= fineness.target:
             return
         tried = (*self.tried, fineness.n)
         finer, end = _finer(resolve, fineness, found, worst, len(tried))
-        if finer is not None and finer.fineness is not None:
-            end = f"refining to {finer.fineness.n:.3g} elements in the contact radius"
+        if finer is not None and finer.plan.fineness is not None:
+            end = f"refining to {finer.plan.fineness.n:.3g} elements in the contact radius"
             ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
             last = [Companion(1.0, states, self.scene), *bars.companions][: len(RATIOS)]
-            self.following = Attempt(finer, tried, [companion.beside(ratio) for companion in last])
+            self.following = Attempt(finer, tried, [replace(one, ratio=one.ratio * ratio) for one in last])
         self.missed = (f"accuracy not reached: the error at step {worst.step} is estimated as {found:.2g} of the "
                        f"force, {fineness.target:g} is asked for; {end}")  # fmt: skip
 
@@ -65,7 +65,7 @@ def attempts(resolve: Resolve, elements: float | None = None, tried: Sequence[fl
 
 def unjudged(scene: Scene, states: Sequence[State], bars: ErrorBars) -> list[str]:
     """What to say of steps whose error bar is wider than the scene's accuracy allows, but that are not held to it."""
-    floor, fineness = _floor(states), scene.fineness
+    floor, fineness = _floor(states), scene.plan.fineness
     if fineness is None:
         return []
     wide = [state.step for state, budget in zip(states, bars.budgets, strict=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh import gmsh
 from indent_sim.model.contact import Penalty
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import ERRORS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
@@ -101,16 +102,16 @@ class Run:
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
                     errors=self._errors(scene)) as record, unmasked(), spent():  # fmt: skip
-            record.note(title=scene.title, units=scene.units, gap=scene.gap, method=scene.contact.method,
-                        control=scene.path.control,
-                        center=[c * scene.scales.length for c in scene.center],
-                        plan={"choices": list(scene.choices), "prediction": scene.prediction, "scales": scene.scales,
-                              "auto": left_open(config, decided)},
-                        warnings=list(scene.warnings), ranks=self.comm.size,
+            physics, plan = scene.physics, scene.plan
+            said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
+                    "auto": left_open(config, decided)}  # fmt: skip
+            record.note(title=plan.title, units=plan.units, gap=physics.gap, method=physics.contact.method,
+                        control=physics.path.control, center=[c * physics.scales.length for c in physics.center],
+                        plan=said, warnings=list(plan.warnings), ranks=self.comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             bars = self._bars(attempt) if self._with_bars else None
             if bars is not None:
-                record.note(error_budget=bars.budgets, accuracy=scene.fineness and entry(scene.fineness, attempt.tried))
+                record.note(error_budget=bars.budgets, accuracy=plan.fineness and entry(plan.fineness, attempt.tried))
             simulation = Simulation(config, scene, record, self._clock, bars)
             states = simulation.follow(self.progress)
             simulation.release()
@@ -125,7 +126,8 @@ class Run:
         """The columns of the error bars: the depth has one where it is found, not given."""
         if not self._with_bars:
             return ()
-        return ERRORS if scene.path.control == "force" else tuple(name for name in ERRORS if name != "delta_error")
+        finds_depths = scene.physics.path.control == "force"
+        return tuple(name for name in ERRORS if finds_depths or name != "delta_error")
 
     def _bars(self, attempt: Attempt) -> ErrorBars:
         with self._clock.stage("imports"):
@@ -133,7 +135,7 @@ class Run:
         with self._clock.stage("companions"):
             companions = attempt.companions or self._companions(attempt)
             own = companions[0].scene
-            soft = self._curve(softer(own)) if own is not None and isinstance(own.contact, Penalty) else None
+            soft = self._curve(softer(own)) if own is not None and isinstance(own.physics.contact, Penalty) else None
             return ErrorBars(attempt.scene, companions, soft)
 
     def _companions(self, attempt: Attempt) -> list[Companion]:
@@ -154,8 +156,9 @@ def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: O
     earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml))
     if earlier is None:
         return None
-    steps, L = len(scene.deltas), scene.scales.length
-    earlier.check([d * L for d in scene.deltas] if scene.path.control == "depth" else None, steps, target)
+    physics, steps = scene.physics, len(scene.physics.deltas)
+    depths = [delta * physics.scales.length for delta in physics.deltas]
+    earlier.check(depths if physics.path.control == "depth" else None, steps, target)
     if not earlier.finished(steps):
         return None
     lost = comm.bcast(on_root(comm, lost_files, target, output.surface != "none", output.fields != "none"))
@@ -171,9 +174,9 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     """
     fe = backend()
     comm = comm if comm is not None else _alone()
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
-    for state in fe.walk(scene, mesh).states(scene.path, lambda step: with_surface):
-        yield state.in_units(scene.scales)
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
+    for state in fe.walk(scene, mesh).states(scene.physics.path, lambda step: with_surface):
+        yield state.in_units(scene.physics.scales)
     fe.release(mesh)
 
 
@@ -202,19 +205,20 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        L = self.scene.scales.length
+        L = self.scene.physics.scales.length
         changes: dict[str, Any] = {}
         if indenter is not None:
-            changes["indenter"] = self.scene.scales.scaled(indenter)
+            changes["indenter"] = self.scene.physics.scales.scaled(indenter)
         if deltas is not None:
-            changes |= {"deltas": tuple(delta / L for delta in deltas), "forces": None}
+            values = tuple(delta / L for delta in deltas)
+            changes |= {"deltas": values, "path": LoadPath("depth", values)}
         if forces is not None:
-            begin = max(*self.scene.deltas, 1e-3 * self.scene.body.height)  # of the search
-            changes |= {"deltas": (begin,) * len(forces)}
-            changes |= {"forces": tuple(force / self.scene.scales.force for force in forces)}
-        scene = replace(self.scene, **changes)
+            begin = max(*self.scene.physics.deltas, 1e-3 * self.scene.physics.body.height)  # of the search
+            values = tuple(force / self.scene.physics.scales.force for force in forces)
+            changes |= {"deltas": (begin,) * len(forces), "path": LoadPath("force", values)}
+        scene = self.scene.with_physics(**changes)
         walk = backend().Walk(self.equilibrium.under(scene))
-        return [state.in_units(scene.scales) for state in walk.states(scene.path, lambda step: False)]
+        return [state.in_units(scene.physics.scales) for state in walk.states(scene.physics.path, lambda step: False)]
 
 
 def condense(scene: Scene, comm: Any = None) -> CondensedBody:
@@ -224,11 +228,11 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
     """
     from mpi4py import MPI
 
-    if scene.solver["method"] != "condensed":
+    if scene.solver.method != "condensed":
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
     comm = comm or MPI.COMM_SELF
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene.part, scene.sizes), scene.part, comm)
+    mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
     return CondensedBody(scene, fe.equilibrium(scene, mesh))
 
 

@@ -65,10 +65,6 @@ class Companion:
     states: Sequence[State]
     scene: Scene | None = field(default=None, repr=False)
 
-    def beside(self, finer: float) -> Companion:
-        """The same run as companion of a mesh that is finer by this ratio."""
-        return replace(self, ratio=self.ratio * finer)
-
     @property
     def curve(self) -> Curve:
         """The state of every step that was reached."""
@@ -100,7 +96,7 @@ class Budget:
 def coarser(scene: Scene, ratio: float) -> Scene:
     """The same scene on a mesh whose sizes are that much larger, near and far alike."""
     sizes = scene.sizes
-    height = scene.part.height
+    height = scene.physics.part.height
     fine = min(ratio * sizes.h_contact, height)
     axis = sizes.h_axis and min(ratio * sizes.h_axis, fine)
     edge = sizes.h_edge and min(ratio**RATE * sizes.h_edge, fine)
@@ -110,7 +106,7 @@ def coarser(scene: Scene, ratio: float) -> Scene:
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
         patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
     )  # fmt: skip
-    return replace(scene, sizes=larger, wall_stiffness=scene.wall_stiffness / ratio)
+    return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=larger)
 
 
 def beside(scene: Scene, earlier: Sequence[Scene]) -> list[tuple[float, Scene]]:
@@ -124,8 +120,9 @@ def beside(scene: Scene, earlier: Sequence[Scene]) -> list[tuple[float, Scene]]:
 
 def softer(scene: Scene) -> Scene:
     """The same scene with half the penalty stiffness."""
-    assert isinstance(scene.contact, Penalty)
-    return replace(scene, contact=replace(scene.contact, epsilon_n=scene.contact.stiffness / 2))
+    law = scene.physics.contact
+    assert isinstance(law, Penalty)
+    return scene.with_physics(contact=replace(law, epsilon_n=law.stiffness / 2))
 
 
 class ErrorBars:
@@ -138,20 +135,21 @@ class ErrorBars:
     def __init__(self, scene: Scene, companions: Sequence[Companion], soft: Sequence[State] | None = None):
         self.budgets: list[Budget] = []
         self.companions = companions
-        self._truncation = sum(doubt.force_error for doubt in scene.doubts if doubt.key == "truncation")
-        self._sizes, self._scales = scene.sizes, scene.scales
+        self._truncation = sum(doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation")
+        self._sizes, self._scales = scene.sizes, scene.physics.scales
         self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
-        self._is_nitsche = isinstance(scene.contact, Nitsche)
-        self._is_rounded = getattr(scene.indenter, "edge_radius", 0.0) > 0
+        self._is_nitsche = isinstance(scene.physics.contact, Nitsche)
+        self._is_rounded = getattr(scene.physics.indenter, "edge_radius", 0.0) > 0
         self._theory = scene.exact_theory
-        self._finds_depths = scene.path.control == "force"
-        self._dim, self._creases = scene.part.kinematics.dim, scene.indenter.creases()
+        self._finds_depths = scene.physics.path.control == "force"
+        self._dim, self._creases = scene.physics.part.kinematics.dim, scene.physics.indenter.creases()
         self._coarser = [companion.curve for companion in companions]
         self._soft = None if soft is None else Companion(1.0, soft).curve
         beside = companions[0].scene or scene
         self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
-        if isinstance(scene.contact, Penalty) and isinstance(beside.contact, Penalty):
-            self._stiffer = scene.contact.stiffness / beside.contact.stiffness
+        own, theirs = scene.physics.contact, beside.physics.contact
+        if isinstance(own, Penalty) and isinstance(theirs, Penalty):
+            self._stiffer = own.stiffness / theirs.stiffness
         self._run: Curve = {}
 
     def judged(self, state: State) -> State:

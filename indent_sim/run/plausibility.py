@@ -70,23 +70,23 @@ def _touches_nothing(scene: Scene, state: State, earlier: Sequence[State]) -> st
     if state.force > 0 and state.a > 0:
         return None
     missed = "no force" if state.force <= 0 else "no contact radius"
-    elements = scene.sizes.h_contact * scene.scales.length
+    elements = scene.sizes.h_contact * scene.physics.scales.length
     return (f"the tip is {state.delta:.6g} deep in the body and finds {missed}: it went through, or the contact lies "
             f"between two points of the mesh (h_contact = {elements:.3g})")  # fmt: skip
 
 
 def _is_wider_than_its_tip(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """a up to the radius at which the tip ends, and an element to either side."""
-    end = scene.indenter.radius_at(scene.body.height)
-    widest = (end + 2 * scene.sizes.h_contact) * scene.scales.length
+    end = scene.physics.indenter.radius_at(scene.physics.body.height)
+    widest = (end + 2 * scene.sizes.h_contact) * scene.physics.scales.length
     if state.a <= widest:
         return None
-    return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * scene.scales.length:.6g}"
+    return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * scene.physics.scales.length:.6g}"
 
 
 def _stands_on_a_side(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """delta <= f at the top of a fixed side, which no force moves."""
-    end = end_of_sides(scene.body, scene.indenter, scene.center) * scene.scales.length
+    end = end_of_sides(scene.physics.body, scene.physics.indenter, scene.physics.center) * scene.physics.scales.length
     if state.delta <= end * (1 + SAME):
         return None
     return f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
@@ -104,8 +104,8 @@ def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
 def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty lets it sink in."""
-    allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.scales.length)
-    if isinstance(scene.contact, Penalty | Nitsche):
+    allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.physics.scales.length)
+    if isinstance(scene.physics.contact, Penalty | Nitsche):
         allowed += PENETRATIONS * state.penetration
     if state.overlap <= allowed:
         return None
@@ -122,7 +122,7 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    fall = LINEAR_FALL if scene.small_strain and scene.gap == "reference" else FALL
+    fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
     deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
@@ -136,13 +136,13 @@ def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
 
 def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
-    delta, unit = state.delta / scene.scales.length, scene.scales.force
-    solution = scene.theory.at(delta) if scene.theory else None
-    if scene.theory is None or solution is None or solution.force <= 0:
+    delta, unit = state.delta / scene.physics.scales.length, scene.physics.scales.force
+    solution = scene.plan.theory.at(delta) if scene.plan.theory else None
+    if scene.plan.theory is None or solution is None or solution.force <= 0:
         return None
     expected = solution.force * unit
     lowest, highest = _range(scene, solution)
-    said = f"the force is {state.force:.6g}, and {scene.theory.name}"
+    said = f"the force is {state.force:.6g}, and {scene.plan.theory.name}"
     if not lowest * expected <= state.force <= highest * expected:
         return f"{said} expects {expected:.6g}"
     if not scene.exact_theory or state.force_error is None or isnan(state.force_error):
@@ -159,17 +159,17 @@ PRESSED: tuple[Rule, ...] = (_touches_nothing, _stands_still, _energy_is_not_its
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
     """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of the whole path."""
-    depth, deepest = state.delta / scene.scales.length, max(scene.deltas)
+    depth, deepest = state.delta / scene.physics.scales.length, max(scene.physics.deltas)
     if depth <= 0 or deepest <= depth:
         return depth <= 0
-    radius_at = scene.indenter.radius_at
+    radius_at = scene.physics.indenter.radius_at
     return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 
 
 def _noise(scene: Scene, state: State, earlier: Sequence[State]) -> float:
     """A force that is none [force]: beside those so far, or beside one that presses an element in as deep."""
-    scales, h = scene.scales, scene.sizes.h_contact
-    pressed = scene.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.length * scales.force
+    scales, h = scene.physics.scales, scene.sizes.h_contact
+    pressed = scene.physics.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.length * scales.force
     return NOISE * max(pressed, *(abs(other.force) for other in earlier), 0.0)
 
 
@@ -179,21 +179,21 @@ def _bar(state: State) -> float:
 
 def _may_soften(scene: Scene) -> bool:
     """Whether the law is no longer stable at the strains to expect: then a force may fall."""
-    return any(doubt.key == "stability" for doubt in scene.doubts)
+    return any(doubt.key == "stability" for doubt in scene.plan.doubts)
 
 
 def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     """Least and largest force over theory's that may be true, mesh and penalty included."""
-    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.material.constants.nu)
-    left = 1 - penalty_loss(scene.contact, scene.material, scene.theory, theory.delta, theory.a)
+    coarse = 1 + force_doubt(scene.sizes, theory.a, scene.physics.material.constants.nu)
+    left = 1 - penalty_loss(scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a)
     if scene.exact_theory:
         return left / (EXACT * coarse), EXACT * coarse
     if not _feels_a_half_space(scene, theory.a):
         return 0.0, float("inf")
-    may_stiffen = not scene.small_strain and theory.delta > SHALLOW * theory.a
+    may_stiffen = not scene.physics.small_strain and theory.delta > SHALLOW * theory.a
     return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse
 
 
 def _feels_a_half_space(scene: Scene, a: float) -> bool:
-    height, rim = scene.body.height, scene.body.rim_distance(scene.center)
+    height, rim = scene.physics.body.height, scene.physics.body.rim_distance(scene.physics.center)
     return a <= HALF_SPACE * min(height, rim) and height <= SLENDER * rim

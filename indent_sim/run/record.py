@@ -46,9 +46,9 @@ class Record:
         """Prepare the field files, from the mesh that rank 0 has."""
         self._on_root(ResultFolder.open_fields, points, cells, keep=keep)
 
-    def write_fields(self, state: State, displacement: Any, stress: Any, pressure: Any) -> None:
-        """Write the fields of a state, which rank 0 has; call before its `append`."""
-        self._on_root(ResultFolder.write_fields, state, displacement, stress, pressure)
+    def write_fields(self, state: State, *fields: Any) -> None:
+        """Write displacement, stress and pressure of a state, which rank 0 has; call before its `append`."""
+        self._on_root(ResultFolder.write_fields, state, *fields)
 
     def append(self, state: State) -> None:
         """Add the row of a converged state."""

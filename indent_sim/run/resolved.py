@@ -15,12 +15,12 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
-        "material": _decided(config.material, formulation=scene.part.regions[0].formulation),
+        "material": _decided(config.material, formulation=scene.physics.part.regions[0].formulation),
         "center": config.center or config.body.center,
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
         "accuracy": None,
-        "solver": _decided(config.solver, method=scene.solver["method"]),
+        "solver": _decided(config.solver, method=scene.solver.method),
     }
     return config.model_copy(update=decided)
 
@@ -44,9 +44,9 @@ def _decided(section: Any, **found: Any) -> Any:
 
 
 def _mesh(config: Config, scene: Scene) -> Any:
-    sizes, L = scene.sizes, scene.scales.length
+    sizes, L = scene.sizes, scene.physics.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
-                    symmetry=scene.part.symmetry)  # fmt: skip
+                    symmetry=scene.physics.part.symmetry)  # fmt: skip
     if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name in OWN if (length := getattr(sizes, name))}
@@ -54,6 +54,6 @@ def _mesh(config: Config, scene: Scene) -> Any:
 
 
 def _contact(config: Config, scene: Scene) -> Any:
-    law = scene.scales.unscaled(scene.contact)
+    law = scene.physics.scales.unscaled(scene.physics.contact)
     given = config.contact if isinstance(config.contact, type(law)) else type(law)(gap=config.contact.gap)
-    return _decided(given, **vars(law) | {"gap": scene.gap})
+    return _decided(given, **vars(law) | {"gap": scene.physics.gap})

@@ -44,43 +44,42 @@ class Simulation:
         self.clock = clock
         earlier = record.earlier
         self.states: list[State] = [self._judged(state) for state in earlier.states] if earlier else []
-        self._kept_steps = scene.path.kept
+        self._kept_steps = scene.physics.path.kept
         self._worst_audit = earlier.worst_audit if earlier else 0.0
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._assemble()
 
     def _assemble(self) -> None:
         record, scene, clock = self.record, self.scene, self.clock
-        answer: Any = on_root(record.comm, gmsh.begin, scene.part, scene.sizes)  # it is meshed while the libraries load
+        part, L = scene.physics.part, scene.physics.scales.length
+        answer: Any = on_root(record.comm, gmsh.begin, part, scene.sizes)  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
         with clock.stage("mesh"):
             grid = on_root(record.comm, answer)
-            self._mesh = mesh = fe.distribute(grid, scene.part, record.comm)
+            self._mesh = mesh = fe.distribute(grid, part, record.comm)
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
-        size, version = {}, {}
-        if grid is not None:
-            size, version = {"cells": len(grid.cells), "points": len(grid.points)}, {"gmsh": grid.gmsh}
-        dofs = self._walk.equilibrium.dofs
-        record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=fe.versions() | version)
-        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": fe.versions()["dolfinx"]}
+        dofs, versions = self._walk.equilibrium.dofs, fe.versions()
+        if grid is not None:  # rank 0, which writes
+            size = {"cells": len(grid.cells), "points": len(grid.points)}
+            record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=versions | {"gmsh": grid.gmsh})
+        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"]}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
-            other = f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)"
-            record.warn(other)
+            record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
         self._take_up()
-        wanted = self.output.fields != "none" and len(self.states) < len(scene.deltas)
+        wanted = self.output.fields != "none" and len(self.states) < len(scene.physics.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
-            points, cells = (grid.points * scene.scales.length, grid.cells) if grid is not None else (None, None)
+            points, cells = (grid.points * L, grid.cells) if grid is not None else (None, None)
             record.open_fields(points, cells, self.output.fields)
 
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
         done = len(self.states)
-        if done in (0, len(self.scene.deltas)):
+        if done in (0, len(self.scene.physics.deltas)):
             return
         saved = self.record.read_checkpoint(self._identity)
         with self.clock.stage("resume"):
@@ -90,9 +89,9 @@ class Simulation:
 
     def _depths(self) -> tuple[float, ...]:
         """The depths of the rows that are there, in the scene's units."""
-        if self.scene.path.control == "depth":
-            return self.scene.deltas[: len(self.states)]
-        return tuple(state.delta / self.scene.scales.length for state in self.states)
+        if self.scene.physics.path.control == "depth":
+            return self.scene.physics.deltas[: len(self.states)]
+        return tuple(state.delta / self.scene.physics.scales.length for state in self.states)
 
     def _save_checkpoint(self, now: bool = False) -> None:
         """Keep the last equilibria; at most once a second and for a twentieth of the time, unless it must be `now`."""
@@ -106,21 +105,22 @@ class Simulation:
 
     def follow(self, progress: Progress | None) -> list[State]:
         """Walk the load path to its end; NotConverged or VerificationError where it stops before."""
-        total, done = len(self.scene.deltas), len(self.states)
+        total, done = len(self.scene.physics.deltas), len(self.states)
         if progress is not None and self.states:
             progress(self.states[-1], done, total)
         try:
-            for state in self._timed(self._walk.states(self.scene.path, self._wants_surface, done)):
+            for state in self._timed(self._walk.states(self.scene.physics.path, self._wants_surface, done)):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {total}: {state.reason}")
-                self._keep(state.in_units(self.scene.scales), state.step == total)
+                self._keep(state.in_units(self.scene.physics.scales), state.step == total)
                 if progress is not None:
                     progress(self.states[-1], state.step, total)
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure is known to all of them
             if isinstance(end, NotConverged) or self.record.comm.size == 1:
                 self._save_checkpoint(now=True)
-                self._save_last_fields()
+                if self.states and self.output.fields == "last":
+                    self._write_fields(self.states[-1])
             raise
         finally:
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
@@ -132,7 +132,7 @@ class Simulation:
         backend().release(self._mesh)
 
     def _wants_surface(self, step: int) -> bool:
-        total = len(self.scene.deltas)
+        total = len(self.scene.physics.deltas)
         return self.output.surface == "all" or (
             self.output.surface == "last" and (total <= MANY_STEPS or step in self._kept_steps)
         )
@@ -186,16 +186,10 @@ class Simulation:
     def _write_fields(self, state: State) -> None:
         if self._fields is None:
             return
-        L, P = self.scene.scales.length, self.scene.scales.pressure
+        L, P = self.scene.physics.scales.length, self.scene.physics.scales.pressure
         self._walk.return_to_row()
-        displacement, stress, pressure = self._fields.gather() or (None, None, None)
-        if displacement is not None and stress is not None and pressure is not None:
-            displacement, stress, pressure = displacement * L, stress * P, pressure * P
-        self.record.write_fields(state, displacement, stress, pressure)
-
-    def _save_last_fields(self) -> None:
-        if self.states and self.output.fields == "last":
-            self._write_fields(self.states[-1])
+        fields = self._fields.gather() or ()  # rank 0 has them
+        self.record.write_fields(state, *(field * unit for field, unit in zip(fields, (L, P, P), strict=False)))
 
 
 def backend() -> Any:

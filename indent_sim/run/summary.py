@@ -51,17 +51,17 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
     """
     pushed = [state for state in states if state.delta > 0]
-    theory = scene.theory
+    theory = scene.plan.theory
     if theory is None or not pushed:
         return None
     deepest = max(pushed, key=lambda state: state.delta)
-    L, F = scene.scales.length, scene.scales.force
+    L, F = scene.physics.scales.length, scene.physics.scales.force
     solution = _theory_beside(scene, theory, deepest)
     if solution is None:
         return None
     depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)]
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
-    if scene.path.control == "force":
+    if scene.physics.path.control == "force":
         found = {"delta_deviation": deepest.delta / (solution.delta * L) - 1}
     curve = theory.curve(depths) or []
     return {
@@ -84,22 +84,22 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
 
 def _theory_beside(scene: Scene, theory: Theory, state: State) -> Solution | None:
     """Theory at the state's depth, or, where forces are prescribed, at its force."""
-    delta, height = state.delta / scene.scales.length, scene.body.height
-    if scene.path.control == "depth":
+    delta, height = state.delta / scene.physics.scales.length, scene.physics.body.height
+    if scene.physics.path.control == "depth":
         return theory.at(delta)
-    found = theory.depth(state.force / scene.scales.force, height)
+    found = theory.depth(state.force / scene.physics.scales.force, height)
     return theory.at(found) if found is not None and found < height else None
 
 
 def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     """The half-space formula's force at the state's depth, or depth at its force, and how that differs from the run."""
-    if scene.scales.dim == 2:
+    if scene.physics.scales.dim == 2:
         return None
-    L, F, E_star = scene.scales.length, scene.scales.force, scene.material.E_star
-    if scene.path.control == "force":
-        closed, name, unit = half_space_depth(scene.indenter, state.force / F, E_star), "delta", L
+    L, F, E_star = scene.physics.scales.length, scene.physics.scales.force, scene.physics.material.E_star
+    if scene.physics.path.control == "force":
+        closed, name, unit = half_space_depth(scene.physics.indenter, state.force / F, E_star), "delta", L
     else:
-        closed, name, unit = half_space_force(scene.indenter, state.delta / L, E_star), "force", F
+        closed, name, unit = half_space_force(scene.physics.indenter, state.delta / L, E_star), "force", F
     if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit

@@ -28,7 +28,7 @@ from indent_sim.scene.sizing import AT_END
 from indent_sim.scene.theories import Theory
 
 if TYPE_CHECKING:
-    from indent_sim.config.schema import Config
+    from indent_sim.config.schema import Config, SolverSettings, Units
 
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
@@ -37,11 +37,9 @@ SEARCH = 2  # times the linear solves of a step to a known depth are needed to f
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A completely decided simulation; every number is non-dimensional (see `scales`)."""
+class Physics:
+    """What is simulated, without units: every number is divided by the `scales`."""
 
-    title: str
-    units: dict[str, str]
     scales: Scales
     body: Body
     part: Part  # of the body, modelled
@@ -50,15 +48,8 @@ class Scene:
     center: tuple[float, ...]
     contact: ContactLaw
     gap: str  # reference | current
-    deltas: tuple[float, ...]  # requested, or expected at the requested forces
-    sizes: Sizes
-    solver: dict[str, Any]
-    forces: tuple[float, ...] | None = None  # of the whole body, when they are requested instead of depths
-    fineness: Fineness | None = None  # where `accuracy` chose the sizes
-    theory: Theory | None = field(default=None, repr=False)
-    choices: tuple[Choice, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
-    prediction: dict[str, float] = field(default_factory=dict)  # in the user's units
+    path: LoadPath  # what is prescribed, step by step
+    deltas: tuple[float, ...]  # prescribed, or expected at the prescribed forces
 
     @property
     def material(self) -> Material:
@@ -70,40 +61,64 @@ class Scene:
         """Whether the strain is small in all of the body."""
         return all(region.material.small_strain for region in self.part.regions)
 
-    @property
-    def path(self) -> LoadPath:
-        """What is prescribed, step by step."""
-        return LoadPath("depth", self.deltas) if self.forces is None else LoadPath("force", self.forces)
+
+@dataclass(frozen=True)
+class Plan:
+    """What is said of a simulation before it runs: names, theory, choices with their reasons, doubts, predictions."""
+
+    title: str
+    units: Units
+    theory: Theory | None = field(repr=False)
+    fineness: Fineness | None  # where `accuracy` chose the sizes
+    choices: tuple[Choice, ...]
+    doubts: tuple[Doubt, ...]
+    prediction: dict[str, float]  # in the user's units
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Where the model or the mesh is a poor one for what is asked, a sentence each."""
         return tuple(doubt.words for doubt in self.doubts if doubt.words)
 
+
+@dataclass(frozen=True)
+class Scene:
+    """A completely decided simulation: what is simulated, on which elements, how it is solved, and what is said."""
+
+    physics: Physics
+    sizes: Sizes
+    solver: SolverSettings
+    plan: Plan
+
+    def with_physics(self, **changes: Any) -> Scene:
+        """The same simulation of something else: another tip, path or contact law on the same elements."""
+        return dataclasses.replace(self, physics=dataclasses.replace(self.physics, **changes))
+
     @property
     def differences(self) -> tuple[str, ...]:
         """What this problem has that theory's has not, in words; empty when they are one, or there is no theory."""
+        theory = self.plan.theory
         parts = (
-            (not self.material.small_strain, "strain is finite, theory's small"),
-            (self.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
-            (self.theory is not None and not self.theory.exact, self.theory.why if self.theory else ""),
+            (not self.physics.small_strain, "strain is finite, theory's small"),
+            (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
+            (theory is not None and not theory.exact, theory.why if theory else ""),
         )
         return tuple(why for applies, why in parts if applies)
 
     @property
     def exact_theory(self) -> Theory | None:
         """The theory of this very problem."""
-        return self.theory if not self.differences else None
+        return self.plan.theory if not self.differences else None
 
     def has_peak(self, a: float) -> bool:
         """Whether the pressures of a contact of radius a [length] have a largest one that a mesh can know.
 
         Not where contact ends at the end of a tip, as under a punch.
         """
-        ends = self.sizes.edge is not None and not isinstance(self.indenter, FlatPunch)
-        if ends and a >= AT_END * reach(self.indenter):
+        tip = self.physics.indenter
+        ends = self.sizes.edge is not None and not isinstance(tip, FlatPunch)
+        if ends and a >= AT_END * reach(tip):
             return False
-        return not peakless(self.body, self.indenter, self.center, self.sizes, a)
+        return not peakless(self.physics.body, tip, self.physics.center, self.sizes, a)
 
 
 def resolve(config: Config, per_radius: float | None = None) -> Scene:
@@ -122,18 +137,13 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = _smooth(given, gap)
     cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
-    doubted, scales = doubts(given, law, gap, sizes), given.scales
-    return Scene(
-        title=config.title, units={"length": config.units.length, "force": config.units.force}, scales=scales,
-        body=given.body, part=given.part, wall_stiffness=wall, indenter=tip, center=given.center,
-        contact=law, gap=gap, deltas=given.deltas, sizes=sizes, fineness=fineness, theory=given.theory,
-        forces=given.path.values if given.path.control == "force" else None,
-        solver=dataclasses.asdict(config.solver) | {"method": solver.value},
-        choices=(*choices.model(given), choices.formulation(given), gap_choice, law_choice, *tip_choice, *wall_choice,
-                 *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver),
-        doubts=doubted,
-        prediction=_prediction(given, doubted, cost.with_error_bars if fineness else cost),
-    )  # fmt: skip
+    doubted = doubts(given, law, gap, sizes)
+    physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
+    chosen = (*choices.model(given), choices.formulation(given), gap_choice, law_choice, *tip_choice, *wall_choice,
+              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver)  # fmt: skip
+    predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
+    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
+    return Scene(physics, sizes, dataclasses.replace(config.solver, method=solver.value), plan)  # type: ignore[arg-type]
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:

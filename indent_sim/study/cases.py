@@ -17,7 +17,6 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.study.file import StudyFile
 from indent_sim.study.grid import Multiple, Point, Setting
 
-SPOKEN = ("title", "units", "theory", "choices", "doubts", "prediction")  # what a scene says beside its physics
 MOST_TOLD = 20  # errors
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
 
@@ -41,17 +40,18 @@ class Case:
     def problem(self) -> str:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
         asked = {key: value for key, value in self.values.items() if not _is_discrete(key)}
-        return inline(asked | {"gap": self.scene.gap, "depth": self.depth, "control": self.scene.path.control})
+        physics = self.scene.physics
+        return inline(asked | {"gap": physics.gap, "depth": self.depth, "control": physics.path.control})
 
     @property
     def depth(self) -> float:
         """The last depth, to expect where forces are prescribed, in the user's units."""
-        return self.scene.deltas[-1] * self.scene.scales.length
+        return self.scene.physics.deltas[-1] * self.scene.physics.scales.length
 
     @property
     def stiffness(self) -> float | None:
         """epsilon_n or gamma in E*/h_contact; None for a method without one."""
-        law = self.scene.contact
+        law = self.scene.physics.contact
         return law.stiffness / stiffness_unit(self.scene) if hasattr(law, "stiffness") else None
 
 
@@ -93,13 +93,13 @@ def short(value: Any) -> str:
 
 def identity(scene: Scene) -> str:
     """A name for the physics and discretisation of a scene; titles, labels and output have no part in it."""
-    parts = {f.name: getattr(scene, f.name) for f in dataclasses.fields(scene) if f.name not in SPOKEN}
+    parts = (scene.physics, scene.sizes, scene.solver, scene.plan.fineness)
     return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
 
 
 def stiffness_unit(scene: Scene) -> float:
     """E*/h_contact in the scene's own units."""
-    return scene.material.E_star / scene.sizes.h_contact
+    return scene.physics.material.E_star / scene.sizes.h_contact
 
 
 class _Builder:
@@ -127,7 +127,7 @@ class _Builder:
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
             scene = _resolved(self._config((*others, auto)), point)
-            self._units[name] = stiffness_unit(scene) * scene.scales.stiffness
+            self._units[name] = stiffness_unit(scene) * scene.physics.scales.stiffness
         return self._units[name]
 
 

@@ -72,7 +72,7 @@ class Comparison:
         if self._wanted == "theory":
             self._take_theory(cases, where)
         elif isinstance(self._wanted, float):
-            if any(case.scene.path.control == "force" for case in cases):
+            if any(case.scene.physics.path.control == "force" for case in cases):
                 raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
         elif not isinstance(self._wanted, str):
             self._file = of_results(_read(self._wanted, where))
@@ -130,22 +130,22 @@ def _read(path: Path, where: Place) -> Results:
 
 def _for(case: Case, answer: Answer) -> Answer:
     """The answer as a case needs it, whose depths may be found, not prescribed."""
-    return dataclasses.replace(answer, between=case.scene.path.control == "force")
+    return dataclasses.replace(answer, between=case.scene.physics.path.control == "force")
 
 
 def of_theory(case: Case) -> Answer | None:
     """Layer theory at the depths of a case, of very many at some, and around those to expect; None without theory."""
     scene = case.scene
-    depths = [delta for delta in scene.deltas if delta > 0]
+    depths = [delta for delta in scene.physics.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
-    if scene.path.control == "force" and depths:
-        around = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.body.height), MOST_DEPTHS)
+    if scene.physics.path.control == "force" and depths:
+        around = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.physics.body.height), MOST_DEPTHS)
         depths = [float(depth) for depth in around]
-    curve = (scene.theory.curve(depths) if scene.theory else None) if depths else []
+    curve = (scene.plan.theory.curve(depths) if scene.plan.theory else None) if depths else []
     if curve is None:
         return None
-    L, P, F = scene.scales.length, scene.scales.pressure, scene.scales.force
-    open_depths = sorted({delta for delta in scene.deltas if delta <= 0})
+    L, P, F = scene.physics.scales.length, scene.physics.scales.pressure, scene.physics.scales.force
+    open_depths = sorted({delta for delta in scene.physics.deltas if delta <= 0})
     columns = np.array(
         [(s.delta * L, s.force * F, s.a * L, _peak(s) * P) for s in curve]
         + [(delta * L, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
@@ -170,7 +170,7 @@ def _peak(solution: Any) -> float:
 
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
     """Sorts cases from coarse to fine, and among equal meshes one whose enforcement costs no accuracy last."""
-    sizes, exact = case.scene.sizes, case.scene.contact.method == "augmented_lagrangian"
+    sizes, exact = case.scene.sizes, case.scene.physics.contact.method == "augmented_lagrangian"
     return done[case.id].report.get("dofs", 0), -sizes.h_contact, exact, -case.index
 
 

@@ -101,7 +101,7 @@ def predictions() -> list[tuple[str, dict[str, tuple[float, float]]]]:
     for path in sorted((ROOT / "configs").rglob("*.yaml")):
         if "studies" in path.parts:
             continue
-        plan, done = resolve(load(path)).prediction, measure(path)
+        plan, done = resolve(load(path)).plan.prediction, measure(path)
         pairs = {"dofs": done.report["dofs"], "memory_MB": done.memory, "seconds": done.cpu}
         found.append((str(path.relative_to(ROOT / "configs")), {k: (v, plan[k]) for k, v in pairs.items()}))
     return found

@@ -87,8 +87,9 @@ class Judged:
 def exact_forces(config: Config) -> np.ndarray:
     """The force of every step, by theory."""
     scene = resolve(config)
-    assert scene.theory is not None
-    return np.array([solution.force for solution in scene.theory.curve(scene.deltas) or []]) * scene.scales.force
+    assert scene.plan.theory is not None
+    solutions = scene.plan.theory.curve(scene.physics.deltas) or []
+    return np.array([solution.force for solution in solutions]) * scene.physics.scales.force
 
 
 def judged(case: Case, target: float, folder: Path, **sections: Any) -> Judged:

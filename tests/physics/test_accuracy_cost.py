@@ -47,7 +47,7 @@ def spent(mapping: dict[str, Any], exact: np.ndarray, folder: Path, near: float 
 def by_hand(case: Case, exact: np.ndarray, folder: Path) -> list[Spent]:
     """All settings of the grid whose far size is not below the near one."""
     scene = resolve(from_mapping(case.mapping()))
-    h_far, widest = scene.sizes.h_far, min(scene.prediction["a"], 2.0)  # the layer's height is 1
+    h_far, widest = scene.sizes.h_far, min(scene.plan.prediction["a"], 2.0)  # the layer's height is 1
     divisions = PER_RADIUS + (AT_THE_EDGE if case.tip == "flat_punch" else ())
     grid = [(near, far) for near in divisions for far in FINER_FAR if widest / near <= h_far / far]
     sizes = {(near, far): {"h_contact": widest / near, "h_far": h_far / far} for near, far in grid}

@@ -41,9 +41,9 @@ class Judged:
 def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
     """delta, force, a and p_max of every step at prescribed depths, all of height and modulus 1."""
     scene = resolve(from_mapping(mapping))
-    assert scene.theory is not None and scene.theory.exact
-    curve = scene.theory.curve(scene.deltas) or []
-    L, P, F = scene.scales.length, scene.scales.pressure, scene.scales.force
+    assert scene.plan.theory is not None and scene.plan.theory.exact
+    curve = scene.plan.theory.curve(scene.physics.deltas) or []
+    L, P, F = scene.physics.scales.length, scene.physics.scales.pressure, scene.physics.scales.force
     peaks = [float(np.max(solution.pressure(solution.a * RADII))) * P for solution in curve]
     return {"delta": np.array([solution.delta for solution in curve]) * L, "p_max": np.array(peaks),
             "force": np.array([solution.force for solution in curve]) * F,
@@ -188,7 +188,7 @@ def test_a_pressure_without_bound_has_no_largest_value(name: str, tip: dict[str,
     mapping = Case("paraboloid", 0.3, 0.3).mapping() | {"indenter": tip, "loading": {"delta": 0.02, "steps": 1}}
     scene = resolve(from_mapping(mapping | {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}}))
     assert scene.has_peak(0.3) is has_peak and scene.has_peak(0.0)
-    assert [choice.value for choice in scene.choices if choice.key == "p_max"] == ([] if has_peak else ["empty"])
+    assert [choice.value for choice in scene.plan.choices if choice.key == "p_max"] == ([] if has_peak else ["empty"])
 
 
 def test_an_unbounded_pressure_is_an_empty_cell(tmp_path: Path) -> None:

@@ -10,14 +10,12 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from scenes import CYLINDER, E_STAR, WALLED, scene, solve
+from scenes import CYLINDER, E_STAR, WALLED, meshed, scene, solve
 
 from indent_sim.fe import solver
 from indent_sim.fe.condensed import contact
 from indent_sim.fe.condensed.contact import complementary
 from indent_sim.fe.terms import nodal
-from indent_sim.mesh import gmsh
 from indent_sim.model.state import Surface
 from indent_sim.run.chain import condense
 from indent_sim.scene.scene import Scene
@@ -29,8 +27,8 @@ GAUSS = {n: tuple(np.array(part) for part in np.polynomial.legendre.leggauss(n))
 
 def walked(base: Scene) -> Iterator[tuple[Surface, np.ndarray, float, float]]:
     """Surface table, raw multiplier at its nodes, depth and force of every step; E = 1 and height 1 are the units."""
-    walk = solver.walk(base, solver.distribute(gmsh.build(base.part, base.sizes), base.part, MPI.COMM_SELF))
-    for state in walk.states(base.path, lambda step: True):
+    walk = solver.walk(base, meshed(base))
+    for state in walk.states(base.physics.path, lambda step: True):
         assert state.converged and state.surface is not None, state.reason
         trace = walk.equilibrium.observed.trace
         r = trace.X[..., 0].ravel()
@@ -111,7 +109,7 @@ def test_hats_jitter_less_than_conditions_at_the_nodes() -> None:
     goes from node to node its force is off by 0.11 % in the mean and 0.49 % at most, ours by 0.07 and 0.23 %."""
     base = scene(WALLED, contact={"method": "active_set"}, mesh={"h_contact": H})
     deltas = np.linspace(0.0017, DELTA, 200)  # four to ten elements in the radius
-    exact = np.array([solution.force for solution in base.theory.curve(tuple(deltas))])
+    exact = np.array([solution.force for solution in base.plan.theory.curve(tuple(deltas))])
     body = condense(base)
     hats = np.array([state.force for state in body.states(deltas=deltas)])
     C, trace = body.compliance.C, body.compliance.trace

@@ -31,7 +31,7 @@ BODIES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 
 def solved_by(method: str, base: Scene) -> Scene:
     """The same scene for one solver or the other."""
-    return replace(base, solver=base.solver | {"method": method})
+    return replace(base, solver=replace(base.solver, method=method))
 
 
 def assert_condensed_is_newton(base: Scene) -> None:
@@ -40,7 +40,7 @@ def assert_condensed_is_newton(base: Scene) -> None:
     It is one discrete problem: the difference is what Newton's tolerance of 1e-10 leaves, and usually 1e-12. Uzawa's
     multiplier stops at 1e-8 of itself on the way of either solver, so its pressures are known to that.
     """
-    pressures = 1e-8 if base.contact.method == "uzawa" else 1e-9
+    pressures = 1e-8 if base.physics.contact.method == "uzawa" else 1e-9
     condensed, newton = (solve(solved_by(solver, base)) for solver in ("condensed", "newton"))
     p_max = max(state.p_max for state in newton)  # a body let go of has round-off for pressures
     for one, other in zip(condensed, newton, strict=True):
@@ -61,8 +61,8 @@ def test_condensed_is_newton(body: str, method: str) -> None:
                                         if "studies" not in path.parts))  # fmt: skip
 def test_condensed_is_newton_on_every_linear_config(name: str) -> None:
     base = resolve(load(CONFIGS / name))
-    if base.solver["method"] != "condensed":
-        assert not base.material.small_strain, "a linear scene as shipped that does not condense"
+    if base.solver.method != "condensed":
+        assert not base.physics.material.small_strain, "a linear scene as shipped that does not condense"
         pytest.skip("finite strain")
     assert_condensed_is_newton(base)
 
@@ -135,12 +135,12 @@ def memory_in_use() -> int:
 def test_a_contact_too_large_to_condense_is_solved_by_newton_and_says_so() -> None:
     """The plan gives the size as the reason, in nodes and bytes; asked for all the same, it is refused."""
     fine = {"mesh": {"h_contact": 0.0015, "h_far": 0.5}}
-    assert scene(WALLED, **fine).solver["method"] == "condensed"
+    assert scene(WALLED, **fine).solver.method == "condensed"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(choices, "MOST_CANDIDATES", 100)
         base = scene(WALLED, **fine)
-        assert base.solver["method"] == "newton"
-        (why,) = [choice.why for choice in base.choices if choice.key == "solver.method"]
+        assert base.solver.method == "newton"
+        (why,) = [choice.why for choice in base.plan.choices if choice.key == "solver.method"]
         assert "nodes may come into contact" in why and "GB" in why
         with pytest.raises(ConfigError, match="nodes may come into contact"):
             scene(WALLED, **fine, solver={"method": "condensed"})

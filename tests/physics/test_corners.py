@@ -126,11 +126,12 @@ def drawn(count: int, seed: int) -> list[Case]:
 def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
     """The scene on a mesh that shrinks to nothing towards every corner and towards the end of every step's contact."""
     base = resolve(config, n)
-    (low, high), (bottom, top) = base.part.extent
-    ends = {abs(end - base.center[0]) for end in (low, high)} - {0.0}
+    (low, high), (bottom, top) = base.physics.part.extent
+    ends = {abs(end - base.physics.center[0]) for end in (low, high)} - {0.0}
     points = {(r, depth) for r in ends for depth in (0.0, top - bottom)}
     if base.sizes.edge is None:
-        points |= {(state.a / base.scales.length, 0.0) for state in states(resolve(config, 13.0), with_surface=False)}
+        coarse = states(resolve(config, 13.0), with_surface=False)
+        points |= {(state.a / base.physics.scales.length, 0.0) for state in coarse}
     gap = min(min(ends) - base.sizes.a, 1.0) if base.sizes.edge is None else 0.1
     sizes = replace(base.sizes, corners=tuple(sorted(points)), h_corner=SHARP * max(gap, 0.01), grading=grading,
                     h_far=2 * grading, h_edge=base.sizes.h_edge and EDGE)  # fmt: skip
@@ -140,8 +141,9 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
 def true_forces(config: Config) -> np.ndarray:
     """The force of every step: by exact theory, where the body is its own, else on a graded mesh."""
     scene = resolve(config)
-    if scene.theory is not None and scene.theory.exact and (found := scene.theory.curve(scene.deltas)):
-        return np.array([solution.force for solution in found]) * scene.scales.force
+    theory = scene.plan.theory
+    if theory is not None and theory.exact and (found := theory.curve(scene.physics.deltas)):
+        return np.array([solution.force for solution in found]) * scene.physics.scales.force
     return np.array([state.force for state in states(graded(config), with_surface=False)])
 
 

@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import grid_of
 
 from indent_sim.config.file import load
-from indent_sim.mesh import gmsh
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,14 +28,14 @@ def assert_close(predicted: float, found: float) -> None:
 def test_cells(path: Path) -> None:
     """The count that all other predictions come from; the mesh alone is quickly made."""
     scene = resolve(load(path))
-    assert_close(scene.prediction["cells"], len(gmsh.build(scene.part, scene.sizes).cells))
+    assert_close(scene.plan.prediction["cells"], len(grid_of(scene).cells))
 
 
 @pytest.mark.verify
 @each_scene
 def test_unknowns_memory_and_seconds(path: Path, tmp_path: Path) -> None:
     """Of a process of its own whose forms are compiled, the better of two runs: others may be working beside it."""
-    plan = resolve(load(path)).prediction
+    plan = resolve(load(path)).plan.prediction
     command = [sys.executable, "-m", "indent_sim.cli.commands", "run", str(path), "--output", str(tmp_path / "run"),
                "--set", "output.plot=false"]  # fmt: skip
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

@@ -39,9 +39,9 @@ def once(delta: float) -> dict[str, Any]:
 
 def error(base: Scene) -> float:
     """Force over that of theory - 1, at the last depth."""
-    theory = base.theory.at(base.deltas[-1])
-    assert base.theory.exact
-    return solve(base)[-1].force / (theory.force * base.scales.force) - 1
+    theory = base.plan.theory.at(base.physics.deltas[-1])
+    assert base.plan.theory.exact
+    return solve(base)[-1].force / (theory.force * base.physics.scales.force) - 1
 
 
 RIGHT: dict[str, Any] = {
@@ -111,8 +111,8 @@ def test_not_right_and_says_so(name: str) -> None:
     """The stated error covers the true one, and a warning speaks of it."""
     make, words = FLAGGED[name]
     base = make()
-    assert TOLERANCE < abs(error(base)) <= base.prediction["force_error"]
-    assert any(words in warning for warning in base.warnings)
+    assert TOLERANCE < abs(error(base)) <= base.plan.prediction["force_error"]
+    assert any(words in warning for warning in base.plan.warnings)
 
 
 def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
@@ -122,7 +122,7 @@ def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
     body = WIDE | {"radius": 2.0}
     penalty = scene(body, contact={"method": "penalty", "epsilon_n": 2e3}, **deep)
     lost = 1 - force(penalty) / force(scene(body, **deep))
-    assert TOLERANCE < lost <= penalty.prediction["force_error"]
+    assert TOLERANCE < lost <= penalty.plan.prediction["force_error"]
 
 
 def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
@@ -159,9 +159,9 @@ def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
     """Its mean height stays 0: a paraboloid would touch all of a disc of radius W at the depth W^2/(4 R)."""
     with pytest.raises(ConfigError, match="leaves no room"):
         layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0101))
-    assert layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0099)).deltas == (0.0099,)
-    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).deltas == (0.0101,)
-    assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).deltas == (0.0101,)
+    assert layer(WIDE | {"radius": 1.0}, nu=0.5, R=25.0, **once(0.0099)).physics.deltas == (0.0099,)
+    assert layer(WIDE | {"radius": 1.0}, nu=0.4999, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
+    assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
 
 
 SIDES = {"cylinder": {"shape": "cylinder", "radius": 0.5, "height": 1.0, "sides": "fixed"},
@@ -179,10 +179,10 @@ def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) ->
     with pytest.raises(ConfigError, match=r"top of a fixed side, which it meets at 0\.1:") as refused:
         layer(body, **scene, **once(0.101))
     assert refused.value.exit_code == 3 and refused.value.key == "loading"
-    assert layer(body, **scene, **once(0.099)).deltas[-1] > 0
-    assert layer(body | {"sides": "free"}, **scene, **once(0.101)).deltas[-1] > 0
+    assert layer(body, **scene, **once(0.099)).physics.deltas[-1] > 0
+    assert layer(body | {"sides": "free"}, **scene, **once(0.101)).physics.deltas[-1] > 0
     punch = {"indenter": {"shape": "flat_punch", "radius": 0.49}}
-    assert layer(body, **punch, **once(0.101)).deltas[-1] > 0
+    assert layer(body, **punch, **once(0.101)).physics.deltas[-1] > 0
 
 
 @pytest.mark.parametrize("centre", [0.5, 0.4])
@@ -190,7 +190,7 @@ def test_a_tip_beside_the_middle_meets_one_side_first(centre: float) -> None:
     """At (1 - centre)^2/(2 R)."""
     strip, tip = SIDES["strip"], BLUNT | {"center": [centre]}
     meets = (1 - centre) ** 2 / 2.5
-    assert layer(strip, indenter=tip, **once(0.99 * meets)).deltas[-1] > 0
+    assert layer(strip, indenter=tip, **once(0.99 * meets)).physics.deltas[-1] > 0
     with pytest.raises(ConfigError, match="top of a fixed side"):
         layer(strip, indenter=tip, **once(1.01 * meets))
 

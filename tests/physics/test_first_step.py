@@ -20,6 +20,7 @@ import pytest
 from scenes import E_STAR, ELASTIC, WALLED, force
 
 from indent_sim.config.file import from_mapping, load
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
@@ -110,14 +111,14 @@ def _beside(body: dict[str, Any], pick: random.Random) -> list[float]:
 def coarse(config: dict[str, Any]) -> Scene:
     """The scene on a coarse mesh; in three dimensions one that is cheap."""
     planned = resolve(from_mapping(config))
-    h = planned.prediction["a"] / PER_RADIUS[planned.kinematics.dim]
+    h = planned.plan.prediction["a"] / PER_RADIUS[planned.physics.part.dim]
     return resolve(from_mapping(config | {"mesh": {"h_contact": float(f"{h:.3g}")}, "solver": {"max_iterations": 25}}))
 
 
 def along(scene: Scene, deltas: Sequence[float]) -> list[State]:
     """The states of the same scene and mesh along another path."""
-    path = tuple(delta / scene.scales.length for delta in deltas)
-    return list(chain.states(replace(scene, deltas=path), with_surface=False))
+    path = tuple(delta / scene.physics.scales.length for delta in deltas)
+    return list(chain.states(scene.with_physics(deltas=path, path=LoadPath("depth", path)), with_surface=False))
 
 
 def judged(config: dict[str, Any]) -> Verdict:
@@ -130,12 +131,12 @@ def judged(config: dict[str, Any]) -> Verdict:
     big = along(scene, [depth, half])
     if not big[0].converged:
         return Verdict("refused" if big[0].reason else "WRONG", big[0].reason)
-    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.part.dim == 2 else FEWEST)
+    steps = min(max(FEWEST, 2 * round(depth / STRIDE / 2)), MOST if scene.physics.part.dim == 2 else FEWEST)
     fine = along(scene, [depth * k / steps for k in range(1, steps + 1)])
     pairs = [(big[0], fine[-1])]
     if len(big) == 2 and big[1].converged and len(fine) >= steps // 2:
         pairs.append((big[1], fine[steps // 2 - 1]))
-    stated = max(scene.prediction.get("force_error", 0.0), TELLING)  # what is smaller is not worth a warning
+    stated = max(scene.plan.prediction.get("force_error", 0.0), TELLING)  # what is smaller is not worth a warning
     verdicts = [compared(*pair, stated) for pair in pairs]
     if said := contradicted(scene, big) or contradicted(scene, fine):
         verdicts.append(Verdict("FALSE ALARM", said))
@@ -144,7 +145,8 @@ def judged(config: dict[str, Any]) -> Verdict:
 
 def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
     """What the net has against one of the states of a path."""
-    there = replace(scene, deltas=tuple(state.delta / scene.scales.length for state in states))
+    depths = tuple(state.delta / scene.physics.scales.length for state in states)
+    there = scene.with_physics(deltas=depths, path=LoadPath("depth", depths))
     said = (contradiction(there, state, states[:k]) for k, state in enumerate(states) if state.converged)
     return next(filter(None, said), None)
 
@@ -245,7 +247,7 @@ def test_a_tip_deep_beyond_its_end_is_a_punch(tip: dict[str, Any]) -> None:
     scene = resolve(from_mapping(deep))
     assert force(scene) == pytest.approx(2 * E_STAR * 1e-6 * 0.01, rel=3e-3)
     if tip["shape"] != "flat_punch":
-        assert "one unit" in " ".join(scene.warnings)
+        assert "one unit" in " ".join(scene.plan.warnings)
     with pytest.raises(ConfigError, match="unit of length"):
         resolve(from_mapping(deep | {"contact": {"method": "auto", "gap": "current"}}))
 

@@ -29,13 +29,13 @@ def over(tip: dict[str, Any], delta: float, nu: float = 0.3, **sections: Any) ->
 @pytest.mark.parametrize(("tip", "delta", "tolerance"), TIPS.values(), ids=TIPS)
 def test_closed_forms(tip: dict[str, Any], delta: float, tolerance: float) -> None:
     base = over(tip, delta)
-    assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=tolerance)
+    assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=tolerance)
 
 
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.45, 0.5])
 def test_any_compressibility(nu: float) -> None:
     base = over(*TIPS["paraboloid"][:2], nu=nu)
-    assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=1e-3)
+    assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=1e-3)
 
 
 @pytest.mark.parametrize("nu", [-0.9, -0.4, 0.0, 0.3, 0.5])
@@ -43,20 +43,21 @@ def test_stated_error_covers_the_true_one(nu: float) -> None:
     """On a mesh whose own error is a few 1e-5: size and its growth halved."""
     base = over(*TIPS["paraboloid"][:2], nu=nu)
     sizes = dataclasses.replace(base.sizes, h_contact=base.sizes.h_contact / 2, grading=base.sizes.grading / 2)
-    true = force(dataclasses.replace(base, sizes=sizes)) / base.prediction["force_half_space"] - 1
-    stated = base.prediction["truncation_error"]
+    true = force(dataclasses.replace(base, sizes=sizes)) / base.plan.prediction["force_half_space"] - 1
+    stated = base.plan.prediction["truncation_error"]
     assert 0.3 * stated < true < stated < 1e-3
-    assert any(c.key == "body" and f"{stated:.2%}" in c.why for c in base.choices)
+    assert any(c.key == "body" and f"{stated:.2%}" in c.why for c in base.plan.choices)
 
 
 def test_its_theory_is_the_half_space() -> None:
     """The layer that stands for it in theory is 1e7 bodies deep: Hertz to 1e-6 in force and radius."""
     base = over(*TIPS["paraboloid"][:2])
-    solution = base.theory.at(base.deltas[-1]) if base.theory else None
-    assert solution and base.theory and base.theory.name == "half-space theory"
-    assert solution.force * base.scales.force == pytest.approx(base.prediction["force_half_space"], rel=1e-6)
-    assert solution.a * base.scales.length == pytest.approx(0.1, rel=1e-6)
-    assert not base.warnings
+    solution = base.plan.theory.at(base.physics.deltas[-1]) if base.plan.theory else None
+    assert solution and base.plan.theory and base.plan.theory.name == "half-space theory"
+    force_scale, expected = base.physics.scales.force, base.plan.prediction["force_half_space"]
+    assert solution.force * force_scale == pytest.approx(expected, rel=1e-6)
+    assert solution.a * base.physics.scales.length == pytest.approx(0.1, rel=1e-6)
+    assert not base.plan.warnings
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1e3])
@@ -75,12 +76,12 @@ def test_no_depth_at_all() -> None:
 def test_a_tip_in_contact_to_its_end() -> None:
     """A profile pressed in deeper than it is high touches everywhere: its end stands for the contact radius."""
     base = over({"shape": "profile", "points": [[0, 0], [0.1, 0.01]]}, 0.05)
-    assert base.body.height * base.scales.length > 100 * 0.1
-    assert any("deeper than the tip has a shape" in warning for warning in base.warnings)
+    assert base.physics.body.height * base.physics.scales.length > 100 * 0.1
+    assert any("deeper than the tip has a shape" in warning for warning in base.plan.warnings)
 
 
 def test_three_dimensions_on_request() -> None:
-    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).part.symmetry == "quarter"
+    assert over(*TIPS["paraboloid"][:2], mesh={"symmetry": "quarter"}).physics.part.symmetry == "quarter"
 
 
 def test_a_place_on_it_is_refused() -> None:

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Mpirun
-from mpi4py import MPI
-from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, scene, solve
+from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, meshed, scene, solve
 
 from indent_sim.config.file import from_mapping
 from indent_sim.fe import solver
-from indent_sim.mesh import gmsh
 from indent_sim.run import chain
 from indent_sim.scene.scene import Scene, resolve
 
@@ -138,7 +136,7 @@ def test_every_law_is_at_rest_until_touched(law: str, nu: float) -> None:
     base = scene({"shape": "half_space"}, material={"model": law, "nu": nu} | OTHERS[law], indenter=SPHERE,
                  loading={"deltas": [-1e-3, 1e-3, -1e-3, 0.0]})  # fmt: skip
     away, deep, back, touching = solve(base)
-    hertz = 4 / 3 * base.material.E_star * base.scales.pressure * 1e-3**1.5
+    hertz = 4 / 3 * base.physics.material.E_star * base.physics.scales.pressure * 1e-3**1.5
     assert deep.force == pytest.approx(hertz, rel=1e-2)
     assert (away.force, away.reaction, away.energy, back.force, touching.force) == (0, 0, 0, 0, 0)
 
@@ -325,8 +323,8 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
     """Against layer theory for the sharp tip at small strain."""
     h = 0.004 if tip == PARABOLOID else 0.01
     base = ball(indenter=tip, loading={"delta": delta, "steps": 1}, mesh={"h_contact": h})
-    assert base.theory is not None
-    theory = base.theory.at(delta)
+    assert base.plan.theory is not None
+    theory = base.plan.theory.at(delta)
     assert theory is not None
     assert solve(base)[-1].force == pytest.approx(theory.force, rel=rel)
 
@@ -353,7 +351,7 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float) -> None:
 def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     """u_z = -2 z makes J = -1; its residual is a number."""
     base = ball(nu, 0.2)
-    problem = solver.Problem(base, solver.distribute(gmsh.build(base.part, base.sizes), base.part, MPI.COMM_SELF))
+    problem = solver.Problem(base, meshed(base))
     assert problem.is_admissible()
     z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
@@ -366,7 +364,7 @@ def test_gent_names_its_limit() -> None:
     """Jm = 0.02 is a stretch of 1.08: far too little for this depth, and the run says so after what it reached."""
     base = ball(material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5}, h_contact=0.1,
                 loading={"delta": 0.3, "steps": 2}, solver={"max_iterations": 15})  # fmt: skip
-    assert any("Gent's limit" in text for text in base.warnings)
+    assert any("Gent's limit" in text for text in base.plan.warnings)
     *_, last = chain.states(base)
     assert not last.converged
     assert "I1 - 3 = Jm = 0.02" in last.reason

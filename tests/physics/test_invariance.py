@@ -7,10 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from scenes import BOX, CYLINDER, E_STAR, ELASTIC, PARABOLOID, PENALTY, STRIP, WALLED, scene, solve, with_penalty
+from scenes import (
+    BOX,
+    CYLINDER,
+    E_STAR,
+    ELASTIC,
+    PARABOLOID,
+    PENALTY,
+    STRIP,
+    WALLED,
+    grid_of,
+    meshed,
+    scene,
+    solve,
+    with_penalty,
+)
 
-from indent_sim.mesh import gmsh
 from indent_sim.model.state import State
 
 SAME = 1e-9  # the same equations but for round-off, which their solution amplifies by less than 1e5
@@ -53,7 +65,7 @@ def reference(request: pytest.FixtureRequest) -> tuple[dict[str, Any], dict[str,
     body, sections = SHAPES[request.param]
     sections = sections | {"material": ELASTIC | {"E": 5.0}}
     base = scene(body, **sections)
-    return body, sections, solve(base), gmsh.build(base.part, base.sizes).hash
+    return body, sections, solve(base), grid_of(base).hash
 
 
 @pytest.mark.parametrize("units", UNITS)
@@ -66,7 +78,7 @@ def test_units_do_not_matter(reference: Any, units: str) -> None:
     converted["indenter"] = in_other_units(PARABOLOID, length)
     converted.setdefault("loading", {"delta": 0.01 * length, "steps": 1})
     other = scene(in_other_units(body, length), **converted)
-    assert gmsh.build(other.part, other.sizes).hash == mesh
+    assert grid_of(other).hash == mesh
     force = pressure * length ** (1 if body["shape"] == "strip" else 2)
     scales = [length, force, length, pressure, length, force * length, force]
     for here, there in zip(expected, solve(other), strict=True):
@@ -173,11 +185,11 @@ def test_rigid_motions_strain_nothing(body: dict[str, Any], symmetry: str) -> No
     from indent_sim.fe import solver
 
     base = scene(body, contact=PENALTY, mesh={"h_contact": 0.25, "h_far": 0.5, "symmetry": symmetry})
-    problem = solver.Problem(base, solver.distribute(gmsh.build(base.part, base.sizes), base.part, MPI.COMM_SELF))
+    problem = solver.Problem(base, meshed(base))
     problem.delta.value = -10.0  # a turn by 1 must not lift the body into the tip
-    dim = base.part.kinematics.dim
+    dim = base.physics.part.kinematics.dim
     X = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, :dim]
-    for motion in rigid_motions(dim, base.part.symmetry == "axisymmetric", X):
+    for motion in rigid_motions(dim, base.physics.part.symmetry == "axisymmetric", X):
         x = problem.x.copy()
         x.array[problem.unknowns.places("u")] = motion.ravel()
         problem.body.set_solution(x)

@@ -120,7 +120,7 @@ def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[fl
     sizes = Sizes(jitter * h, min(0.5, FAR * h), 1.15 * case.a + 2 * h, GRADING / per_radius)
     base = dataclasses.replace(case.scene(f"mesh.h_contact={h}"), sizes=sizes)
     if method == "augmented_lagrangian":
-        (state,) = solve(dataclasses.replace(base, contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
+        (state,) = solve(base.with_physics(contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
         return state.force / case.F - 1, state.a / case.a - 1
     soft, stiff = (solve(with_penalty(base, m * E_STAR / case.a))[-1] for m in STIFFNESSES)
     return (2 * stiff.force - soft.force) / case.F - 1, stiff.a / case.a - 1

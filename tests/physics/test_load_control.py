@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, STRIP, WALLED, scene, solve
 
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
@@ -35,9 +35,9 @@ def column(states: list[State], name: str) -> np.ndarray:
 
 def to_forces(base: Scene, forces: Any, expected: Any = None) -> list[State]:
     """The same scene on the same mesh, its depths found for forces in the user's units."""
-    forces = tuple(float(force) / base.scales.force for force in forces)
-    expected = base.deltas if expected is None else tuple(expected)
-    return solve(dataclasses.replace(base, forces=forces, deltas=expected))
+    forces = tuple(float(force) / base.physics.scales.force for force in forces)
+    expected = base.physics.deltas if expected is None else tuple(expected)
+    return solve(base.with_physics(path=LoadPath("force", forces), deltas=expected))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -75,12 +75,12 @@ def test_depth_is_theorys(tip: str, body: dict[str, Any]) -> None:
     shape, force = TIPS[tip]
     base = scene(body, indenter=shape, loading={"force": force, "steps": 2})
     half, whole = solve(base)
-    assert base.theory and base.theory.exact
-    expected = base.theory.at(whole.delta)  # E = height = 1: the scene's units are the user's
+    assert base.plan.theory and base.plan.theory.exact
+    expected = base.plan.theory.at(whole.delta)  # E = height = 1: the scene's units are the user's
     assert expected and expected.force == pytest.approx(force, rel=0.01 if tip == "punch" else 0.003)
     assert [half.force, whole.force] == pytest.approx([force / 2, force], rel=1e-10)
-    assert base.prediction["delta"] == pytest.approx(whole.delta, rel=0.01 if tip == "punch" else 0.003)
-    assert base.prediction["a"] == pytest.approx(expected.a, rel=0.01)
+    assert base.plan.prediction["delta"] == pytest.approx(whole.delta, rel=0.01 if tip == "punch" else 0.003)
+    assert base.plan.prediction["a"] == pytest.approx(expected.a, rel=0.01)
 
 
 @pytest.mark.parametrize("material", [None, NEO_HOOKEAN], ids=["linear", "hyperelastic"])
@@ -169,4 +169,4 @@ def test_half_space_is_sized_for_the_force() -> None:
     (state,) = solve(base)
     hertz = (0.75 * 1e-3 * (1 - 0.3**2)) ** (2 / 3)
     assert state.delta == pytest.approx(hertz, rel=0.002)
-    assert base.prediction["delta"] == pytest.approx(hertz, rel=1e-6)
+    assert base.plan.prediction["delta"] == pytest.approx(hertz, rel=1e-6)

@@ -45,7 +45,7 @@ def test_methods_agree_on_the_cylinder() -> None:
     """0.05 % between the extremes of all five, and from the converged forces, at every step (0.012 and 0.021 % found).
     With h_contact = 0.002 sixteen elements are in the first contact radius; with thirteen it is 0.046 % there."""
     h = 0.002
-    assert scene(CYLINDER, mesh={"h_contact": h}).prediction["dofs"] < 6000
+    assert scene(CYLINDER, mesh={"h_contact": h}).plan.prediction["dofs"] < 6000
     curves = [np.array([state.force for state in hertz(name, h)]) for name in METHODS]
     curves.append(extrapolated(hertz("penalty", h, 50.0), hertz("penalty", h, 100.0)))
     errors = np.array(curves) / FORCES - 1
@@ -93,9 +93,9 @@ def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
     indenter, delta, h = TIPS[tip]
     base = scene(WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h},
                  loading={"delta": delta, "steps": 10})  # fmt: skip
-    assert base.prediction["dofs"] < 6000
-    assert base.theory is not None and base.theory.exact
-    theory, states = base.theory.curve(base.deltas), solve(base)
+    assert base.plan.prediction["dofs"] < 6000
+    assert base.plan.theory is not None and base.plan.theory.exact
+    theory, states = base.plan.theory.curve(base.physics.deltas), solve(base)
     assert theory is not None
     forces = np.array([state.force / exact.force - 1 for state, exact in zip(states, theory, strict=True)])
     place = theory[-1].a / 2 if tip == "cone" else 0.0
@@ -188,9 +188,9 @@ def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPat
      ("penalty", 1.0, "too low"), ("penalty", 1e-3, "sinks")],
 )  # fmt: skip
 def test_plan_warns_of_a_stiffness_that_spoils_the_answer(name: str, multiple: float, says: str) -> None:
-    warnings = scene(CYLINDER, contact=method(name, multiple), mesh={"h_contact": 0.01}).warnings
+    warnings = scene(CYLINDER, contact=method(name, multiple), mesh={"h_contact": 0.01}).plan.warnings
     assert any(says in warning for warning in warnings)
-    plain = scene(CYLINDER, contact=method(name), mesh={"h_contact": 0.01}).warnings
+    plain = scene(CYLINDER, contact=method(name), mesh={"h_contact": 0.01}).plan.warnings
     assert len(warnings) == len(plain) + 1
 
 
@@ -266,7 +266,7 @@ def test_contact_radius_grows_without_stairs(name: str) -> None:
     h = 0.01
     base = scene(WALLED, contact=method(name), mesh={"h_contact": h},
                  loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()})  # fmt: skip
-    theory = base.theory.curve(base.deltas)
+    theory = base.plan.theory.curve(base.physics.deltas)
     off = np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
     assert np.abs(off).max() < 1 / 12
     assert np.abs(np.diff(off)).max() < 0.05

@@ -27,7 +27,7 @@ def test_mixed_body_against_theory(nu: float, name: str, solver: str) -> None:
         assert float(exact.pressure(0.0)) == pytest.approx(P0_4999, rel=1e-8)
     base = scene(WALLED, material=ELASTIC | {"nu": nu}, contact={"method": name}, solver={"method": solver},
                  mesh={"h_contact": 0.005})  # fmt: skip
-    assert base.formulation == "mixed"
+    assert base.physics.part.regions[0].formulation == "mixed"
     (state,) = solve(base)
     assert state.force == pytest.approx(exact.force, rel=5e-4)
     assert state.surface.pressure[0] == pytest.approx(float(exact.pressure(0.0)), rel=0.01)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import pytest
@@ -22,7 +21,8 @@ def test_quarter_against_axisymmetric(base: str, sides: str) -> None:
     body = (WALLED if sides == "roller" else CYLINDER) | {"base": base, "sides": sides}
     flat = scene(body, **DEEP)
     whole = scene(body, mesh={"h_contact": COARSE, "symmetry": "quarter"}, **DEEP)
-    assert (flat.part.symmetry, whole.part.symmetry, whole.part.copies) == ("axisymmetric", "quarter", 4)
+    assert flat.physics.part.symmetry == "axisymmetric"
+    assert (whole.physics.part.symmetry, whole.physics.part.copies) == ("quarter", 4)
     assert force(whole) == pytest.approx(force(flat), rel=5e-3)
 
 
@@ -31,14 +31,14 @@ def test_parts_of_a_cylinder_on_rollers(symmetry: str) -> None:
     """Held by pins alone; their reactions are audited to be zero. Meshes of their own: 0.5 %."""
     body = CYLINDER | {"base": "roller"}
     part, quarter = (scene(body, mesh={"h_contact": 0.15, "symmetry": s}, **DEEP) for s in (symmetry, "quarter"))
-    assert len(part.part.pins) == {"half": 1, "full": 3}[symmetry]
+    assert len(part.physics.part.pins) == {"half": 1, "full": 3}[symmetry]
     assert force(part) == pytest.approx(force(quarter), rel=5e-3)
 
 
 def test_full_cylinder_between_rollers_may_turn() -> None:
     """u . n = 0 on a round wall leaves the turn about z: one pin, without reaction."""
     base = scene(WALLED | {"radius": 1.0, "base": "roller"}, mesh={"h_contact": 0.2, "symmetry": "full"}, **DEEP)
-    assert len(base.part.pins) == 1
+    assert len(base.physics.part.pins) == 1
     assert solve(base)[-1].force > 0
 
 
@@ -46,7 +46,7 @@ def test_off_axis_is_on_axis_in_a_wide_cylinder() -> None:
     """Four thicknesses from the rim the layer is infinite: what the rim changes is below 1e-4, the mesh 0.5 %."""
     wide = CYLINDER | {"radius": 6.0}
     beside = scene(wide, indenter=PARABOLOID | {"center": [0.0, -2.0]}, mesh={"h_contact": COARSE}, **DEEP)
-    assert (beside.part.symmetry, beside.part.copies) == ("half", 2)
+    assert (beside.physics.part.symmetry, beside.physics.part.copies) == ("half", 2)
     assert force(beside) == pytest.approx(force(scene(wide, **DEEP)), rel=5e-3)
 
 
@@ -58,7 +58,7 @@ def test_off_axis_without_a_mirror_plane() -> None:
         scene(body, indenter=PARABOLOID | {"center": center}, mesh={"h_contact": COARSE}, **DEEP)
         for center in ([0.3, 0.4], [0.5, 0.0])
     )
-    assert (whole.part.symmetry, half.part.symmetry) == ("full", "half")
+    assert (whole.physics.part.symmetry, half.physics.part.symmetry) == ("full", "half")
     assert force(whole) == pytest.approx(force(half), rel=5e-3)
 
 
@@ -74,8 +74,8 @@ def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff() -> None:
     the wall give way, nor does the normal that turns inside a facet stop the surface from sliding."""
     body = WALLED | {"radius": 1.0}
     base = scene(body, indenter=PARABOLOID | {"center": [0.5, 0.0]}, mesh={"h_contact": COARSE}, **DEEP)
-    assert [choice for choice in base.choices if choice.key == "wall"]
-    stiffer = dataclasses.replace(base, wall_stiffness=10 * base.wall_stiffness)
+    assert [choice for choice in base.plan.choices if choice.key == "wall"]
+    stiffer = base.with_physics(wall_stiffness=10 * base.physics.wall_stiffness)
     assert force(stiffer) == pytest.approx(force(base), rel=2e-4)
 
 

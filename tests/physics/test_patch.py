@@ -48,15 +48,15 @@ def covered(body: dict[str, Any], symmetry: str = "auto", method: str = "penalty
         loading={"delta": DELTA, "steps": 1},
         mesh={"h_contact": 0.5, "symmetry": symmetry},
     )
-    beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.scales.length)
+    beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.physics.scales.length)
     sizes = dataclasses.replace(base.sizes, edge=None, h_edge=None)
-    return dataclasses.replace(base, indenter=beyond, sizes=sizes)
+    return dataclasses.replace(base.with_physics(indenter=beyond), sizes=sizes)
 
 
 def assert_uniform(base: Scene, body: dict[str, Any], modulus: float) -> None:
     """Everything that is measured, against the formulas above."""
     state = solve(base)[-1]
-    compliance = 1 / EPSILON_N if base.contact.method == "penalty" else 0.0
+    compliance = 1 / EPSILON_N if base.physics.contact.method == "penalty" else 0.0
     p = DELTA / (H / modulus + compliance)
     F = p * AREA[body["shape"]]
     assert state.force == pytest.approx(F, rel=EXACT)
@@ -91,7 +91,7 @@ def test_body_that_bulges_freely(body: dict[str, Any], symmetry: str) -> None:
     held = body | {"base": "roller", "sides": "free"}
     base = covered(held, symmetry)
     if symmetry == "full":
-        assert base.part.pins
+        assert base.physics.part.pins
     assert_uniform(base, held, FREE_MODULUS[body["shape"]])
 
 

@@ -65,14 +65,14 @@ def test_automatic_stiffness_is_a_multiple_of_modulus_over_element() -> None:
     only where a penalty would cost more: see test_extremes.py."""
     for E, h in ((1.0, 0.02), (5.0, 0.01)):
         base = scene(CYLINDER, material=ELASTIC | {"E": E}, mesh={"h_contact": h}, contact=PENALTY)
-        assert base.contact.epsilon_n == pytest.approx(100 * E_STAR / h, rel=1e-12)
+        assert base.physics.contact.epsilon_n == pytest.approx(100 * E_STAR / h, rel=1e-12)
 
 
 def test_stated_stiffness_is_taken_in_the_users_units() -> None:
     """The scene is measured in its height and its modulus."""
     body = CYLINDER | {"radius": 2.0, "height": 2.0}
     stated = scene(body, material=ELASTIC | {"E": 4.0}, contact=PENALTY | {"epsilon_n": 300.0})
-    assert stated.contact.epsilon_n == pytest.approx(300.0 * 2.0 / 4.0, rel=1e-12)
+    assert stated.physics.contact.epsilon_n == pytest.approx(300.0 * 2.0 / 4.0, rel=1e-12)
 
 
 def test_energy_error_is_the_one_of_perturbation_theory(states: list[Any]) -> None:

@@ -173,7 +173,7 @@ def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
 def test_accuracy_under_prescribed_forces(tmp_path: Path) -> None:
     """The bar is that of the force at the row's depth, and layer theory knows it."""
     outcome = simulate(tmp_path / "run", accuracy=0.01, loading={"force": 1.6e-3, "steps": 4})
-    theory = resolve(from_mapping(SCENE)).theory
+    theory = resolve(from_mapping(SCENE)).plan.theory
     assert theory is not None
     for state in outcome.states:
         solution = theory.at(state.delta)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BOX, PARABOLOID, STRIP, force, scene, solve
+from scenes import BOX, PARABOLOID, STRIP, force, grid_of, scene, solve
 
 from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid, named_surfaces
@@ -35,7 +35,7 @@ def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
 
 def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
     """The states of a scene on a given grid."""
-    named = named_surfaces(grid.points, grid.cells, base.part, base.sizes.finest)
+    named = named_surfaces(grid.points, grid.cells, base.physics.part, base.sizes.finest)
     with monkeypatch.context() as patch:
         patch.setattr(gmsh, "build", lambda part, sizes: dataclasses.replace(grid, surfaces=named))
         return solve(base)
@@ -55,8 +55,8 @@ def test_strip_by_its_half(gap: str, sides: str, monkeypatch: pytest.MonkeyPatch
     body, contact = STRIP | {"sides": sides}, {"method": "auto", "gap": gap}
     half, full = (scene(body, contact=contact, mesh={"h_contact": 0.03, "symmetry": symmetry}, **DEEP)
                   for symmetry in ("half", "full"))  # fmt: skip
-    assert (half.part.copies, full.part.copies) == (2, 1)
-    grid = gmsh.build(half.part, half.sizes)
+    assert (half.physics.part.copies, full.physics.part.copies) == (2, 1)
+    grid = grid_of(half)
     assert_same(on_grid(half, grid, monkeypatch), on_grid(full, mirrored(grid, 0, 2.0), monkeypatch))
 
 
@@ -71,8 +71,8 @@ def test_box_by_its_quarter_and_half(
     body, contact = BOX | {"base": base, "sides": sides}, {"method": method, "gap": gap}
     quarter, half, full = (scene(body, contact=contact, mesh={"h_contact": 0.15, "symmetry": symmetry}, **DEEP)
                            for symmetry in ("quarter", "half", "full"))  # fmt: skip
-    assert (quarter.part.copies, half.part.copies, full.part.copies) == (4, 2, 1)
-    grid = gmsh.build(quarter.part, quarter.sizes)
+    assert (quarter.physics.part.copies, half.physics.part.copies, full.physics.part.copies) == (4, 2, 1)
+    grid = grid_of(quarter)
     by_quarter = on_grid(quarter, grid, monkeypatch)
     grid = mirrored(grid, 1, 1.0)
     assert_same(by_quarter, on_grid(half, grid, monkeypatch))
@@ -85,8 +85,8 @@ def test_tip_beside_a_frictionless_wall_is_half_of_a_whole(monkeypatch: pytest.M
     wide = scene(STRIP | {"width": 4.0, "sides": "roller"}, mesh={"h_contact": 0.02, "symmetry": "full"})
     narrow = scene(STRIP | {"width": 2.0, "sides": "roller"}, indenter=PARABOLOID | {"center": [0.0]})
     sizes = dataclasses.replace(wide.sizes, axis=narrow.sizes.axis)
-    narrow = dataclasses.replace(narrow, sizes=sizes, contact=wide.contact)
-    grid = gmsh.build(narrow.part, narrow.sizes)
+    narrow = dataclasses.replace(narrow.with_physics(contact=wide.physics.contact), sizes=sizes)
+    grid = grid_of(narrow)
     whole = Grid(mirrored(grid, 0, 0.0).points + np.array([2.0, 0.0]), mirrored(grid, 0, 0.0).cells)
     beside, middle = on_grid(narrow, grid, monkeypatch)[-1], on_grid(wide, whole, monkeypatch)[-1]
     assert 2 * beside.force == pytest.approx(middle.force, rel=SAME)
@@ -109,8 +109,8 @@ def test_choice_of_the_part() -> None:
     """Automatic: all the symmetry there is, none that the sides or the tip's place break."""
     off = PARABOLOID | {"center": [0.9, 1.0]}
     uneven = {"x_min": "roller", "x_max": "free", "y_min": "free", "y_max": "free"}
-    assert scene(BOX).part.symmetry == "quarter"
-    assert scene(BOX, indenter=off, mesh={"h_contact": 0.1}).part.symmetry == "half"
-    assert scene(BOX | {"sides": uneven}, mesh={"h_contact": 0.1}).part.symmetry == "half"
-    assert scene(STRIP).part.symmetry == "half"
-    assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).part.symmetry == "full"
+    assert scene(BOX).physics.part.symmetry == "quarter"
+    assert scene(BOX, indenter=off, mesh={"h_contact": 0.1}).physics.part.symmetry == "half"
+    assert scene(BOX | {"sides": uneven}, mesh={"h_contact": 0.1}).physics.part.symmetry == "half"
+    assert scene(STRIP).physics.part.symmetry == "half"
+    assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).physics.part.symmetry == "full"

@@ -26,16 +26,16 @@ CURRENT = {"method": "auto", "gap": "current"}
 
 def theory(base: Scene) -> float:
     """The force of layer theory at the last depth."""
-    solution = base.theory.at(base.deltas[-1]) if base.theory else None
-    assert base.theory and base.theory.exact and solution
-    return solution.force * base.scales.force
+    solution = base.plan.theory.at(base.physics.deltas[-1]) if base.plan.theory else None
+    assert base.plan.theory and base.plan.theory.exact and solution
+    return solution.force * base.physics.scales.force
 
 
 @pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
 def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
     """0.3 % is what `h_contact: auto` promises at the last step."""
     base = scene(WALLED, indenter=tip, loading={"delta": 0.02, "steps": 2})
-    assert base.part.symmetry == "axisymmetric" and base.solver["method"] == "condensed"
+    assert base.physics.part.symmetry == "axisymmetric" and base.solver.method == "condensed"
     assert force(base) == pytest.approx(theory(base), rel=3e-3)
 
 
@@ -63,10 +63,10 @@ def test_current_gap_tends_to_the_reference_gap(name: str) -> None:
 def test_sharp_tips_are_rounded_for_the_current_gap(tip: dict[str, Any], key: str) -> None:
     """By a thousandth of the contact radius, stated in the plan; never with the reference gap."""
     base = scene(WALLED, indenter=tip, contact=CURRENT, loading={"delta": 0.02, "steps": 2})
-    choice = next(choice for choice in base.choices if choice.key == f"indenter.{key}")
-    assert choice.value == pytest.approx(1e-3 * base.prediction["a"]) and "gap: current" in choice.why
-    assert getattr(base.indenter, key) == pytest.approx(choice.value)
-    assert not [c for c in scene(WALLED, indenter=tip).choices if c.key.startswith("indenter")]
+    choice = next(choice for choice in base.plan.choices if choice.key == f"indenter.{key}")
+    assert choice.value == pytest.approx(1e-3 * base.plan.prediction["a"]) and "gap: current" in choice.why
+    assert getattr(base.physics.indenter, key) == pytest.approx(choice.value)
+    assert not [c for c in scene(WALLED, indenter=tip).plan.choices if c.key.startswith("indenter")]
     last = solve(base)[-1]
     # the current gap is stiffer by a few percent of the slope at the edge; a wrong normal or tip is off by far more
     assert last.force == pytest.approx(theory(base), rel=0.05)
@@ -74,10 +74,10 @@ def test_sharp_tips_are_rounded_for_the_current_gap(tip: dict[str, Any], key: st
 
 def test_rounding_a_cone_costs_what_the_plan_says() -> None:
     base = scene(WALLED, indenter={"shape": "cone", "half_angle": 75}, contact=CURRENT, loading={"delta": 0.05})
-    why = next(choice.why for choice in base.choices if choice.key == "indenter.tip_radius")
+    why = next(choice.why for choice in base.plan.choices if choice.key == "indenter.tip_radius")
     blunt, sharp = theory(base), theory(scene(WALLED, indenter={"shape": "cone", "half_angle": 75},
                                               loading={"delta": 0.05}))  # fmt: skip
-    assert isinstance(base.indenter, Cone) and f"{blunt / sharp - 1:+.1g}" in why
+    assert isinstance(base.physics.indenter, Cone) and f"{blunt / sharp - 1:+.1g}" in why
     assert abs(blunt / sharp - 1) < 1e-3
 
 
@@ -87,8 +87,8 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
     base = scene(
         {"shape": "half_space"}, indenter=pyramid, mesh={"h_contact": 0.06}, loading={"delta": 0.1, "steps": 1}
     )
-    assert base.part.symmetry == "quarter" and base.body.shape == "box"
-    assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=0.01)
+    assert base.physics.part.symmetry == "quarter" and base.physics.body.shape == "box"
+    assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=0.01)
 
 
 @pytest.mark.verify
@@ -96,7 +96,7 @@ def test_square_pyramid_as_planned() -> None:
     """With the automatic mesh: 0.5 %."""
     base = scene({"shape": "half_space"}, indenter={"shape": "pyramid", "half_angle": 70}, loading={"delta": 0.1,
                  "steps": 1})  # fmt: skip
-    assert force(base) == pytest.approx(base.prediction["force_half_space"], rel=5e-3)
+    assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=5e-3)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_square_pyramid_as_planned() -> None:
 def test_pyramids_take_the_symmetry_they_have(faces: int, rotation: float, symmetry: str) -> None:
     tip = {"shape": "pyramid", "half_angle": 70, "faces": faces, "rotation": rotation}
     for body in (BOX, WALLED):
-        assert scene(body, indenter=tip, mesh={"h_contact": 0.2}).part.symmetry == symmetry
+        assert scene(body, indenter=tip, mesh={"h_contact": 0.2}).physics.part.symmetry == symmetry
 
 
 def test_a_turned_pyramid_on_a_round_body_feels_the_same() -> None:

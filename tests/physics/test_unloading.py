@@ -60,7 +60,7 @@ def test_force_rises_with_depth(states: list[State]) -> None:
 def test_a_path_that_never_touches() -> None:
     """Zeros, and a warning; no failure for want of a scale."""
     base = scene(CYLINDER, loading={"deltas": [-0.01, -0.001, -0.02]}, mesh={"h_contact": 0.05})
-    assert any("never reaches" in warning for warning in base.warnings)
+    assert any("never reaches" in warning for warning in base.plan.warnings)
     for state in solve(base):
         assert (state.force, state.energy, state.a, state.p_max) == (0.0, 0.0, 0.0, 0.0)
 
@@ -92,7 +92,7 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
     center = [place * width] if body is STRIP else [place * width, 1.0]
     base = scene(body | ON_ROLLERS, indenter={"shape": "paraboloid", "R": 1.0, "center": center},
                  mesh={"h_contact": h, "symmetry": "full"})  # fmt: skip
-    assert len(base.part.pins) == (1 if body is STRIP else 3)
+    assert len(base.physics.part.pins) == (1 if body is STRIP else 3)
     (state,) = solve(base)
     assert_audited(state, state.force)
     assert state.stray_reaction <= 1e-10 * state.force
@@ -112,5 +112,5 @@ def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
 def test_held_by_symmetry_a_body_on_rollers_may_feel_the_current_gap() -> None:
     """In the middle the sideways pushes cancel, and the mid-planes are walls."""
     base = scene(STRIP | ON_ROLLERS, contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.02})
-    assert not base.part.pins
+    assert not base.physics.part.pins
     assert solve(base)[-1].force > 0

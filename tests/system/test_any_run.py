@@ -25,7 +25,7 @@ def run(document: dict[str, Any]) -> bool:
             document["loading"]["steps"] = 2
         document.pop("output", None)
         scene = resolve(from_mapping(document))
-        if len(scene.deltas) <= 5 and all(scene.prediction[k] <= most for k, most in AFFORDABLE.items()):
+        if len(scene.physics.deltas) <= 5 and all(scene.plan.prediction[k] <= most for k, most in AFFORDABLE.items()):
             out = ("--output", "out", "--set", "output.plot=false")
             with pytest.MonkeyPatch.context() as patch:
                 patch.chdir(tempfile.mkdtemp())

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import grid_of
 from test_cli import environment
 
 from indent_sim.config.file import loads
@@ -48,10 +49,6 @@ def near_a_corner(kind: str, d: float, width: float, h: float) -> Scene:
     return resolve(loads(SCENE.format(body=body, tip=tip, mesh=f"{{{mesh}h_contact: {h!r}, h_far: 0.5}}")))
 
 
-def meshed(scene: Scene) -> Grid:
-    return gmsh.build(scene.part, scene.sizes)
-
-
 def areas(grid: Grid) -> np.ndarray:
     """Signed areas of triangles."""
     a, b, c = (grid.points[grid.cells[:, i]] for i in range(3))
@@ -67,7 +64,7 @@ def test_a_split_near_a_corner_is_meshed(kind):
     chance = random.Random(kind)
     for power in range(-13, -5):
         d, width = chance.uniform(1, 10) * 10.0**power, chance.choice([1.0, chance.uniform(0.3, 5)])
-        size = areas(meshed(near_a_corner(kind, d, width, chance.choice([0.1, 0.02]))))
+        size = areas(grid_of(near_a_corner(kind, d, width, chance.choice([0.1, 0.02]))))
         assert size.sum() == pytest.approx(width, rel=1e-9) and (size > 0).all()
 
 
@@ -76,7 +73,7 @@ def test_no_triangle_is_flat(place):
     """gmsh left one on three points of the top, of no area at all: nothing converged."""
     tip = f"{{shape: cone, half_angle: 70.0, center: [{place!r}]}}"
     scene = SCENE.format(body="{shape: strip, width: 2.0, height: 3.0, sides: fixed}", tip=tip, mesh="{}")
-    found = meshed(resolve(loads(scene, overrides=["loading.delta=0.0005"])))
+    found = grid_of(resolve(loads(scene, overrides=["loading.delta=0.0005"])))
     assert areas(found).sum() == pytest.approx(2 / 3, rel=1e-9) and (areas(found) > 0).all()
 
 
@@ -84,7 +81,7 @@ def test_a_failure_by_chance_is_tried_again():
     """gmsh found facets of this box that cut one another; half as large a shift does the same, a tenth does not."""
     body = "{shape: box, size: [2.0, 1.999999999999993, 0.3], base: fixed, sides: fixed}"
     tip = "{shape: cone, half_angle: 70.0, center: [0.9999999999999989, 1.000000001519999]}"
-    found = meshed(resolve(loads(SCENE.format(body=body, tip=tip, mesh="{}"), overrides=["loading.delta=4.92e-6"])))
+    found = grid_of(resolve(loads(SCENE.format(body=body, tip=tip, mesh="{}"), overrides=["loading.delta=4.92e-6"])))
     assert len(found.cells) > 10_000 and not gmsh.has_flat_cells(found)
 
 
@@ -100,7 +97,7 @@ def test_a_mesh_that_stays_flat_is_refused(monkeypatch):
     monkeypatch.setattr(gmsh, "has_flat_cells", lambda grid: True)
     gmsh._mesher.stop()  # forked anew, it knows
     with pytest.raises(MeshError, match="cells without volume"):
-        meshed(resolve(loads(SMALL)))
+        grid_of(resolve(loads(SMALL)))
     gmsh._mesher.stop()
 
 
@@ -300,16 +297,16 @@ class TestRun:
 
     def test_without_room_for_a_process_this_one_meshes(self, monkeypatch):
         scene = resolve(loads(SMALL))
-        expected = meshed(scene)
+        expected = grid_of(scene)
 
         def refuse() -> int:
             raise BlockingIOError("no room")
 
         gmsh._mesher.stop()
         monkeypatch.setattr(os, "fork", refuse)
-        assert meshed(scene).hash == expected.hash
+        assert grid_of(scene).hash == expected.hash
 
     def test_among_ranks_nothing_is_forked_once_mpi_may_be_up(self, monkeypatch):
         gmsh._mesher.stop()
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
-        assert len(meshed(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_up
+        assert len(grid_of(resolve(loads(SMALL))).cells) > 0 and not gmsh._mesher.is_up

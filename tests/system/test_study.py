@@ -142,7 +142,7 @@ vary:
 
     def test_a_whole_section_is_a_value(self, written):
         path = written("base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: nitsche}]}\n")
-        assert [case.scene.contact.method for case in case_list.of(study.read(path))] == ["penalty", "nitsche"]
+        assert [case.scene.physics.contact.method for case in case_list.of(study.read(path))] == ["penalty", "nitsche"]
 
     def test_set_holds_for_every_run_and_an_inline_scene_will_do(self, written):
         indented = "".join(f"  {line}\n" for line in SCENE.splitlines())
@@ -464,7 +464,7 @@ class TestComparison:
         rows = study.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
         layer = case_list.of(study.read(tmp_path / "STUDY.yaml"))[0].scene  # of unit height and modulus
-        theory = layer.theory.at(0.01).force
+        theory = layer.plan.theory.at(0.01).force
         reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
         assert [row["force_error_vs"] for row in rows] == pytest.approx(
             [value / reference - 1 for value in force], abs=1e-9

@@ -47,7 +47,7 @@ class CondensedContact:
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
         self.compliance = compliance
-        self.law = scene.contact
+        self.law = scene.physics.contact
         self.nodes = compliance.trace.nodes
         self.places = compliance.places
         self.iterations = iterations
@@ -78,14 +78,14 @@ class CondensedContact:
         """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
         trace, scene = self.compliance.trace, self.scene
         x = np.moveaxis(trace.positions(points), -1, 0)
-        horizontal = scene.part.kinematics.horizontal(x, scene.center)
-        return self._areas(trace, points, weights), scene.indenter.height(*horizontal) - x[-1]
+        horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
+        return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[-1]
 
     def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """Areas (facets, points) of quadrature points, times the kinematics' weight."""
         tangents = trace.tangents(trace.X, points)
         area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
-        return area * weights * self.scene.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
+        return area * weights * self.scene.physics.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
 
     @cached_property
     def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -124,19 +124,19 @@ class CondensedContact:
 
     # ---- laws with a stiffness -----------------------------------------------------------------------------------
 
-    def newton(self, delta: float, *, with_multiplier: bool, frozen: np.ndarray | None = None) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, given at the nodes, or zero.
+    def newton(self, delta: float, *, with_multiplier: bool = False) -> bool:
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is.
 
         From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
         own; if that is too far, through softer contact to the law's own.
         """
         start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
-        unit = self.scene.material.E_star / self.scene.sizes.h_contact
+        unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
         first = [unit / epsilon_n, 1.0] if is_other else [1.0]
         for factors in (first, softer(self.law, self.scene)):
             self.F = start
-            if all(self._newton(delta, factor * epsilon_n, with_multiplier, frozen) for factor in factors):
+            if all(self._newton(delta, factor * epsilon_n, with_multiplier) for factor in factors):
                 return True
         self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
         return False
@@ -149,13 +149,13 @@ class CondensedContact:
         size = max(np.linalg.norm(before), np.linalg.norm(image))
         return float(change / size) if change > nothing else 0.0
 
-    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool, frozen: np.ndarray | None) -> bool:
+    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool) -> bool:
         N, W, height = self._quadrature
         C = self.compliance.C
         D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
-        if frozen is not None:
-            offset = offset + frozen[self.places][self.nodes] @ N.T
+        if not with_multiplier:
+            offset = offset + self.lam[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
         before: np.ndarray | None = None
         nothing = self.nothing(lambda F: np.abs(F).max(initial=0.0))
@@ -216,7 +216,7 @@ class CondensedContact:
         Q, heights, areas, A = self._weighted
         carriers = np.flatnonzero(areas > 0)
         open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
-        scale = self.scene.material.E_star / self.scene.sizes.h_contact
+        scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         p = self.lam[self.places[carriers]]
         p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
         self.iterations += solves
@@ -263,10 +263,6 @@ def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tu
     return p, len(seen) + 1
 
 
-def _penalty(contact: CondensedContact) -> Callable[[float], bool]:
-    return lambda delta: contact.newton(delta, with_multiplier=False)
-
-
 def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
@@ -279,16 +275,13 @@ def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
     def solve(delta: float) -> bool:
-        def held(rtol: float) -> bool:
-            return contact.newton(delta, with_multiplier=False, frozen=contact.lam)
-
-        return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, held, contact.update)
+        return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, lambda rtol: contact.newton(delta), contact.update)
 
     return solve
 
 
 ALGORITHMS: dict[str, Callable[[CondensedContact], Callable[[float], bool]]] = {
-    "none": _penalty,
+    "none": lambda contact: contact.newton,
     "unknown": _augmented_lagrangian,
     "frozen": _uzawa,
     "nodal": lambda contact: contact.active_set,
@@ -315,7 +308,7 @@ class CondensedState:
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
-        nodal = self.scene.contact.multiplier == "nodal"
+        nodal = self.scene.physics.contact.multiplier == "nodal"
         return pressure_functions(points) if nodal else shapes(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
@@ -325,7 +318,7 @@ class CondensedState:
     def nodal_pressure(self) -> np.ndarray:
         """Values at the nodes of the whole surface for `pressure_at` [pressure]."""
         lam, nodes = self.contact.multiplier, self.contact.compliance.surface.nodes
-        if self.scene.contact.multiplier == "nodal" or not self.trace.ripples:
+        if self.scene.physics.contact.multiplier == "nodal" or not self.trace.ripples:
             return lam
         pressure = lam.copy()
         pressure[nodes] = from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])

@@ -32,7 +32,7 @@ class CondensedEquilibrium:
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
         self.scene, self.body, self.dofs = scene, body, body.active_dofs
         self.condenser = condenser or Condenser(body)
-        sides = zip(scene.part.extent[:-1], scene.center, strict=False)
+        sides = zip(scene.physics.part.extent[:-1], scene.physics.center, strict=False)
         self._whole = max(abs(end - c) for ends, c in sides for end in ends)
         self._whole *= 1.5  # the corners of a box
         self._iterations, self._outgrown = 0, ""
@@ -42,7 +42,7 @@ class CondensedEquilibrium:
 
     def _condense(self, reach: float) -> None:
         self._reach = reach
-        compliance = self.condenser.condense(reach, self.scene.center)
+        compliance = self.condenser.condense(reach, self.scene.physics.center)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self.depth)
 
@@ -63,7 +63,7 @@ class CondensedEquilibrium:
     @property
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
-        return self.scene.part.copies * float(self.contact.F.sum())
+        return self.scene.physics.part.copies * float(self.contact.F.sum())
 
     def sharpen(self) -> None:
         """A dense solve leaves nothing to sharpen."""
@@ -84,7 +84,7 @@ class CondensedEquilibrium:
     def _widen(self) -> bool:
         """Condense to more of the surface; False where that is too much of it."""
         wider = min(GROWTH * self._reach, self._whole)
-        if (nodes := self.condenser.candidates(wider, self.scene.center)) > MOST_CANDIDATES:
+        if (nodes := self.condenser.candidates(wider, self.scene.physics.center)) > MOST_CANDIDATES:
             self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
                               f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
             return False
@@ -97,7 +97,7 @@ class CondensedEquilibrium:
         if self._reach >= self._whole:
             return True
         trace = self.contact.compliance.trace
-        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.center)[: trace.dim - 1], axis=-1)
+        distance = np.linalg.norm(trace.X[..., :-1] - np.asarray(self.scene.physics.center)[: trace.dim - 1], axis=-1)
         rim = self._reach - 2 * self.scene.sizes.h_contact
         loaded = np.abs(self.contact.F[trace.nodes]) > 0
         return bool(distance[loaded].max(initial=0.0) < rim)
@@ -135,7 +135,7 @@ class CondensedEquilibrium:
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
-        contact, copies, compliance = self.contact, self.scene.part.copies, self.contact.compliance
+        contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
                 "reaction": copies * float(compliance.support @ contact.F),
                 "stray_reaction": copies * float(compliance.stray @ np.abs(contact.F)),

@@ -68,7 +68,7 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
     gap = _gap(body, X, u)
     p_hat = body.multiplier_at(points) - _edge_stiffness(body) * gap
     pressure = np.where(p_hat > 0, np.maximum(body.pressure_at(points), 0.0), 0.0)
-    if scene.gap == "current":
+    if scene.physics.gap == "current":
         pressure = pressure / _area_ratio(body, nodal, points, X, u)
     return Sample(X, u, gap, p_hat, pressure)
 
@@ -79,17 +79,17 @@ def _edge_stiffness(body: Observed) -> np.ndarray:
     The multiplier ripples a little beyond the edge, over a part of an element: it must not be outweighed by too small
     a value, nor the gap's own noise inside the contact be magnified by too large a one.
     """
-    region = body.scene.part.regions[0]
+    region = body.scene.physics.part.regions[0]
     return EDGE_MULTIPLE[region.formulation] * region.material.E_star / body.trace.sizes[:, None]
 
 
 def _gap(body: Observed, X: np.ndarray, u: np.ndarray) -> np.ndarray:
     scene, last = body.scene, body.trace.dim - 1
     delta = body.depth
-    x = X if scene.gap == "reference" else X + u
-    horizontal = scene.part.kinematics.horizontal(np.moveaxis(x, -1, 0), scene.center)
-    gap = gap_reference if scene.gap == "reference" else gap_current
-    return gap(scene.indenter, *horizontal, X[..., last] + u[..., last], delta)
+    x = X if scene.physics.gap == "reference" else X + u
+    horizontal = scene.physics.part.kinematics.horizontal(np.moveaxis(x, -1, 0), scene.physics.center)
+    gap = gap_reference if scene.physics.gap == "reference" else gap_current
+    return gap(scene.physics.indenter, *horizontal, X[..., last] + u[..., last], delta)
 
 
 def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -97,7 +97,7 @@ def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.nda
     trace = body.trace
     before = _measure(trace.tangents(trace.X, points))
     after = _measure(trace.tangents(trace.X + nodal, points))
-    if body.scene.part.kinematics.name != "axisymmetric":
+    if body.scene.physics.part.kinematics.name != "axisymmetric":
         return after / before
     # u_r/r tends to du_r/dr on the axis, where both stretches of the surface are equal and r is round-off, not 0
     r = X[..., 0]
@@ -127,11 +127,11 @@ def contact(body: Observed) -> dict[str, float]:
     inner, nodes = quadrature_points(dim), body.trace.node_points()
     s = sample(body, np.vstack([grid, inner, nodes]))
     begin, end = len(grid), len(grid) + len(inner)
-    x = s.X if body.scene.gap == "reference" else s.X + s.u
+    x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
     size = _region(body, s.X[:, :begin, :-1], x[:, :begin, :-1], s.p_hat[:, :begin], simplices)
-    size = body.scene.part.copies * body.comm.allreduce(size, op=MPI.SUM)
+    size = body.scene.physics.part.copies * body.comm.allreduce(size, op=MPI.SUM)
     size = size if body.depth > 0 else 0.0  # no tip touches a body at rest before; what is there is round-off
-    a = body.scene.part.kinematics.contact_radius(size)
+    a = body.scene.physics.part.kinematics.contact_radius(size)
     peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
     peak = peak if body.scene.has_peak(a) else float("nan")
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
@@ -146,13 +146,13 @@ def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
     apex or an edge is inside in its middle by what the tip bends within it, however steep; its ends are not. One that
     the tip went through is inside with all its points.
     """
-    if body.scene.gap == "reference":
+    if body.scene.physics.gap == "reference":
         return 0.0
-    tip = body.scene.indenter
-    horizontal = body.scene.part.kinematics.horizontal(np.moveaxis(x, -1, 0), body.scene.center)
+    tip = body.scene.physics.indenter
+    horizontal = body.scene.physics.part.kinematics.horizontal(np.moveaxis(x, -1, 0), body.scene.physics.center)
     inside = x[..., -1] + body.depth - tip.height(*horizontal)
     inside = np.where(gap < 0, np.minimum(inside, -gap), inside)
-    is_under = np.hypot(*horizontal) < UNDER * tip.radius_at(body.scene.body.height)
+    is_under = np.hypot(*horizontal) < UNDER * tip.radius_at(body.scene.physics.body.height)
     least = np.where(is_under, inside, np.inf).min(axis=1)
     return float(least[is_under.any(axis=1)].max(initial=0.0))
 
@@ -195,8 +195,9 @@ def _positive_length(body: Observed, ends: np.ndarray, p_hat: np.ndarray) -> flo
     begin = np.where(first > 0, left, crossing)
     end = np.where(last > 0, right, crossing)
     inside = (first > 0) | (last > 0)
-    span = end**2 - begin**2 if body.scene.part.kinematics.name == "axisymmetric" else end - begin
-    return float(np.abs(span[inside]).sum()) * (pi if body.scene.part.kinematics.name == "axisymmetric" else 1.0)
+    if body.scene.physics.part.kinematics.name == "axisymmetric":
+        return pi * float(np.abs(end**2 - begin**2)[inside].sum())
+    return float(np.abs(end - begin)[inside].sum())
 
 
 def _positive_area(corners: np.ndarray, p_hat: np.ndarray) -> float:

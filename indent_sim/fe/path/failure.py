@@ -22,31 +22,31 @@ def failed_state(scene: Scene, step: int, value: float, iterations: int, last: P
 
     last: force and depth of the last equilibrium; crushed: where its J is smallest.
     """
-    nan, L, F = float("nan"), scene.scales.length, scene.scales.force
+    nan, L, F = float("nan"), scene.physics.scales.length, scene.physics.scales.force
     wanted, place, delta = f"delta = {value * L:.6g}", f"delta = {last[1] * L:.6g}", value
-    if scene.path.control == "force":
+    if scene.physics.path.control == "force":
         wanted, place, delta = f"force = {value * F:.6g}", f"{place}, force = {last[0] * F:.6g}", last[1]
     reason = (
-        f"contact method {scene.contact.method} did not converge at {wanted}: {failure}; the last equilibrium found is "
-        f"at {place}{crushed.words(scene) if crushed else ''}{_limit(scene)}; {_advice(scene)} may help"
+        f"contact method {scene.physics.contact.method} did not converge at {wanted}: {failure}; the last equilibrium "
+        f"found is at {place}{crushed.words(scene) if crushed else ''}{_limit(scene)}; {_advice(scene)} may help"
     )
     elapsed = time.perf_counter() - started
     return State(step, delta, nan, nan, nan, nan, nan, iterations, elapsed, converged=False, reason=reason)
 
 
 def _limit(scene: Scene) -> str:
-    law = scene.material
+    law = scene.physics.material
     return f"; Gent's law has no strain beyond I1 - 3 = Jm = {law.Jm:g}" if isinstance(law, Gent) else ""
 
 
 def _advice(scene: Scene) -> str:
     """What a user can change, the most promising first."""
-    rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.indenter, key, 0.0)), None)
+    rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)), None)
     ways = [
-        *(["a hyperelastic material"] if scene.small_strain and scene.gap == "current" else []),
+        *(["a hyperelastic material"] if scene.physics.small_strain and scene.physics.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),
-        *(["contact.method: augmented_lagrangian"] if scene.contact.method != "augmented_lagrangian" else []),
-        *(["nu slightly below 0.5"] if scene.material.constants.nu == 0.5 else []),
+        *(["contact.method: augmented_lagrangian"] if scene.physics.contact.method != "augmented_lagrangian" else []),
+        *(["nu slightly below 0.5"] if scene.physics.material.constants.nu == 0.5 else []),
         "another mesh.h_contact",
     ]
     return " or ".join(ways)

@@ -41,7 +41,7 @@ class Walk:
         self._before = self._points  # the search for a force
         self._steps = StepRule(_longest(equilibrium.scene))
         self._substeps = 0  # so far
-        self._control = LoadControl(self._go, equilibrium.scene.body.height, equilibrium.force_tolerance)
+        self._control = LoadControl(self._go, equilibrium.scene.physics.body.height, equilibrium.force_tolerance)
 
     @property
     def _last(self) -> Point:
@@ -96,7 +96,7 @@ class Walk:
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""
         self._before, substeps = self._points, self._substeps
-        if not self._control.press(force, self.equilibrium.scene.deltas[step - 1]):
+        if not self._control.press(force, self.equilibrium.scene.physics.deltas[step - 1]):
             return 0
         # the tries between them are too close together to extrapolate from
         self._points = [*self._before[-2:], self._last]
@@ -160,9 +160,9 @@ class Walk:
 
 def _longest(scene: Scene) -> float:
     """The longest step [length] that is tried: without limit where the gap is linear in what is sought."""
-    if scene.gap == "reference":
+    if scene.physics.gap == "reference":
         return inf
-    return LONGEST * scene.prediction["a"] / scene.scales.length
+    return LONGEST * scene.plan.prediction["a"] / scene.physics.scales.length
 
 
 def _leading(points: list[Point], delta: float) -> list[Point]:

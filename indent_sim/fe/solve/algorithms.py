@@ -13,11 +13,6 @@ from indent_sim.fe.solve.newton import Newton, finest
 from indent_sim.fe.terms.traction import Traction
 
 
-def _simultaneous(newton: Newton) -> Callable[[], bool]:
-    """Nitsche, active set: one semismooth Newton for everything."""
-    return newton.solve
-
-
 def _approaching(newton: Newton) -> Callable[[], bool]:
     """Penalty, augmented Lagrangian: one semismooth Newton, which comes to a stiff contact through softer ones.
 
@@ -38,14 +33,13 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
     """Newton with lam held, in Uzawa's loop; on the way to its own stiffness lam is updated too."""
     problem, contact = newton.problem, newton.problem.contact
     assert isinstance(contact, Traction)
-    projection = contact.projection
     newton.rtol = min(newton.rtol, finest(problem))
 
     def solve() -> bool:
         before = problem.snapshot()
-        if not newton.approach(projection.update):
+        if not newton.approach(contact.projection.update):
             problem.restore(before)
-        if uzawa.settle(newton, problem.scene, problem.comm, newton.solve, projection.update):
+        if uzawa.settle(newton, problem.scene, problem.comm, newton.solve, contact.projection.update):
             return True
         problem.restore(before)
         return False
@@ -56,7 +50,7 @@ def _uzawa(newton: Newton) -> Callable[[], bool]:
 ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {
     "none": _approaching,
     "unknown": _approaching,
-    "stress": _simultaneous,
+    "stress": lambda newton: newton.solve,
     "frozen": _uzawa,
-    "nodal": _simultaneous,
+    "nodal": lambda newton: newton.solve,
 }

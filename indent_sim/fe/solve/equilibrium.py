@@ -25,15 +25,14 @@ class BodyEquilibrium:
 
     has_memory = False
 
-    def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
+    def __init__(self, problem: Problem):
         self.problem = self.observed = problem
         self.scene, self.dofs = problem.scene, problem.body.active_dofs
-        self.newton = Newton(problem, rtol, max_iterations, petsc)
+        self.newton = Newton(problem)
         self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
-        self._petsc = petsc
         scene = problem.scene
-        self._largest_inside_out = INSIDE_OUT * scene.prediction["a"] / scene.scales.length
-        self._deepest = deepest_inside(scene.indenter)
+        self._largest_inside_out = INSIDE_OUT * scene.plan.prediction["a"] / scene.physics.scales.length
+        self._deepest = deepest_inside(scene.physics.indenter)
         if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
             self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
 
@@ -84,11 +83,11 @@ class BodyEquilibrium:
         """Why a body cannot have the present state; "" when it can."""
         if not self.problem.is_admissible():
             return "Newton ends in a state with J <= 0, or beyond the law's limit"
-        if self.scene.gap == "reference":
+        if self.scene.physics.gap == "reference":
             return ""
         if measure.penetration(self.problem) > self._deepest:
             return "Newton ends where the tip has passed through the surface"
-        if self.scene.small_strain and self.problem.inside_out() > self._largest_inside_out:
+        if self.scene.physics.small_strain and self.problem.inside_out() > self._largest_inside_out:
             return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
         return ""
 
@@ -143,4 +142,4 @@ class BodyEquilibrium:
 
     def refuse_unused_options(self) -> None:
         """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
-        linear.refuse_unused(self._petsc)
+        linear.refuse_unused(self.scene.solver.petsc)

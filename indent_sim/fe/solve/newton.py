@@ -29,17 +29,18 @@ class Newton:
     Converged when |residual of free dofs| <= rtol * |reactions of the constrained dofs| + what is round-off.
     """
 
-    def __init__(self, problem: Problem, rtol: float, max_iterations: int, petsc: dict[str, Any]):
+    def __init__(self, problem: Problem):
         self.problem = problem
-        self.rtol = self._tolerance = rtol
-        self.max_iterations = max_iterations
+        settings = problem.scene.solver
+        self.rtol = self._tolerance = settings.rtol
+        self.max_iterations = settings.max_iterations
         self.iterations = 0
         self._largest_reaction = 0.0
         self._solved_at = 0.0  # depth of the last solution
         self._reaction = 0.0
         self._residual = 0.0
         self.failure = ""  # why the last solve did not converge
-        self._user_options = petsc
+        self._user_options = settings.petsc
         self.snes = self._create(symmetric=problem.has_symmetric_tangent)
 
     def _create(self, *, symmetric: bool) -> PETSc.SNES:
@@ -182,14 +183,14 @@ def finest(problem: Problem) -> float:
 
 def stages(law: Any, scene: Any) -> list[float]:
     """Factors for the stiffness of a contact law, by half decades from START to below its own; none if it is soft."""
-    excess = law.stiffness * scene.sizes.h_contact / scene.material.E_star / START
+    excess = law.stiffness * scene.sizes.h_contact / scene.physics.material.E_star / START
     steps = max(1, round(2 * log10(excess))) if excess > 1 else 0
     return [excess ** (k / steps - 1) for k in range(steps)]
 
 
 def is_stiff(law: Any, scene: Any) -> bool:
     """Whether a first step may throw the body out of all bounds for the stiffness of contact alone."""
-    return getattr(law, "stiffness", 0.0) > STIFF * scene.material.E_star / scene.sizes.h_contact
+    return getattr(law, "stiffness", 0.0) > STIFF * scene.physics.material.E_star / scene.sizes.h_contact
 
 
 def softer(law: Any, scene: Any) -> list[float]:
@@ -197,7 +198,7 @@ def softer(law: Any, scene: Any) -> list[float]:
     stiffness = getattr(law, "stiffness", None)
     if stiffness is None:
         return []
-    soft = SOFT * scene.material.E_star / scene.sizes.h_contact
+    soft = SOFT * scene.physics.material.E_star / scene.sizes.h_contact
     decades = max(1, ceil(log10(stiffness / soft) - 1e-9))  # a rounding is no decade
     return [10.0**-k for k in range(decades, -1, -1)]
 

@@ -32,12 +32,15 @@ def settle(
 
     solve: to a relative residual, or as well as it can where that is finer; update: how much it changes, relative.
     """
+    law, unit = scene.physics.contact, scene.physics.material.E_star / scene.sizes.h_contact
+    # with a soft stiffness small changes do not mean a small gap
+    tolerance = TOLERANCE * min(1.0, law.stiffness / unit)  # type: ignore[union-attr]
     smallest, since, mixing, rtol = float("inf"), 0, Mixing(comm), BEGIN
     for _ in range(LOOPS):
         if not solve(rtol):
             return False
         change = update(mixing)
-        if change <= tolerance(scene):
+        if change <= tolerance:
             return solve(0.0)
         solver.failure = f"the multiplier does not settle, it still changes by {change:.1e} of itself"
         rtol = min(BEGIN, INNER * change)
@@ -45,9 +48,3 @@ def settle(
         if since > PATIENCE:
             return False
     return False
-
-
-def tolerance(scene: Scene) -> float:
-    """The last change of the multiplier, relative: with a soft stiffness small changes do not mean a small gap."""
-    stiffness = scene.contact.stiffness  # type: ignore[union-attr]
-    return TOLERANCE * min(1.0, stiffness * scene.sizes.h_contact / scene.material.E_star)

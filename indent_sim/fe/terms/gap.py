@@ -20,16 +20,16 @@ class Gap:
 
     def __init__(self, body: Body, delta: fem.Constant):
         scene, dim, u = body.scene, body.body_mesh.dim, body.unknowns.fields["u"]
-        tip = symbolic(scene.indenter, body.mesh)
-        center = [fem.Constant(body.mesh, float(c)) for c in scene.center]
+        tip = symbolic(scene.physics.indenter, body.mesh)
+        center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
         self._delta, self._dim = ufl.variable(delta), dim
-        self._x = None if scene.gap == "reference" else ufl.variable(body.X + u)
+        self._x = None if scene.physics.gap == "reference" else ufl.variable(body.X + u)
         if self._x is None:
-            horizontal = scene.part.kinematics.horizontal(body.X, center)
+            horizontal = scene.physics.part.kinematics.horizontal(body.X, center)
             self.g = gap_reference(tip, *horizontal, body.X[dim - 1] + u[dim - 1], self._delta)
             self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
         else:
-            horizontal = scene.part.kinematics.horizontal(self._x, center)
+            horizontal = scene.physics.part.kinematics.horizontal(self._x, center)
             self.g = gap_current(tip, *horizontal, self._x[dim - 1], self._delta)
             self.normal = ufl.diff(self.g, self._x)
 

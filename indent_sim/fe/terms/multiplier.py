@@ -18,11 +18,11 @@ from indent_sim.scene.scene import Scene
 def multiplier_order(scene: Scene) -> int:
     """Order of the unknown multiplier: the displacement's; 1 for nodal pressures in three dimensions, since they live
     at vertices; 0 where the multiplier is no unknown."""
-    match scene.contact.multiplier:
+    match scene.physics.contact.multiplier:
         case "unknown":
             return ORDER
         case "nodal":
-            return ORDER if scene.part.kinematics.dim == 2 else 1
+            return ORDER if scene.physics.part.kinematics.dim == 2 else 1
     return 0
 
 

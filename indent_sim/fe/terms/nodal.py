@@ -34,7 +34,7 @@ class NodalContact:
 
     def __init__(self, body: Body, delta: fem.Constant):
         self.body, scene = body, body.scene
-        self._scale = scene.material.E_star / scene.sizes.h_contact  # c: compares gaps with pressures
+        self._scale = scene.physics.material.E_star / scene.sizes.h_contact  # c: compares gaps with pressures
         facets = body.body_mesh.surfaces["top"]
         dim = body.body_mesh.dim
         gap = Gap(body, delta)
@@ -70,7 +70,7 @@ class NodalContact:
         tangents = trace.tangents(trace.X, self._points)
         area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
         x = np.moveaxis(trace.positions(self._points), -1, 0)
-        return area * self.body.scene.part.kinematics.weight(x)
+        return area * self.body.scene.physics.part.kinematics.weight(x)
 
     def _evaluate(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """g (facets, points), dg/dx (.., dim) and d2g/dx2 (.., dim, dim) at the present solution."""

@@ -27,8 +27,8 @@ class Crushed:
 
     def words(self, scene: Scene) -> str:
         """J and the place, in the user's lengths."""
-        place = ", ".join(f"{x * scene.scales.length:.4g}" for x in self.X)
-        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.part.kinematics.axes)}) = ({place})"
+        place = ", ".join(f"{x * scene.physics.scales.length:.4g}" for x in self.X)
+        return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.physics.part.kinematics.axes)}) = ({place})"
 
 
 class Strain:
@@ -41,7 +41,7 @@ class Strain:
         self.body, self.region = body, region
         scene, fields = body.scene, body.unknowns.fields
         material = symbolic(region.material, body.mesh)
-        H = ufl.variable(scene.part.kinematics.gradient(fields["u"], body.X))
+        H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
         q = fields["q"] if region.formulation == "mixed" else None
         self._psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H

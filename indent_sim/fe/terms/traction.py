@@ -26,7 +26,7 @@ class Traction:
 
     def __init__(self, body: Body, strain: Strain, delta: fem.Constant):
         self.body, self._gap = body, Gap(body, delta)
-        self.law = body.scene.contact
+        self.law = body.scene.physics.contact
         self._lam = self._multiplier(strain)
         self._is_unknown = self.law.multiplier == "unknown"
         self._symbolic_law = symbolic(self.law, body.mesh)
@@ -43,7 +43,8 @@ class Traction:
             case "unknown" | "frozen":
                 return self.field.lam
             case "stress":
-                return ufl.dot(self.body.scene.part.kinematics.in_plane(strain.nominal_stress[:, 2]), self._gap.normal)
+                in_plane = self.body.scene.physics.part.kinematics.in_plane
+                return ufl.dot(in_plane(strain.nominal_stress[:, 2]), self._gap.normal)
         return ufl.as_ufl(0.0)
 
     @cached_property

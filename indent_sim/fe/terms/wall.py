@@ -13,18 +13,18 @@ from indent_sim.fe.body import Body
 class Wall:
     """The wall's points stay on r = radius, by the energy stiffness/2 w^2; w = u . n at small strain.
 
-    n is the cylinder's own normal, the stiffness `scene.wall_stiffness` in pressure/length.
+    n is the cylinder's own normal, the stiffness `scene.physics.wall_stiffness` in pressure/length.
     """
 
     def __init__(self, body: Body):
         self.body = body
         X, u = body.X, body.unknowns.fields["u"]
         r = ufl.sqrt(X[0] ** 2 + X[1] ** 2)
-        if body.scene.small_strain:
+        if body.scene.physics.small_strain:
             outward = (u[0] * X[0] + u[1] * X[1]) / r
         else:
             outward = ufl.sqrt((X[0] + u[0]) ** 2 + (X[1] + u[1]) ** 2) - r
-        self.energy = body.over_wall(fem.Constant(body.mesh, body.scene.wall_stiffness) / 2 * outward**2)
+        self.energy = body.over_wall(fem.Constant(body.mesh, body.scene.physics.wall_stiffness) / 2 * outward**2)
 
     def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
         """First and second variation of the energy, as UFL forms."""

@@ -23,14 +23,14 @@ def part_of(outline: tuple[Side, ...]) -> Part:
 def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies: int) -> None:
     """Arcs are circles: pi R^2 and lx ly to rounding, whatever is cut away."""
     for body, area in ((CYLINDER, pi * CYLINDER["radius"] ** 2), (BOX, BOX["size"][0] * BOX["size"][1])):
-        part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).part
+        part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).physics.part
         assert part.copies == copies
         assert part.copies * part.area == pytest.approx(area, rel=1e-12)
 
 
 def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:
-    whole = scene(CYLINDER, mesh={"symmetry": "half", "h_contact": 0.2}).part
-    section = scene(STRIP).part
+    whole = scene(CYLINDER, mesh={"symmetry": "half", "h_contact": 0.2}).physics.part
+    section = scene(STRIP).physics.part
     assert whole.normal("r_max") is None and whole.normal("base") == whole.normal("top") == 2
     assert {whole.normal(name) for name in ("x_min", "y_min") if name in whole.supports} <= {0, 1}
     assert section.normal("x_max") == 0 and section.normal("base") == section.normal("top") == 1
@@ -39,9 +39,10 @@ def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:
 def test_walls_are_as_far_from_the_tip_as_they_are_drawn() -> None:
     off = {"indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.3, 0.0]}, "mesh": {"h_contact": 0.2}}
     found = scene(CYLINDER, **off)
-    assert found.part.distances(found.center) == pytest.approx({"r_max": CYLINDER["radius"] - 0.3, "y_min": 0.0})
+    distances = found.physics.part.distances(found.physics.center)
+    assert distances == pytest.approx({"r_max": CYLINDER["radius"] - 0.3, "y_min": 0.0})
     strip = scene(STRIP, indenter={"shape": "paraboloid", "R": 1.0, "center": [0.4]})
-    assert strip.part.distances(strip.center) == pytest.approx(
+    assert strip.physics.part.distances(strip.physics.center) == pytest.approx(
         {"x_min": 0.4 / STRIP["height"], "x_max": (STRIP["width"] - 0.4) / STRIP["height"]}
     )
 

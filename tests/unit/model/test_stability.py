@@ -50,10 +50,10 @@ def test_the_scene_warns() -> None:
     """Where the law is lost within reach, and not where it is not."""
     sphere, deep = {"shape": "sphere", "R": 1.0}, {"delta": 0.4, "steps": 1}
     soft = {"model": "mooney_rivlin", "C10": 0.5, "C01": -0.05, "nu": 0.5}
-    warned = scene(WALLED, material=soft, indenter=sphere, loading=deep).warnings
+    warned = scene(WALLED, material=soft, indenter=sphere, loading=deep).plan.warnings
     assert any("mooney_rivlin loses its stability (Drucker) in equibiaxial tension" in text for text in warned)
     for material, loading in ((soft, {"delta": 0.01, "steps": 1}), (soft | {"C01": 0.05}, deep)):
-        quiet = scene(WALLED, material=material, indenter=sphere, loading=loading).warnings
+        quiet = scene(WALLED, material=material, indenter=sphere, loading=loading).plan.warnings
         assert not any("stability" in text for text in quiet)
 
 

@@ -15,6 +15,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_bars import RATIOS, READING, Companion, ErrorBars, coarser
 from indent_sim.scene.fineness import PRESETS, RATE, elements_for
 from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.theories import Theory
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
@@ -40,9 +41,13 @@ def companions(rate: float = RATE) -> list[Companion]:
     return [Companion(ratio, states(ERROR * ratio**rate)) for ratio in RATIOS]
 
 
+def with_theory(base: Scene, theory: Theory | None) -> Scene:
+    return replace(base, plan=replace(base.plan, theory=theory))
+
+
 def bars_of(base: Scene, run: list[State], others: list[Companion], soft: list[State] | None = None) -> np.ndarray:
     """The bars of a scene that no theory knows: its curves are made up."""
-    bars = ErrorBars(replace(base, theory=None), others, soft)
+    bars = ErrorBars(with_theory(base, None), others, soft)
     return np.array([bars.judged(state).force_error for state in run])
 
 
@@ -65,12 +70,12 @@ def test_an_accidental_crossing_gives_no_tiny_bar() -> None:
 def test_no_bar_is_narrower_than_the_distance_from_exact_theory() -> None:
     """Run and companions agree on a force that is 5 % too large; where theory is not exact it has no say."""
     base = scene(accuracy=0.01)
-    assert base.theory is not None
-    exact = np.array([solution.force for solution in base.theory.curve([0.0025 * k for k in EXACT]) or []])
+    assert base.plan.theory is not None
+    exact = np.array([solution.force for solution in base.plan.theory.curve([0.0025 * k for k in EXACT]) or []])
     wrong = [replace(state, force=1.05 * F) for state, F in zip(states(0.0), exact, strict=True)]
     others = [Companion(ratio, wrong) for ratio in RATIOS]
-    for judge, low, high in ((base, 0.05, 0.05), (replace(base, theory=replace(base.theory, exact=False)), 0.0, 0.0),
-                             (replace(base, gap="current"), 0.0, 0.0)):  # fmt: skip
+    for judge, low, high in ((base, 0.05, 0.05), (with_theory(base, replace(base.plan.theory, exact=False)), 0.0, 0.0),
+                             (base.with_physics(gap="current"), 0.0, 0.0)):  # fmt: skip
         bars = ErrorBars(judge, others)
         found = np.array([bars.judged(state).force_error for state in wrong]) / exact
         assert np.all(found >= low * (1 - 1e-9)) and np.all(found <= high * (1 + 1e-9))
@@ -153,8 +158,8 @@ def test_the_error_of_a_penalty_is_extrapolated() -> None:
 def test_a_companion_with_a_softer_penalty_says_more_than_the_error() -> None:
     """Companion of a refined run is the attempt before, whose penalty had a third of the stiffness."""
     base, low = scene(contact={"method": "penalty"}), 0.02
-    law = base.contact
-    before = replace(base, contact=replace(law, epsilon_n=law.stiffness / 3))
+    law = base.physics.contact
+    before = base.with_physics(contact=replace(law, epsilon_n=law.stiffness / 3))
     own, soft = ([replace(s, force=s.force / (1 + k * low / (1 - low))) for s in states(0.0)] for k in (1, 2))
     same, beside = ([Companion(ratio, own, at) for ratio in RATIOS] for at in (base, before))
     whole, third = (ErrorBars(base, others, soft) for others in (same, beside))
@@ -201,16 +206,17 @@ def test_presets_and_their_order() -> None:
 def test_every_step_sees_the_same_number_of_elements() -> None:
     """The size at the edge of any contact on the path is the same share of its radius."""
     base = scene(accuracy=0.01, loading={"delta": 0.01, "steps": 20})
-    assert base.fineness is not None and base.theory is not None
-    radii = np.array([solution.a for solution in base.theory.curve(base.deltas)])
-    share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.fineness.n
+    assert base.plan.fineness is not None and base.plan.theory is not None
+    radii = np.array([solution.a for solution in base.plan.theory.curve(base.physics.deltas)])
+    share = base.sizes.at(radii, np.zeros_like(radii)) / radii * base.plan.fineness.n
     assert share == pytest.approx(1.0, rel=1e-6)
 
 
 def test_a_penalty_left_open_is_stiff_enough() -> None:
     soft, stiff = (scene(accuracy=accuracy, contact={"method": "penalty"}) for accuracy in (0.01, 0.001))
-    assert isinstance(soft.contact, Penalty) and isinstance(stiff.contact, Penalty)
-    assert stiff.contact.stiffness > 4 * soft.contact.stiffness
+    laws = soft.physics.contact, stiff.physics.contact
+    assert isinstance(laws[0], Penalty) and isinstance(laws[1], Penalty)
+    assert laws[1].stiffness > 4 * laws[0].stiffness
 
 
 @pytest.mark.parametrize("key", ["h_contact", "h_far", "h_axis", "h_edge", "grading"])

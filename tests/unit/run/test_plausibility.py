@@ -35,11 +35,11 @@ def scene(body: Any = "layer", tip: str = "sphere", **sections: Any) -> Scene:
 
 def theorys(base: Scene, delta: float, step: int = 1) -> State:
     """The state that theory sees at a depth in the user's units."""
-    found = base.theory.at(delta / base.scales.length) if base.theory else None
+    found = base.plan.theory.at(delta / base.physics.scales.length) if base.plan.theory else None
     assert found is not None
     p_max = float(found.pressure(0.0))
     state = State(step, found.delta, found.force, found.a, p_max, 0.0, found.energy, 5, 0.1, reaction=found.force)
-    return state.in_units(base.scales)
+    return state.in_units(base.physics.scales)
 
 
 # ---- nothing is said against what is true -------------------------------------------------------------------------
@@ -149,7 +149,7 @@ def test_a_law_that_softens_may_give_way() -> None:
     """Outside of Drucker's stability, of which the plan warns, a force may fall."""
     soft = {"model": "yeoh", "C10": 1.0, "C20": -1.0, "nu": 0.3}
     base = scene(material=soft, loading={"delta": 0.4, "steps": 2})
-    assert any("loses its stability" in warning for warning in base.warnings)
+    assert any("loses its stability" in warning for warning in base.plan.warnings)
     first, second = (theorys(base, delta) for delta in (0.3, 0.4))
     assert contradiction(base, replace(second, force=0.8 * first.force), [first]) is None
 

@@ -49,18 +49,18 @@ def test_given_sizes_are_left_alone() -> None:
 def test_coarse_corners_are_doubted() -> None:
     """0.53 % on elements of a quarter of the height, where the mesh is fine elsewhere."""
     coarse = scene(CYLINDER, material=SOFT, indenter=PLATE, mesh={"h_contact": 0.02, "h_far": 0.25})
-    assert any("corners" in said for said in coarse.warnings)
+    assert any("corners" in said for said in coarse.plan.warnings)
     for quiet in (scene(CYLINDER, material=SOFT, indenter=PLATE), scene(CYLINDER), scene(BOX)):
-        assert not any("corners" in said for said in quiet.warnings)
+        assert not any("corners" in said for said in quiet.plan.warnings)
 
 
 def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
     base = scene({**CYLINDER, "sides": "roller"}, material=SOFT, accuracy=0.01,
                  indenter={"shape": "paraboloid", "R": 20.0}, loading={"delta": 0.01249, "steps": 1})  # fmt: skip
-    assert base.theory is not None and base.fineness is not None
-    gap = 1.0 - base.theory.at(0.01249).a  # type: ignore[union-attr]
+    assert base.plan.theory is not None and base.plan.fineness is not None
+    gap = 1.0 - base.plan.theory.at(0.01249).a  # type: ignore[union-attr]
     assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
-    assert base.sizes.h_corner == pytest.approx(gap / base.fineness.n, rel=1e-6)
+    assert base.sizes.h_corner == pytest.approx(gap / base.plan.fineness.n, rel=1e-6)
 
 
 def test_corners_shrink_with_the_accuracy_and_grow_in_companions() -> None:
@@ -100,6 +100,6 @@ def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
     base = scene(body, material=SOFT, indenter={"shape": "flat_punch", "radius": 0.7}, accuracy=0.01)
     formula = size_formula(base.sizes, 2).replace("^", "**")
     draw = np.random.default_rng(3)
-    x, y = draw.uniform(*base.part.extent[0], 200), draw.uniform(*base.part.extent[1], 200)
+    x, y = draw.uniform(*base.physics.part.extent[0], 200), draw.uniform(*base.physics.part.extent[1], 200)
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
-    assert found == pytest.approx(base.sizes.at(np.abs(x - base.center[0]), -y), rel=1e-9)
+    assert found == pytest.approx(base.sizes.at(np.abs(x - base.physics.center[0]), -y), rel=1e-9)

@@ -38,23 +38,23 @@ def scene(**sections: Any) -> Scene:
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_stated_is_the_sum_of_what_is_doubted(name: str) -> None:
     found = scene(**SCENES[name])
-    assert found.warnings == tuple(doubt.words for doubt in found.doubts if doubt.words)
-    assert found.prediction.get("force_error", 0.0) == sum(doubt.force_error for doubt in found.doubts)
-    assert {doubt.key for doubt in found.doubts if doubt.force_error} == NUMBERS[name]
+    assert found.plan.warnings == tuple(doubt.words for doubt in found.plan.doubts if doubt.words)
+    assert found.plan.prediction.get("force_error", 0.0) == sum(doubt.force_error for doubt in found.plan.doubts)
+    assert {doubt.key for doubt in found.plan.doubts if doubt.force_error} == NUMBERS[name]
 
 
 def test_a_number_stands_in_its_words() -> None:
-    (doubt,) = (doubt for doubt in scene(**SCENES["penalty"]).doubts if doubt.key == "penalty")
+    (doubt,) = (doubt for doubt in scene(**SCENES["penalty"]).plan.doubts if doubt.key == "penalty")
     assert f"up to {100 * doubt.force_error:.2g} % too low" in doubt.words
 
 
 def test_without_contact_only_that_is_said() -> None:
     found = scene(loading={"deltas": [-0.1]}, contact={"method": "active_set", "gap": "current"})
-    assert [doubt.key for doubt in found.doubts] == ["no_contact"] and "force_error" not in found.prediction
+    assert [doubt.key for doubt in found.plan.doubts] == ["no_contact"] and "force_error" not in found.plan.prediction
 
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     found = scene(body={"shape": "half_space"})
     bars = ErrorBars(found, [Companion(1.6, [], found)])
-    (doubt,) = (doubt for doubt in found.doubts if doubt.key == "truncation")
-    assert bars._truncation == doubt.force_error == found.prediction["truncation_error"]
+    (doubt,) = (doubt for doubt in found.plan.doubts if doubt.key == "truncation")
+    assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]

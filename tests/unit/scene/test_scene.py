@@ -43,14 +43,14 @@ class TestNitsche:
     @pytest.mark.parametrize("gamma", ["auto", unit, 30 * unit])
     def test_enough_is_taken(self, gamma):
         wanted = 10 * self.unit if gamma == "auto" else gamma
-        assert self.with_gamma(gamma).contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
+        assert self.with_gamma(gamma).physics.contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
 
 
 class TestMesh:
     def said(self, kinematics: str, per_radius: float) -> str:
-        a = scene(kinematics).prediction["a"]
+        a = scene(kinematics).plan.prediction["a"]
         mesh = {"h_contact": a / per_radius}
-        return " ".join(scene(kinematics, mesh=mesh).warnings)
+        return " ".join(scene(kinematics, mesh=mesh).plan.warnings)
 
     @pytest.mark.parametrize("kinematics", BODIES)
     @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ class TestMesh:
 
     def test_a_tip_that_never_touches_has_no_contact_to_resolve(self):
         out = scene(loading={"deltas": [-0.1]}, mesh={"h_contact": 0.5})
-        assert len(out.warnings) == 1
+        assert len(out.plan.warnings) == 1
 
 
 class TestStrain:
@@ -75,7 +75,7 @@ class TestStrain:
     def said(self, delta: float = 0.02, material: str = "linear_elastic", gap: str = "auto", **tip: Any) -> str:
         linear = {"model": material, "E": 5.0, "nu": 0.3}
         given = {"indenter": tip, "material": linear, "contact": {"method": "auto", "gap": gap}}
-        return " ".join(scene(loading={"delta": delta, "steps": 1}, **given).warnings)
+        return " ".join(scene(loading={"delta": delta, "steps": 1}, **given).plan.warnings)
 
     @pytest.mark.parametrize(
         ("sharp", "blunt"),
@@ -104,20 +104,20 @@ class TestStrain:
     def test_several_equilibria_are_stated(self):
         method = {"method": "active_set", "gap": "current"}
         several = scene(contact=method, material={"model": "neo_hookean", "E": 5.0, "nu": 0.3})
-        assert "several sets of nodes" in " ".join(several.warnings)
-        assert several.prediction["force_error"] == pytest.approx(0.002)
-        assert "force_error" not in scene(contact=method | {"gap": "reference"}).prediction
+        assert "several sets of nodes" in " ".join(several.plan.warnings)
+        assert several.plan.prediction["force_error"] == pytest.approx(0.002)
+        assert "force_error" not in scene(contact=method | {"gap": "reference"}).plan.prediction
 
 
 @pytest.mark.parametrize("kinematics", BODIES)
 def test_kinematics_and_strain_are_two_choices(kinematics):
-    why = {choice.key: choice for choice in scene(kinematics).choices}
+    why = {choice.key: choice for choice in scene(kinematics).plan.choices}
     assert why["kinematics"].value == kinematics and "strain" not in why["kinematics"].why.replace("no strain", "")
     assert why["strain"].value == "small" and "linear elastic" in why["strain"].why
 
 
 def test_the_half_space_is_refused_without_a_percentage_of_its_own():
-    said = " ".join(scene().warnings)
+    said = " ".join(scene().plan.warnings)
     assert "Hertz, half-space, does not apply" in said and "%" not in said
 
 
@@ -130,8 +130,8 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
         found = resolve(from_mapping({
             "body": body, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
             "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 1e-3}}))  # fmt: skip
-        assert found.part.symmetry == symmetry and found.theory is not None
-        assert found.theory.exact == (body is strip)
+        assert found.physics.part.symmetry == symmetry and found.plan.theory is not None
+        assert found.plan.theory.exact == (body is strip)
 
 
 @pytest.mark.parametrize("tip", [{"shape": "sphere", "R": 1e-6}, {"shape": "flat_punch", "radius": 1e-5}])

@@ -96,10 +96,10 @@ def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, se
 
     monkeypatch.setattr(LayerContact, "curve", counted)
     found = scene(**sections)
-    assert found.theory and set(asked.values()) == {1}
-    depths = {delta for layer, delta in asked if layer == found.theory.contact}
-    assert set(found.deltas) <= depths
+    assert found.plan.theory and set(asked.values()) == {1}
+    depths = {delta for layer, delta in asked if layer == found.plan.theory.contact}
+    assert set(found.physics.deltas) <= depths
     assert len(depths) <= 3 + 2 * 7  # a penalty that costs much wants seven more, at the deepest contact and the last
     before = asked.total()
-    assert np.all(np.array([solution.force for solution in found.theory.curve(found.deltas) or []]) > 0)
+    assert np.all(np.array([solution.force for solution in found.plan.theory.curve(found.physics.deltas) or []]) > 0)
     assert asked.total() == before
