@@ -7,10 +7,10 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
-from indent_sim.model.materials import LOCKING, Material
+from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
@@ -41,9 +41,9 @@ class Choice:
 
 def model(given: Given) -> list[Choice]:
     """What of the body is modelled, and how."""
-    material, part = given.material, given.part
+    part = given.part
     body = f"{given.body.shape}, height {given.scales.length:.4g}"
-    strain = ("small", "the material is linear elastic") if material.small_strain else ("finite", "it is hyperelastic")
+    strain = ("small", "the material is linear elastic") if given.small_strain else ("finite", "it is hyperelastic")
     return [
         *([Choice("body", body, given.truncation.why)] if given.truncation else []),
         Choice("symmetry", part.symmetry, given.part_why),
@@ -54,12 +54,17 @@ def model(given: Given) -> list[Choice]:
     ]
 
 
-def formulation(given: Given) -> Choice:
-    """Displacements alone, or with a pressure."""
-    (region,), nu = given.part.regions, given.material.constants.nu
-    sign = ">=" if region.formulation == "mixed" else "<"
+def formulations(given: Given) -> list[Choice]:
+    """Displacements alone, or with a pressure, in each region."""
+    regions = given.part.regions
+    keys = ["material"] if len(regions) == 1 else [f"body.{region.name}.material" for region in regions]
+    return [_formulation(f"{key}.formulation", region) for key, region in zip(keys, regions, strict=True)]
+
+
+def _formulation(key: str, region: Region) -> Choice:
+    nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
     why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
-    return Choice("material.formulation", region.formulation, why)
+    return Choice(key, region.formulation, why)
 
 
 def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
@@ -67,7 +72,7 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
 
     ConfigError for a gap at the deformed point that has no answer: a body that slides away, a needle.
     """
-    auto = "reference" if given.material.small_strain else "current"
+    auto = "reference" if given.small_strain else "current"
     chosen = auto if wanted.gap == "auto" else wanted.gap
     end = reach(given.tip)
     if chosen == "current" and given.deepest > NEEDLE * end:
@@ -133,7 +138,7 @@ def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
         )
 
 
-def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes: float) -> Choice:
+def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float) -> Choice:
     """What solves the scene; ConfigError for one that cannot.
 
     A linear body under a frictionless tip with a reference gap is one compliance; anything else is not.
@@ -145,7 +150,7 @@ def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes:
     obstacles = [
         why
         for applies, why in (
-            (not material.small_strain, "the material is not linear"),
+            (not given.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (law.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
@@ -203,23 +208,23 @@ class Blunting:
         return f"{reason}, changes the force by {self.force_change:+.1g} by layer theory"
 
 
-def blunted(tip: Indenter, a: float, body: Body, material: Material, center: tuple[float, ...], delta: float
-            ) -> Blunting | None:  # fmt: skip
+def blunted(given: Given) -> Blunting | None:
     """A sharp cone, pyramid, profile or punch with a small radius; None for a tip that is smooth already."""
+    tip = given.tip
     key = "edge_radius" if isinstance(tip, FlatPunch) else "tip_radius"
     if not isinstance(tip, Cone | Pyramid | FlatPunch | Profile) or getattr(tip, key) > 0:
         return None
-    radius = float(f"{BLUNTING * a:.12g}")
+    radius = float(f"{BLUNTING * given.a:.12g}")
     changes: dict[str, Any] = {key: radius}
     smooth = dataclasses.replace(tip, **changes)
-    forces = [_force(one, body, material, center, delta) for one in (tip, smooth)]
+    forces = [_force(one, given) for one in (tip, smooth)]
     change = forces[1] / forces[0] - 1 if forces[0] and forces[1] else None
     return Blunting(smooth, f"indenter.{key}", radius, change)
 
 
-def _force(tip: Indenter, body: Body, material: Material, center: tuple[float, ...], delta: float) -> float | None:
-    theory = layer_theory(body, material, tip, center)
+def _force(tip: Indenter, given: Given) -> float | None:
+    theory = layer_theory(given.body, given.layers, tip, given.center)
     with contextlib.suppress(ArithmeticError):
-        solution = theory.at(delta) if theory and delta > 0 else None
+        solution = theory.at(given.deepest) if theory and given.deepest > 0 else None
         return solution.force if solution else None
     return None

@@ -54,12 +54,12 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
     nu, (strain, formula) = material.constants.nu, characteristic_strain(tip, delta, a)
-    if material.small_strain and strain > SMALL:
+    if given.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         words = "depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid"
         yield Doubt("paraboloid", words)
-    if material.small_strain and delta > 0.1 * body.height:
+    if given.small_strain and delta > 0.1 * body.height:
         share = f"depth is {delta / body.height:.0%} of the thickness"
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(given.center):

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import Body, HalfSpace
+from indent_sim.model.body import Body, HalfSpace, Layer
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -37,7 +37,8 @@ class Given:
     scales: Scales
     body: Body
     truncation: Truncation | None  # of a half-space, for which the body stands
-    material: Material
+    layers: tuple[Layer, ...]  # from the top, each with its thickness and material
+    material: Material  # of the first
     tip: Indenter
     center: tuple[float, ...]
     path: LoadPath
@@ -51,6 +52,11 @@ class Given:
     def dim(self) -> int:
         """Dimensions of the mesh."""
         return self.part.dim
+
+    @property
+    def small_strain(self) -> bool:
+        """Whether the strain is small in all of the body."""
+        return all(region.material.small_strain for region in self.part.regions)
 
     @property
     def deepest(self) -> float:
@@ -69,33 +75,59 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
-    material = _material(config)
-    whole, truncation = _finite(config, material)
+    whole, truncation = _finite(config)
+    layers = _layers(whole, config.material)
+    material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
     _check_scene(whole, config.indenter, center, path)
-    _check_room(whole, material, config.indenter, center, path)
+    _check_room(whole, layers, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
     scales = Scales(whole.height, material.constants.E, whole.dim)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
+    layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    region = Region("body", material, _formulation(material), -body.height)
-    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, (region,))
-    theory = half_space_theory(tip, material, 1.0) if truncation else layer_theory(body, material, tip, center)
+    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
+    theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
     return Given(
-        scales, body, truncation, material, tip, center, path, part, part_why, theory=theory,
+        scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
         deltas=depths_of(path, theory, tip, material, body.height, scales),
         radius=cache(partial(_expected_radius, theory, tip, body, center)),
     )  # fmt: skip
 
 
-def _material(config: Config) -> Material:
+def _layers(body: Body, material: Material | None) -> tuple[Layer, ...]:
+    """The layers of a finite body from the top, each with its thickness and the two constants of its material."""
+    if body.layers is None:
+        return (Layer(body.height, _canonical(material, "material")),)
+    return tuple(
+        replace(layer, material=_canonical(layer.material or material, f"body.layers[{k}].material"))
+        for k, layer in enumerate(body.layers)
+    )
+
+
+def _canonical(material: Material | None, key: str) -> Material:
+    assert material is not None
     try:
-        material = config.material.canonical()
+        canonical: Material = material.canonical()
     except ValueError as wrong:
-        raise ConfigError("material", str(wrong)) from wrong
-    return material
+        raise ConfigError(key, str(wrong)) from wrong
+    return canonical
+
+
+def _material_of(layer: Layer) -> Material:
+    assert layer.material is not None
+    return layer.material
+
+
+def _regions(layers: tuple[Layer, ...]) -> tuple[Region, ...]:
+    """The regions of layers, z of their lower faces rounded as all lengths of a mesh."""
+    names = [f"layers[{k}]" for k in range(len(layers))] if len(layers) > 1 else ["body"]
+    depths = np.cumsum([layer.thickness for layer in layers])
+    materials = [_material_of(layer) for layer in layers]
+    return tuple(Region(name, material, _formulation(material), -rounded(float(depth)))
+                 for name, material, depth in zip(names, materials, depths, strict=True))  # fmt: skip
 
 
 def _formulation(material: Material) -> str:
@@ -109,15 +141,20 @@ def _formulation(material: Material) -> str:
     return chosen
 
 
-def _finite(config: Config, material: Material) -> tuple[Body, Truncation | None]:
+def _finite(config: Config) -> tuple[Body, Truncation | None]:
     """The body as given, or the one that stands for a half-space."""
     if not isinstance(config.body, HalfSpace):
         return config.body, None
+    given = config.body.layers or (Layer(None, config.material),)
+    layers = tuple(
+        replace(layer, material=_canonical(layer.material or config.material, f"body.layers[{k}].material"))
+        for k, layer in enumerate(given)
+    )
     path = config.loading.path()
     delta = max(path.values)
     if path.control == "force":
-        delta = expected_depth(config.indenter, material, delta)
-    truncation = truncate(config.indenter, material, delta)
+        delta = expected_depth(config.indenter, layers, delta)
+    truncation = truncate(config.indenter, layers, delta)
     return truncation.body, truncation
 
 
@@ -142,8 +179,8 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
                           f"stay below {body.height:g}")  # fmt: skip
 
 
-def _check_room(body: Body, material: Material, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
-    delta, room = max(path.values), deepest(body, material, tip, center)
+def _check_room(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+    delta, room = max(path.values), deepest(body, layers, tip, center)
     if path.control == "depth" and delta >= room:
         raise ConfigError(
             "loading",
@@ -176,13 +213,13 @@ def _expected_radius(
 
 
 
-def deepest(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> float:
+def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
     """The depth [length] at which the tip would cover the whole top; infinity for a body that can give way.
 
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    if material.constants.nu < 0.5 or not body.is_held:
+    if any(_material_of(layer).constants.nu < 0.5 for layer in layers) or not body.is_held:
         return float("inf")
     x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]

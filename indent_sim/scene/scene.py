@@ -133,13 +133,13 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     nodes = candidates(sizes, given.part)
-    solver = choices.solver(config, given.material, law, gap, nodes)
+    solver = choices.solver(config, given, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = _smooth(given, gap)
     cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
-    chosen = (*choices.model(given), choices.formulation(given), gap_choice, law_choice, *tip_choice, *wall_choice,
+    chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *tip_choice, *wall_choice,
               *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver)  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
@@ -158,7 +158,7 @@ def _smooth(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
     """The tip, with a small radius where the gap needs a normal everywhere."""
     blunt = None
     if gap == "current":
-        blunt = blunted(given.tip, given.a, given.body, given.material, given.center, given.deepest)
+        blunt = blunted(given)
     if blunt is None:
         return given.tip, []
     return blunt.tip, [Choice(blunt.key, blunt.radius * given.scales.length, blunt.why)]
@@ -173,7 +173,7 @@ def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
 def _work(given: Given, solver: str, gap: str) -> Work:
     solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1)
     mixed = any(region.formulation == "mixed" for region in given.part.regions)
-    return Work(solver, mixed, solves, gap == "current" or not given.material.small_strain)
+    return Work(solver, mixed, solves, gap == "current" or not given.small_strain)
 
 
 def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:

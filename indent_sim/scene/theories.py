@@ -5,22 +5,23 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 import numpy as np
 
 from indent_sim.model.body import Body
-from indent_sim.model.materials import Material
+from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
 from indent_sim.theory import half_space, profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact
 from indent_sim.theory.roots import increasing_root
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
 
 MOST_KEPT = 100  # solutions that a theory remembers
-DEEP = 1e7  # this many contact radii are infinitely deep for theory: it is off by less than their inverse
 
 
 @dataclass(frozen=True)
@@ -108,33 +109,50 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
     return None
 
 
-def layer_theory(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> Theory | None:
+def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
-    E, nu = material.constants
-    shape, is_plane = shape_of(tip), body.shape == "strip"
-    if shape is None or nu < 0 or (is_plane and shape.f is None):
+    shape, is_plane = shape_of(tip), body.dim == 2
+    stack = stack_of(layers, body.base)
+    if shape is None or stack is None or (is_plane and shape.f is None):
         return None
     wall, exact, why = _wall(body, center)
-    layer = (Strip if is_plane else Layer).of(shape, E=E, nu=nu, h=body.height, base=body.base, wall=wall)
-    return _theory("layer theory", exact, why, material, tip, layer)
+    contact = (Strip if is_plane else Layer).on(shape, stack, wall)
+    return _theory("layer theory", exact, why, layers, tip, contact)
 
 
-def half_space_theory(tip: Indenter, material: Material, size: float) -> Theory | None:
-    """Half-space theory of a tip; `size` is any length [length] above the contact radius."""
-    shape = shape_of(tip)
-    if shape is None:
+def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer]) -> Theory | None:
+    """Theory of a tip on a half-space, homogeneous or the substrate of layers."""
+    shape, stack = shape_of(tip), stack_of(layers, None)
+    if shape is None or stack is None:
         return None
-    # the half-space feels E and nu only as E*
-    layer = Layer.of(shape, E=material.E_star, nu=0.0, h=DEEP * size)
-    return _theory("half-space theory", True, "the half-space itself", material, tip, layer)
+    why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
+    return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack))
 
 
-def _theory(name: str, exact: bool, why: str, material: Material, tip: Indenter, layer: LayerContact) -> Theory:
+def stack_of(layers: Sequence[BodyLayer], base: str | None) -> Stack | None:
+    """The layers as theory knows them, on a rigid base, or the last one a half-space where base is None.
+
+    None where theory does not know a material (nu < 0). A homogeneous half-space feels E and nu only as E*.
+    """
+    plies = [Ply(layer.thickness or inf, *layer.material.constants) for layer in layers if layer.material]
+    if base is None and len(plies) == 1:
+        E_star = plies[0].E / (1 - plies[0].nu ** 2)
+        return Stack((Ply(1.0, E_star, 0.0), Ply(inf, E_star, 0.0)), None)
+    if any(ply.nu < 0 for ply in plies):
+        return None
+    if base is None:
+        plies[-1] = plies[-1]._replace(thickness=inf)
+    return Stack(tuple(plies), base)
+
+
+def _theory(
+    name: str, exact: bool, why: str, layers: Sequence[BodyLayer], tip: Indenter, contact: LayerContact
+) -> Theory:
     if not tip.of_revolution:
         exact, why = False, "theory's tip is the cone of equal sections"
-    if not material.small_strain:
+    if not all(layer.material and layer.material.small_strain for layer in layers):
         exact, why = False, "theory is that of small strain"
-    return Theory(name, exact, why, layer)
+    return Theory(name, exact, why, contact)
 
 
 def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:

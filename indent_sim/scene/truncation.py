@@ -7,13 +7,15 @@ cylinder between frictionless walls. Sizes that grow with the distance make n in
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from indent_sim.model.body import Box, BoxSides, Cylinder
-from indent_sim.model.materials import Material
+from indent_sim.model.body import Box, BoxSides, Cylinder, Layer
+from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
-from indent_sim.scene.theories import DEEP, half_space_theory, section_depth, shape_of
-from indent_sim.theory import layer, profiles
+from indent_sim.scene.theories import half_space_theory, section_depth, shape_of, stack_of
+from indent_sim.theory import profiles
+from indent_sim.theory.layer import Layer as LayerContact
 from indent_sim.theory.solution import Solution
 
 ACCURACY = 1e-3  # wanted of the force
@@ -38,48 +40,59 @@ class Truncation:
         )
 
 
-def truncate(tip: Indenter, material: Material, delta: float) -> Truncation:
+def truncate(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
     """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of the half-space's."""
-    theory, depth = shape_of(tip), abs(delta) or 1.0
-    if theory is None or (deepest := _deep(theory, depth, tip.radius_at(depth))) is None:
-        theory, deepest = _punch(tip.radius_at(depth), depth)
-    nu = material.constants.nu
-    target, ratio = SHARE * ACCURACY, 100.0
-    error = _error(theory, deepest, nu, ratio)
+    known, depth = shape_of(tip), abs(delta) or 1.0
+    # what theory does not know, or ends in, is no wider in contact than a punch of its radius
+    shapes = [*([known] if known else []), profiles.flat_punch(tip.radius_at(depth))]
+    modelled = [replace(layer, material=_compressible(layer.material)) for layer in layers]
+    contacts = ((shape, _deep(shape, modelled, depth)) for shape in shapes)
+    shape, deepest = next((shape, found) for shape, found in contacts if found)
+    above = sum(layer.thickness or 0.0 for layer in layers[:-1])
+    target, ratio = SHARE * ACCURACY, max(100.0, 10 * above / deepest.a)
+    error = _error(shape, modelled, deepest, ratio)
     while error > target:
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
-        error = _error(theory, deepest, nu, ratio)
+        error = _error(shape, modelled, deepest, ratio)
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
+    own = _finite(layers, size) if len(layers) > 1 else None
     if tip.of_revolution:
-        return Truncation(Cylinder(size, size, base="fixed", sides="roller"), ratio, MARGIN * error)
+        return Truncation(Cylinder(size, size, base="fixed", sides="roller", layers=own), ratio, MARGIN * error)
     # the cylinder of theory fits into this box, which is softer
     walls = BoxSides("roller", "roller", "roller", "roller")
-    return Truncation(Box((2 * size, 2 * size, size), base="fixed", sides=walls), ratio, MARGIN * error)
+    return Truncation(Box((2 * size, 2 * size, size), base="fixed", sides=walls, layers=own), ratio, MARGIN * error)
 
 
-def expected_depth(tip: Indenter, material: Material, force: float) -> float:
+def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
     """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
-    start = section_depth(tip, force, material.E_star, 3)
-    theory = half_space_theory(tip, material, 10 * max(start, tip.radius_at(start)))
+    material = layers[0].material
+    assert material is not None
+    start, theory = section_depth(tip, force, material.E_star, 3), half_space_theory(tip, layers)
     return (theory and theory.depth(force, 1e6 * start)) or start
 
 
-def _deep(theory: profiles.Tip, delta: float, size: float) -> Solution | None:
+def _compressible(material: Material | None) -> Material:
+    """nu = 0.3 stands for nu < 0, where the error is between 0.9 and 1.01 times as large."""
+    assert material is not None
+    E, nu = material.constants
+    return LinearElastic(E=E, nu=nu if nu >= 0 else 0.3)
+
+
+def _finite(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
+    """The layers of a body of that height."""
+    above = sum(layer.thickness or 0.0 for layer in layers[:-1])
+    return (*layers[:-1], replace(layers[-1], thickness=size - above))
+
+
+def _deep(shape: profiles.Tip, layers: Sequence[Layer], delta: float) -> Solution | None:
     with contextlib.suppress(ValueError):
-        return layer.indent(theory, delta, E=1.0, nu=0.0, h=DEEP * size)
+        return LayerContact.on(shape, stack_of(layers, None)).curve([delta])[0]  # type: ignore[arg-type]
     return None
 
 
-def _punch(radius: float, delta: float) -> tuple[profiles.Tip, Solution]:
-    """A tip in contact up to its end is no wider than a punch of that radius."""
-    theory = profiles.flat_punch(radius)
-    return theory, layer.indent(theory, delta, E=1.0, nu=0.0, h=DEEP * radius)
-
-
-def _error(theory: profiles.Tip, deepest: Solution, nu: float, ratio: float) -> float:
-    """F(cylinder)/F(half-space) - 1; nu = 0.3 stands for nu < 0, where it is between 0.9 and 1.01 times as large."""
+def _error(shape: profiles.Tip, layers: Sequence[Layer], deepest: Solution, ratio: float) -> float:
+    """F(cylinder)/F(half-space) - 1."""
     size = ratio * deepest.a
-    nu = nu if nu >= 0 else 0.3
-    found = layer.indent(theory, deepest.delta, E=1.0 - nu**2, nu=nu, h=size, wall=size)
-    return found.force / deepest.force - 1
+    stack = stack_of(_finite(layers, size), "fixed")
+    return LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1  # type: ignore[arg-type]
