@@ -161,7 +161,7 @@ def _finite(config: Config) -> tuple[Body, Truncation | None]:
 def _rounded_body(body: Body) -> Body:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
-            return tuple(map(rounded, value))
+            return tuple(map(to_digits, value))
         return rounded(value) if isinstance(value, float) else value
 
     return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
