@@ -15,7 +15,7 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
-        "material": _decided(config.material, formulation=scene.physics.part.regions[0].formulation),
+        **_materials(config, scene),
         "center": config.center or config.body.center,
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
@@ -35,6 +35,18 @@ def left_open(config: Config, decided: Config) -> list[str]:
         for key, value in part.items()
         if before[section].get(key) != value
     ]
+
+
+def _materials(config: Config, scene: Scene) -> dict[str, Any]:
+    """The material and those of the layers, with the formulation that each region has."""
+    formulations = [region.formulation for region in scene.physics.part.regions]
+    if config.body.layers is None:
+        return {"material": _decided(config.material, formulation=formulations[0])}
+    layers = tuple(
+        dataclasses.replace(layer, material=_decided(layer.material, formulation=formulation))
+        for layer, formulation in zip(config.layers, formulations, strict=True)
+    )
+    return {"material": None, "body": dataclasses.replace(config.body, layers=layers)}
 
 
 def _decided(section: Any, **found: Any) -> Any:

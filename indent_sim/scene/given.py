@@ -75,8 +75,7 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
-    whole, truncation = _finite(config)
-    layers = _layers(whole, config.material)
+    whole, layers, truncation = _finite(config, _layers(config))
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
@@ -88,7 +87,7 @@ def given_by(config: Config) -> Given:
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
+    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
     theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
     return Given(
         scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
@@ -97,23 +96,15 @@ def given_by(config: Config) -> Given:
     )  # fmt: skip
 
 
-def _layers(body: Body, material: Material | None) -> tuple[Layer, ...]:
-    """The layers of a finite body from the top, each with its thickness and the two constants of its material."""
-    if body.layers is None:
-        return (Layer(body.height, _canonical(material, "material")),)
-    return tuple(
-        replace(layer, material=_canonical(layer.material or material, f"body.layers[{k}].material"))
-        for k, layer in enumerate(body.layers)
-    )
-
-
-def _canonical(material: Material | None, key: str) -> Material:
-    assert material is not None
-    try:
-        canonical: Material = material.canonical()
-    except ValueError as wrong:
-        raise ConfigError(key, str(wrong)) from wrong
-    return canonical
+def _layers(config: Config) -> tuple[Layer, ...]:
+    """The layers from the top, each with the two constants of its material."""
+    layers = []
+    for k, layer in enumerate(config.layers):
+        try:
+            layers.append(replace(layer, material=_material_of(layer).canonical()))
+        except ValueError as wrong:
+            raise ConfigError(config.material_key(k), str(wrong)) from wrong
+    return tuple(layers)
 
 
 def _material_of(layer: Layer) -> Material:
@@ -121,41 +112,38 @@ def _material_of(layer: Layer) -> Material:
     return layer.material
 
 
-def _regions(layers: tuple[Layer, ...]) -> tuple[Region, ...]:
+def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
     """The regions of layers, z of their lower faces rounded as all lengths of a mesh."""
     names = [f"layers[{k}]" for k in range(len(layers))] if len(layers) > 1 else ["body"]
     depths = np.cumsum([layer.thickness for layer in layers])
     materials = [_material_of(layer) for layer in layers]
-    return tuple(Region(name, material, _formulation(material), -rounded(float(depth)))
-                 for name, material, depth in zip(names, materials, depths, strict=True))  # fmt: skip
+    formulations = [_formulation(config.material_key(k), material) for k, material in enumerate(materials)]
+    return tuple(Region(name, material, formulation, -rounded(float(depth)))
+                 for name, material, formulation, depth
+                 in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
 
 
-def _formulation(material: Material) -> str:
+def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
-        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+        raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
-        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+        raise ConfigError(f"{key}.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
     return chosen
 
 
-def _finite(config: Config) -> tuple[Body, Truncation | None]:
-    """The body as given, or the one that stands for a half-space."""
+def _finite(config: Config, layers: tuple[Layer, ...]) -> tuple[Body, tuple[Layer, ...], Truncation | None]:
+    """The body as given, or the one that stands for a half-space, and its layers."""
     if not isinstance(config.body, HalfSpace):
-        return config.body, None
-    given = config.body.layers or (Layer(None, config.material),)
-    layers = tuple(
-        replace(layer, material=_canonical(layer.material or config.material, f"body.layers[{k}].material"))
-        for k, layer in enumerate(given)
-    )
+        return config.body, layers, None
     path = config.loading.path()
     delta = max(path.values)
     if path.control == "force":
         delta = expected_depth(config.indenter, layers, delta)
     truncation = truncate(config.indenter, layers, delta)
-    return truncation.body, truncation
+    return truncation.body, truncation.layers, truncation
 
 
 def _rounded_body(body: Body) -> Body:
