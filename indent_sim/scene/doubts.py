@@ -71,8 +71,8 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     solution = given.solution(delta) if body.shape != "strip" else None
     closed = half_space_force(tip, delta, material.E_star)
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
-        cause = "the body is layered" if len(given.layers) > 1 else "for a contact this large the body is not thick enough"
-        why = f"does not apply: {cause}"
+        cause = "for a contact this large the body is not thick enough"
+        why = f"does not apply: {'the body is layered' if len(given.layers) > 1 else cause}"
         yield Doubt("half_space", f"{closed[0]}, half-space, {why}")
 
 
