@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Sizes:
     corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
     ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
-    axis: tuple[float, ...] = (0.0, 0.0)
+    axis: tuple[float, ...] = field(kw_only=True)
 
     @property
     def typical(self) -> float:

@@ -30,8 +30,9 @@ SMALLEST = 1e-4  # contact radius of the last step, of the largest one, that sti
 EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where the pressure is singular
 
 
-def choose(a: float, height: float, width: float, dim: int, settled: SettledSizes, *, edge: float | None,
-           last: float | None = None, round_radius: float | None = None, keenness: float = 1.0) -> Sizes:  # fmt: skip
+def choose(a: float, height: float, width: float, dim: int, settled: SettledSizes, *,
+           axis: tuple[float, ...], edge: float | None, last: float | None = None, round_radius: float | None = None,
+           keenness: float = 1.0) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
     last: the radius to expect at the last step, if there is contact [length].
@@ -45,10 +46,10 @@ def choose(a: float, height: float, width: float, dim: int, settled: SettledSize
     patch = PATCH * a + 2 * fine
     ratio = EDGE_RATIO[dim] * (keenness if dim == 2 else 1.0)
     h_edge = rounded(settled.h_edge or fine / ratio) if edge is not None else None
-    axis = rounded(settled.h_axis or (fine if settled.h_contact else fine * max((last or a) / a, SMALLEST)))
+    on_axis = rounded(settled.h_axis or (fine if settled.h_contact else fine * max((last or a) / a, SMALLEST)))
     grading = rounded(settled.grading or GRADING)
     return Sizes(fine, rounded(far), rounded(patch), grading, edge, h_edge,
-                 h_axis=axis if axis < fine else None, a=rounded(a), keenness=keenness)  # fmt: skip
+                 h_axis=on_axis if on_axis < fine else None, a=rounded(a), keenness=keenness, axis=axis)  # fmt: skip
 
 NEARLY_SHARP = 0.5  # of a punch's radius: with a smaller radius of its edge the pressure has a peak where contact ends
 AT_END = 0.999  # of the radius at which a tip ends: a contact that reaches it ends as under a punch
@@ -110,9 +111,9 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
-    plain = choose(a, height, width, given.dim, settled, edge=edge, last=last, round_radius=bend,
+    plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
-    found = replace(_at_corners(plain, given, settled, wanted), axis=given.center)
+    found = _at_corners(plain, given, settled, wanted)
     if edge is not None and part.dim == 3 and bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)

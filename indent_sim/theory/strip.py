@@ -84,6 +84,8 @@ class Strip(LayerContact):
         """log(a/2), or log sin(pi a/(2 W)) with its digits where a nearly is W."""
         if math.isinf(self.wall):
             return math.log(a / 2.0)
+        if a < 0.5 * self.wall:
+            return math.log(math.sin(math.pi * a / (2.0 * self.wall)))
         return 0.5 * math.log1p(-(math.sin(math.pi * (self.wall - a) / (2.0 * self.wall)) ** 2))
 
     def _node_count(self, a: float) -> int:

@@ -117,8 +117,10 @@ def convergence(name: str, method: str) -> Convergence:
 def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[float, float]:
     """Relative errors of force and radius on one mesh."""
     h = case.a / per_radius
-    sizes = Sizes(jitter * h, min(0.5, FAR * h), 1.15 * case.a + 2 * h, GRADING / per_radius)
-    base = dataclasses.replace(case.scene(f"mesh.h_contact={h}"), sizes=sizes)
+    base = case.scene(f"mesh.h_contact={h}")
+    axis = base.physics.center
+    sizes = Sizes(jitter * h, min(0.5, FAR * h), 1.15 * case.a + 2 * h, GRADING / per_radius, axis=axis)
+    base = dataclasses.replace(base, sizes=sizes)
     if method == "augmented_lagrangian":
         (state,) = solve(base.with_physics(contact=AugmentedLagrangian(epsilon_n=E_STAR / h)))
         return state.force / case.F - 1, state.a / case.a - 1

@@ -22,7 +22,7 @@ def test_a_scene_is_resolved_without_any_heavy_library() -> None:
 import sys
 sys.modules.update(dict.fromkeys({HEAVY!r}))  # importing any of these fails now
 import indent_sim, indent_sim.theory.strip, indent_sim.fe.path.steps
-assert indent_sim.resolve(indent_sim.load(sys.argv[1])).prediction["force"] > 0
+assert indent_sim.resolve(indent_sim.load(sys.argv[1])).plan.prediction["force"] > 0
 """
     ran(program, ROOT / "configs" / "hertz.yaml")
 

@@ -93,7 +93,7 @@ def test_thin_strip_is_an_oedometer():
 def test_a_punch_that_nearly_fills_the_strip_is_an_oedometer(gap):
     """F = 2 W E_oed delta/h between roller walls, of which a gap changes the square of gap/W."""
     E_oed = 0.7 / (1.3 * 0.4)
-    found = ps.indent(ps.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
+    found = ps.indent(profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
     assert found.force == pytest.approx(2 * E_oed * 0.01 / 2, rel=1e-9)
 
 
