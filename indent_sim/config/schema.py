@@ -139,8 +139,7 @@ def _magnitudes(config: Config) -> list[ConfigError]:
 
 def _constants(config: Config) -> list[ConfigError]:
     try:
-        if hasattr(config.material, "canonical"):
-            config.material.canonical()
+        config.material.canonical()
     except ArithmeticError:
         return [ConfigError("material", "these constants belong to no stable material")]
     except ValueError as error:

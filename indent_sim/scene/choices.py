@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING, Material
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, reach
+from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
@@ -182,44 +181,27 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
     return choices
 
+
 BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets
 
 
-@dataclass(frozen=True)
-class Blunting:
-    """The tip with its new radius, the key and value of it [length], and how that changes the force (None: unknown)."""
-
-    tip: Indenter
-    key: str
-    radius: float
-    force_change: float | None
-
-    @property
-    def why(self) -> str:
-        """The reason in words."""
-        reason = f"gap: current needs a normal everywhere; {BLUNTING:g} of the expected contact radius"
-        if self.force_change is None:
-            return reason
-        return f"{reason}, changes the force by {self.force_change:+.1g} by layer theory"
+def tip(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
+    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere."""
+    sharp, key = given.tip, "edge_radius" if isinstance(given.tip, FlatPunch) else "tip_radius"
+    if gap == "reference" or getattr(sharp, key, 1.0) > 0:
+        return sharp, []
+    radius = rounded(BLUNTING * given.a)
+    smooth = dataclasses.replace(sharp, **{key: radius})  # type: ignore[arg-type]
+    before, after = (_force(given, one) for one in (sharp, smooth))
+    change = f", changes the force by {after / before - 1:+.1g} by layer theory" if before and after else ""
+    why = f"gap: current needs a normal everywhere; {BLUNTING:g} of the expected contact radius{change}"
+    return smooth, [Choice(f"indenter.{key}", radius * given.scales.length, why)]
 
 
-def blunted(tip: Indenter, a: float, body: Body, material: Material, center: tuple[float, ...], delta: float
-            ) -> Blunting | None:  # fmt: skip
-    """A sharp cone, pyramid, profile or punch with a small radius; None for a tip that is smooth already."""
-    key = "edge_radius" if isinstance(tip, FlatPunch) else "tip_radius"
-    if not isinstance(tip, Cone | Pyramid | FlatPunch | Profile) or getattr(tip, key) > 0:
-        return None
-    radius = float(f"{BLUNTING * a:.12g}")
-    changes: dict[str, Any] = {key: radius}
-    smooth = dataclasses.replace(tip, **changes)
-    forces = [_force(one, body, material, center, delta) for one in (tip, smooth)]
-    change = forces[1] / forces[0] - 1 if forces[0] and forces[1] else None
-    return Blunting(smooth, f"indenter.{key}", radius, change)
-
-
-def _force(tip: Indenter, body: Body, material: Material, center: tuple[float, ...], delta: float) -> float | None:
-    theory = layer_theory(body, material, tip, center)
+def _force(given: Given, tip: Indenter) -> float | None:
+    """Layer theory's force of a tip at the deepest point."""
+    theory = layer_theory(given.body, given.material, tip, given.center)
     with contextlib.suppress(ArithmeticError):
-        solution = theory.at(delta) if theory and delta > 0 else None
+        solution = theory.at(given.deepest) if theory and given.deepest > 0 else None
         return solution.force if solution else None
     return None

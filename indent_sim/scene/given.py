@@ -69,7 +69,7 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
-    material = _material(config)
+    material = config.material.canonical()
     whole, truncation = _finite(config, material)
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
@@ -88,14 +88,6 @@ def given_by(config: Config) -> Given:
         deltas=depths_of(path, theory, tip, material, body.height, scales),
         radius=cache(partial(_expected_radius, theory, tip, body, center)),
     )  # fmt: skip
-
-
-def _material(config: Config) -> Material:
-    try:
-        material = config.material.canonical()
-    except ValueError as wrong:
-        raise ConfigError("material", str(wrong)) from wrong
-    return material
 
 
 def _formulation(material: Material) -> str:
