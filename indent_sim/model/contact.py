@@ -84,9 +84,7 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_multiple: ClassVar[float] = (
-        100.0  # of E*/h_contact: few loops; softer ones fail in deep, incompressible bodies
-    )
+    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
 
 
 @dataclass(frozen=True)
