@@ -109,7 +109,7 @@ def _stiffness(kind: Any, given: Given, sizes: Sizes, fineness: Fineness | None)
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
     unit = given.material.E_star / sizes.typical
     usual = float(kind.auto_multiple * unit)
-    if kind is not Penalty:
+    if not issubclass(kind, Penalty):
         return usual
     if fineness is not None:  # the penalty's error must fit into what is asked for
         return min(fineness.penalty, STIFFEST * unit)
@@ -146,7 +146,7 @@ def solver(config: Config, material: Material, law: ContactLaw, gap: str, nodes:
         for applies, why in (
             (not material.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
-            (law.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
+            (bool(law.uncondensed), law.uncondensed),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
             (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )
