@@ -88,47 +88,45 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
 def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
-        kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
-    else:
-        kind, why = type(wanted), "as given"  # type: ignore[assignment]
-    name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
+        law, why = AugmentedLagrangian(), "auto: no penetration to pay for, smooth pressures, fewest iterations"
+    else:  # the scene says which gap
+        law, why = dataclasses.replace(given.scales.scaled(wanted), gap="auto"), "as given"  # type: ignore[assignment]
+    name = next((f.name for f in dataclasses.fields(law) if f.name in ("epsilon_n", "gamma")), None)
     if name is None:
-        return kind(), Choice("contact", kind().method, why)
+        return law, Choice("contact", law.method, why)
     scales, unit = given.scales, given.material.E_star / sizes.h_contact
-    value: Any = getattr(scales.scaled(wanted), name, "auto")
+    value: Any = getattr(law, name)
     source = f"{name} {'auto' if value == 'auto' else 'as given'}"
     if value == "auto":
-        value = rounded(_stiffness(kind, given, sizes, fineness))
-    _refuse_soft(kind, name, value / unit, unit * scales.stiffness)
-    law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
+        value = rounded(_stiffness(law, given, sizes, fineness))
+    _refuse_soft(law, name, value / unit, unit * scales.stiffness)
+    law = dataclasses.replace(law, **{name: value})  # type: ignore[arg-type]
     why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
-def _stiffness(kind: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
+def _stiffness(law: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
     unit = given.material.E_star / sizes.typical
-    usual = float(kind.auto_multiple * unit)
-    if not issubclass(kind, Penalty):
+    usual = float(law.auto_multiple * unit)
+    if not isinstance(law, Penalty):
         return usual
     if fineness is not None:  # the penalty's error must fit into what is asked for
         return min(fineness.penalty, STIFFEST * unit)
     depths = {delta for delta in (given.deepest, given.deltas[-1]) if delta > 0}
-    lost = [
-        penalty_loss(Penalty(epsilon_n=usual), given.material, given.theory, delta, given.radius(delta))
-        for delta in depths
-    ]
+    law = dataclasses.replace(law, epsilon_n=usual)
+    lost = [penalty_loss(law, given.material, given.theory, delta, given.radius(delta)) for delta in depths]
     return min(usual * max(1.0, max(lost, default=0.0) / TELLING), STIFFEST * unit)
 
 
-def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
+def _refuse_soft(law: Any, name: str, multiple: float, unit: float) -> None:
     """ConfigError for a stiffness with which the method converges to a wrong force."""
-    smallest = getattr(kind, "smallest_multiple", 0.0)
+    smallest = getattr(law, "smallest_multiple", 0.0)
     if multiple < smallest * (1 - 1e-9):
         raise ConfigError(
             f"contact.{name}",
-            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {kind().method} gives wrong forces",
-            f"at least {smallest * unit:.4g}, or auto ({kind.auto_multiple:g} E*/h_contact)",
+            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {law.method} gives wrong forces",
+            f"at least {smallest * unit:.4g}, or auto ({law.auto_multiple:g} E*/h_contact)",
         )
 
 
