@@ -111,7 +111,7 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
 def layer_theory(body: Body, material: Material, tip: Indenter, center: tuple[float, ...]) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
     E, nu = material.constants
-    shape, is_plane = shape_of(tip), body.shape == "strip"
+    shape, is_plane = shape_of(tip), body.dim == 2
     if shape is None or nu < 0 or (is_plane and shape.f is None):
         return None
     wall, exact, why = _wall(body, center)
