@@ -47,7 +47,7 @@ class Trend:
     safety: float
 
     def fading(self, n: float) -> float:
-        """How the error falls with n elements in the contact radius, up to a factor; see `accuracy.fading`."""
+        """How the error falls with n elements in the contact radius, up to a factor; see `fineness.fading`."""
         return float((n**4 + BLUNT**4) ** (-self.rate / 4))
 
 

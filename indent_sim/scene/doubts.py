@@ -1,4 +1,4 @@
-"""Where the model or the mesh is a poor one for what is asked: words and a relative error of the force."""
+"""Doubts of model, contact law and mesh: a warning and the relative error of the force that it stands for."""
 
 from __future__ import annotations
 
