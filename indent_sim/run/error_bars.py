@@ -52,7 +52,7 @@ class Trend:
 
 
 # Measured like those of the force, on 260 random layers between frictionless walls at sizes of all kinds
-RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 1.8)
+RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 2.2)
 
 Curve = dict[int, State]
 
