@@ -27,6 +27,12 @@ class Axisymmetric:
         """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry [length]."""
         return point[0], 0.0
 
+    def in_space(self, v: Any) -> Any:
+        """The 3-vector of a vector along the model's own axes."""
+        import ufl
+
+        return ufl.as_vector([v[0], 0, v[1]])
+
     def in_plane(self, v: Any) -> Any:
         """The components of a 3-vector along the model's own axes."""
         import ufl
@@ -66,6 +72,12 @@ class PlaneStrain:
         """Horizontal position (x - c, 0) relative to the tip's axis [length]."""
         return point[0] - center[0], 0.0
 
+    def in_space(self, v: Any) -> Any:
+        """The 3-vector of a vector along the model's own axes."""
+        import ufl
+
+        return ufl.as_vector([v[0], 0, v[1]])
+
     def in_plane(self, v: Any) -> Any:
         """The components of a 3-vector along the model's own axes."""
         import ufl
@@ -103,6 +115,10 @@ class ThreeDimensional:
     def horizontal(self, point: Any, center: Any) -> tuple[Any, Any]:
         """Horizontal position (x - c_x, y - c_y) relative to the tip's axis [length]."""
         return point[0] - center[0], point[1] - center[1]
+
+    def in_space(self, v: Any) -> Any:
+        """The 3-vector of a vector along the model's own axes."""
+        return v
 
     def in_plane(self, v: Any) -> Any:
         """The components of a 3-vector along the model's own axes."""
