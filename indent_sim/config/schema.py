@@ -228,7 +228,8 @@ def _axis(config: Config) -> list[ConfigError]:
     if isinstance(config.body, HalfSpace) and center is not None and any(center):
         return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
     if isinstance(config.body, Cap | Ball) and center is not None and any(center):
-        return [ConfigError("indenter.center", f"over a {config.body.shape} the tip stands on the axis", "leave it out")]
+        problem = f"over a {config.body.shape} the tip stands on the axis"
+        return [ConfigError("indenter.center", problem, "leave it out")]
     if center is None or len(center) == needed:
         return []
     form = "[x]" if needed == 1 else "[x, y]"

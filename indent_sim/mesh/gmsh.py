@@ -141,9 +141,9 @@ def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
     middles = [_rounded(side.middle) for side in part.outline if side.middle]
     places = {place: geo.addPoint(*place, 0.0) for place in dict.fromkeys([*corners, *middles])}
     points = [places[corner] for corner in corners]
-    ends = zip(points, points[1:] + points[:1], strict=True)
+    pairs = zip(points, points[1:] + points[:1], strict=True)
     lines = [geo.addCircleArc(a, places[_rounded(side.middle)], b) if side.middle else geo.addLine(a, b)
-             for (a, b), (_, side) in zip(ends, split, strict=True)]  # fmt: skip
+             for (a, b), (_, side) in zip(pairs, split, strict=True)]  # fmt: skip
     heights = [round(z, DIGITS) for z in part.interfaces]
     right = [next(k for k, corner in enumerate(corners) if corner[1] == z) for z in heights]
     left = [len(corners) - 1 - next(k for k, corner in enumerate(reversed(corners)) if corner[1] == z) for z in heights]

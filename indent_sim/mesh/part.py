@@ -39,11 +39,21 @@ class Side:
         assert self.middle is not None
         return float(np.hypot(self.start[0] - self.middle[0], self.start[1] - self.middle[1]))
 
-    @property
-    def _begin(self) -> float:
-        """Direction [radians] in which an arc begins, seen from its middle."""
-        assert self.middle is not None
-        return atan2(self.start[1] - self.middle[1], self.start[0] - self.middle[0])
+    def inwards(self, x: Any, y: Any) -> Any:
+        """How far inside [length] of the line or circle, which the side is a part of, points are: on the left of it."""
+        if self.middle is not None:
+            return self.radius - np.hypot(x - self.middle[0], y - self.middle[1])
+        (x0, y0), (x1, y1) = self.start, self.end
+        return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+
+    def distance(self, x: Any, y: Any) -> Any:
+        """Distance [length] of points to the arc, or to the line that a straight side is a part of."""
+        to_whole = np.abs(self.inwards(x, y))
+        if self.middle is None:
+            return to_whole
+        along = (np.arctan2(y - self.middle[1], x - self.middle[0]) - self._begin) % (2 * pi)
+        to_ends = [np.hypot(x - end[0], y - end[1]) for end in (self.start, self.end)]
+        return np.where(along <= self.turn, to_whole, np.minimum(*to_ends))
 
     @property
     def turn(self) -> float:
@@ -51,24 +61,11 @@ class Side:
         assert self.middle is not None
         return (atan2(self.end[1] - self.middle[1], self.end[0] - self.middle[0]) - self._begin) % (2 * pi)
 
-    def inwards(self, x: float, y: float) -> float:
-        """How far inside [length] of the line or circle a point is, on the left of the side."""
-        (x0, y0), (x1, y1) = self.start, self.end
-        if self.middle is not None:
-            return self.radius - float(np.hypot(x - self.middle[0], y - self.middle[1]))
-        return float(((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0))
-
-    def distance(self, x: Any, y: Any) -> Any:
-        """Distance [length] of points to the arc, or to the line that a straight side is a part of."""
-        (x0, y0), (x1, y1) = self.start, self.end
-        if self.middle is not None:
-            along = (np.arctan2(y - self.middle[1], x - self.middle[0]) - self._begin) % (2 * pi)
-            to_circle = np.abs(np.hypot(x - self.middle[0], y - self.middle[1]) - self.radius)
-            to_ends = np.minimum(np.hypot(x - x0, y - y0), np.hypot(x - x1, y - y1))
-            return np.where(along <= self.turn, to_circle, to_ends)
-        if self.normal is not None:
-            return np.abs((x, y)[self.normal] - self.start[self.normal])
-        return np.abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+    @property
+    def _begin(self) -> float:
+        """Direction [radians] in which an arc begins, seen from its middle."""
+        assert self.middle is not None
+        return atan2(self.start[1] - self.middle[1], self.start[0] - self.middle[0])
 
 
 @dataclass(frozen=True)
@@ -148,7 +145,7 @@ class Part:
         """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror plane."""
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
-        return {side.surface: side.inwards(x, y) for side in walls}
+        return {side.surface: float(side.inwards(x, y)) for side in walls}
 
     def normal(self, surface: str) -> int | None:
         """The component of u that a roller holds on a surface; None where no one axis is normal to it."""

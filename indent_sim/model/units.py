@@ -83,7 +83,7 @@ class Scales:
     length: float
     pressure: float
     dim: int = 3  # 2 in plane strain, where forces are per unit length
-    pieces: int = 1  # equal ones on top of each other, one of them modelled: each takes its share of approach and energy
+    pieces: int = 1  # equal ones on top of each other, of which one is modelled: approach and energy are those of all
 
     @property
     def depth(self) -> float:

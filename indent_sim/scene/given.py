@@ -101,13 +101,7 @@ def given_by(config: Config) -> Given:
 
 def _layers(config: Config) -> tuple[Layer, ...]:
     """The layers from the top, each with the two constants of its material."""
-    layers = []
-    for k, layer in enumerate(config.layers):
-        try:
-            layers.append(replace(layer, material=_material_of(layer).canonical()))
-        except ValueError as wrong:
-            raise ConfigError(config.material_key(k), str(wrong)) from wrong
-    return tuple(layers)
+    return tuple(replace(layer, material=_material_of(layer).canonical()) for layer in config.layers)
 
 
 def _material_of(layer: Layer) -> Material:

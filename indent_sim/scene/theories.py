@@ -124,7 +124,7 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
-    """That of a flat body under the tip's curvature and the dome's: a layer as high as a cap, a half-space for a ball."""
+    """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a half-space for a ball."""
     is_cap = body.shape == "cap"
     shape, stack = shape_of(tip), stack_of(layers, body.base if is_cap else None)
     if shape is None or stack is None:

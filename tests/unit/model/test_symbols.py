@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from typing import get_args
 
 import pytest
 
@@ -23,7 +24,8 @@ def yaml_fields() -> list[tuple[str, type, str]]:
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
         for kind in kinds:
-            nested = [core(hint) for hint in hints(kind).values() if dataclasses.is_dataclass(core(hint))]
+            kept = [part for hint in hints(kind).values() for part in (core(hint), *map(core, get_args(core(hint))))]
+            nested = [part for part in kept if dataclasses.is_dataclass(part) and part not in kinds]
             found += [(section, owner, name) for owner in (kind, *nested) for name in hints(owner)]
     return found
 
