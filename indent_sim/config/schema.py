@@ -37,7 +37,8 @@ LOOSEST = 1e-9
 NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
-STEEPEST = 1e3  # base radius over height of a cap, or the other way round: beyond it digits of its radius are lost
+FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
+STEEPEST = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
 
@@ -160,9 +161,12 @@ def _cap(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("body.contact_angle", "contradicts height: each alone says the cap's shape", "give one")
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
-    elif not 1 / STEEPEST <= body.dome.height / body.base_radius <= STEEPEST:
-        problem = f"a cap {body.dome.height:.4g} high on a base of radius {body.base_radius:g} cannot be meshed"
-        yield ConfigError("body", problem, f"one at most {STEEPEST:g} times the other; use a cylinder, or a ball")
+    elif body.dome.height < body.base_radius / FLATTEST:
+        problem = f"a cap {body.dome.height:.4g} high on a base of radius {body.base_radius:g} is all but flat"
+        yield ConfigError("body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder")
+    elif body.dome.height > body.base_radius * STEEPEST:
+        problem = f"a cap {body.dome.height:.4g} high on a base of radius {body.base_radius:g} stands on a point"
+        yield ConfigError("body", problem, f"height at most {STEEPEST:g} base_radius, or a ball")
 
 
 def _layers(config: Config) -> Iterator[ConfigError]:
