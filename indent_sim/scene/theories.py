@@ -131,7 +131,7 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
         return None
     contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
     why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
-    return _theory("layer theory" if is_cap else "half-space theory", False, why, layers, tip, contact)
+    return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
