@@ -1,4 +1,4 @@
-"""The half-space as a finite body: how large it must be, and how much too stiff it is then.
+"""Truncation of a half-space: the finite body that stands for it, and the error of the force.
 
 A body of width and height n a is too stiff by about 1/n (a: contact radius), which layer theory knows exactly for a
 cylinder between frictionless walls. Sizes that grow with the distance make n in the thousands cheap.
