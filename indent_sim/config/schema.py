@@ -161,11 +161,11 @@ def _cap(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("body.contact_angle", "contradicts height: each alone says the cap's shape", "give one")
     elif not body.height and not body.contact_angle:
         yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
-    elif body.dome.height < body.base_radius / FLATTEST:
-        problem = f"a cap {body.dome.height:.4g} high on a base of radius {body.base_radius:g} is all but flat"
+    elif body.thickness < body.base_radius / FLATTEST:
+        problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} is all but flat"
         yield ConfigError("body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder")
-    elif body.dome.height > body.base_radius * STEEPEST:
-        problem = f"a cap {body.dome.height:.4g} high on a base of radius {body.base_radius:g} stands on a point"
+    elif body.thickness > body.base_radius * STEEPEST:
+        problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} stands on a point"
         yield ConfigError("body", problem, f"height at most {STEEPEST:g} base_radius, or a ball")
 
 

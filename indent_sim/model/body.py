@@ -268,9 +268,14 @@ class Cap:
     layers: ClassVar[None] = None
 
     @property
+    def thickness(self) -> float:
+        """The height, given or by the contact angle [length]."""
+        return self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
+
+    @property
     def dome(self) -> Dome:
         """The same body by the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
-        height = self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
+        height = self.thickness
         return Dome((self.base_radius**2 + height**2) / (2 * height), height, "cap", self.base)
 
 
