@@ -268,7 +268,7 @@ class ErrorBars:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
         if self._theory is None or state.delta <= 0:
             return 0.0
-        solution = self._theory.at(state.delta / self._scales.length)
+        solution = self._theory.at(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _enforcement(self, step: int) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
+from indent_sim.model.body import Body, Dome
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
@@ -58,8 +58,8 @@ def prediction_of(path: LoadPath, theory: Theory | None, tip: Indenter, material
     prediction = {"a": a * scales.length}
     if path.control == "force":
         closed = half_space_depth(tip, max(path.values), material.E_star) if scales.dim == 3 else None
-        half_space = {"delta_half_space": closed[1] * scales.length} if closed else {}
-        return prediction | {"delta": delta * scales.length} | half_space
+        half_space = {"delta_half_space": closed[1] * scales.depth} if closed else {}
+        return prediction | {"delta": delta * scales.depth} | half_space
     solution = theory.at(delta) if theory and delta > 0 else None
     if solution:
         prediction["force"] = solution.force * scales.force
@@ -77,7 +77,7 @@ def peakless(body: Body, tip: Indenter, center: tuple[float, ...], sizes: Sizes,
     """
     for r, width in tip.creases() if a > 0 else []:
         size = float(sizes.at(np.array(r), np.array(0.0)))
-        is_touched = r <= a + size or tip.height(r, 0.0) <= 0
+        is_touched = r <= a + size or (tip.height(r, 0.0) <= 0 and not isinstance(body, Dome))
         if is_touched and width < size and r < body.reach(center) * (1 - SAME_PLACE):
             where = "apex" if r == 0 else "edge"
             kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"

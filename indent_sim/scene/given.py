@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import Body, HalfSpace, Layer
+from indent_sim.model.body import Ball, Body, Cap, Dome, HalfSpace, Layer
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -19,7 +19,7 @@ from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, half_space_theory, layer_theory
+from indent_sim.scene.theories import Theory, half_space_theory, layer_theory, relative_tip
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
@@ -40,6 +40,7 @@ class Given:
     layers: tuple[Layer, ...]  # from the top, each with its thickness and material
     material: Material  # of the first
     tip: Indenter
+    relative: Indenter  # the tip over a flat body, see `relative_tip`
     center: tuple[float, ...]
     path: LoadPath
     part: Part
@@ -79,20 +80,22 @@ def given_by(config: Config) -> Given:
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
-    _check_scene(whole, config.indenter, center, path)
+    pieces = whole.pieces if isinstance(whole, Dome) else 1
+    _check_scene(whole, config.indenter, center, path, pieces)
     _check_room(whole, layers, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants.E, whole.dim)
+    scales = Scales(whole.height, material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
     theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
+    relative = relative_tip(tip, body)
     return Given(
-        scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
-        deltas=depths_of(path, theory, tip, material, body.height, scales),
-        radius=cache(partial(_expected_radius, theory, tip, body, center)),
+        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why, theory=theory,
+        deltas=depths_of(path, theory, relative, material, body.height, scales),
+        radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
 
 
@@ -130,6 +133,9 @@ def _formulation(key: str, material: Material) -> str:
 
 def _finite(config: Config, layers: tuple[Layer, ...]) -> tuple[Body, tuple[Layer, ...], Truncation | None]:
     """The body as given, or the one that stands for a half-space, and its layers."""
+    if isinstance(config.body, Cap | Ball):
+        dome = config.body.dome
+        return dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None
     if not isinstance(config.body, HalfSpace):
         return config.body, layers, None
     path = config.loading.path()
@@ -149,16 +155,17 @@ def _rounded_body(body: Body) -> Body:
     return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
 
 
-def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.center)
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
         raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                           f"at most {width / 2:g}")  # fmt: skip
-    if path.control == "depth" and max(path.values) >= body.height:
-        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {body.height:g}",
-                          f"stay below {body.height:g}")  # fmt: skip
+    thickness = pieces * body.height
+    if path.control == "depth" and max(path.values) >= thickness:
+        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {thickness:g}",
+                          f"stay below {thickness:g}")  # fmt: skip
 
 
 def _check_room(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
@@ -184,15 +191,14 @@ def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: Load
 
 
 def _expected_radius(
-    theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
+    theory: Theory | None, tips: Sequence[Indenter], body: Body, center: tuple[float, ...], delta: float
 ) -> float:
-    """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
+    """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
         return 0.2 * rim
     solution = theory.at(delta) if theory else None
-    return min(solution.a if solution else tip.radius_at(delta), rim)
-
+    return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 
 
 def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:

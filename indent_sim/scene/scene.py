@@ -179,7 +179,8 @@ def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost
 
 def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:
     """What to expect of the results and of the run, in the user's units."""
-    expected = prediction_of(given.path, given.theory, given.tip, given.material, given.deepest, given.a, given.scales)
+    expected = prediction_of(given.path, given.theory, given.relative, given.material, given.deepest, given.a,
+                             given.scales)  # fmt: skip
     truncation = {"truncation_error": given.truncation.error} if given.truncation else {}
     error = sum(doubt.force_error for doubt in doubted) if given.deltas[-1] > 0 else 0.0
     effort = {"cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
