@@ -18,8 +18,8 @@ POWER = 1.2  # 2 lambda
 # Relative error of the force with elements of the size h at a corner at the distance d: FELT (2 nu)^2 (h/d)^POWER, at
 # most. Measured on cylinders 0.2 to 8 heights wide under punches of 0.05 to 1 of their radius, nu = 0 to 0.4999
 FELT = 0.035
-# The same of an edge where the body overhangs its base, a notch whatever nu and the support. Measured on caps of contact
-# angles from 60 to 170 degrees, elements of 0.01 to 0.3 of the base radius: 0.25 to 1 of this, no more than noise up to 90
+# The same where a body overhangs its base, a notch whatever nu and the support. Measured on caps of contact angles from
+# 60 to 170 degrees, elements of 0.01 to 0.3 of the base radius: 0.1 to 1.3 of this, no more than noise up to 90
 NOTCH = 0.1
 BESIDE, FADING = 0.5, 1.25  # heights between contact and side from which it fades, and how fast: measured likewise
 NEAR = 0.3  # of the contact radius: with less between contact and wall the surface there is narrower than the elements
