@@ -149,16 +149,16 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
     return tip
 
 
-def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer]) -> Theory | None:
-    """Theory of a tip on a half-space, homogeneous or the substrate of layers."""
-    shape, stack = shape_of(tip), stack_of(layers, None)
+def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0) -> Theory | None:
+    """Theory of a tip on a half-space, homogeneous or below layers; `size`: about a contact radius [length]."""
+    shape, stack = shape_of(tip), stack_of(layers, None, size)
     if shape is None or stack is None:
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
     return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack))
 
 
-def stack_of(layers: Sequence[BodyLayer], base: str | None) -> Stack | None:
+def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
     """The layers as theory knows them, on a rigid base, or the last one a half-space where base is None.
 
     None where theory does not know a material (nu < 0). A homogeneous half-space feels E and nu only as E*.
@@ -166,7 +166,7 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None) -> Stack | None:
     plies = [Ply(layer.thickness or inf, *layer.material.constants) for layer in layers if layer.material]
     if base is None and len(plies) == 1:
         E_star = plies[0].E / (1 - plies[0].nu ** 2)
-        return Stack((Ply(1.0, E_star, 0.0), Ply(inf, E_star, 0.0)), None)
+        return Stack((Ply(size, E_star, 0.0), Ply(inf, E_star, 0.0)), None)
     if any(ply.nu < 0 for ply in plies):
         return None
     if base is None:

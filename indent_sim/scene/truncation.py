@@ -47,7 +47,7 @@ def truncate(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation
     # what theory does not know, or ends in, is no wider in contact than a punch of its radius
     shapes = [*([known] if known else []), profiles.flat_punch(tip.radius_at(depth))]
     modelled = [replace(layer, material=_compressible(layer.material)) for layer in layers]
-    contacts = ((shape, _deep(shape, modelled, depth)) for shape in shapes)
+    contacts = ((shape, _deep(shape, modelled, depth, tip.radius_at(depth))) for shape in shapes)
     shape, deepest = next((shape, found) for shape, found in contacts if found)
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
     target, ratio = SHARE * ACCURACY, max(100.0, 10 * above / deepest.a)
@@ -67,7 +67,8 @@ def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> floa
     """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
     material = layers[0].material
     assert material is not None
-    start, theory = section_depth(tip, force, material.E_star, 3), half_space_theory(tip, layers)
+    start = section_depth(tip, force, material.E_star, 3)
+    theory = half_space_theory(tip, layers, max(start, tip.radius_at(start)))
     return (theory and theory.depth(force, 1e6 * start)) or start
 
 
@@ -84,9 +85,9 @@ def _finite(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
     return (*layers[:-1], replace(layers[-1], thickness=size - above))
 
 
-def _deep(shape: profiles.Tip, layers: Sequence[Layer], delta: float) -> Solution | None:
+def _deep(shape: profiles.Tip, layers: Sequence[Layer], delta: float, size: float) -> Solution | None:
     with contextlib.suppress(ValueError):
-        return LayerContact.on(shape, stack_of(layers, None)).curve([delta])[0]  # type: ignore[arg-type]
+        return LayerContact.on(shape, stack_of(layers, None, size)).curve([delta])[0]  # type: ignore[arg-type]
     return None
 
 

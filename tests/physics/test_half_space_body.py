@@ -87,3 +87,17 @@ def test_three_dimensions_on_request() -> None:
 def test_a_place_on_it_is_refused() -> None:
     with pytest.raises(ConfigError, match="same everywhere"):
         over({"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}, 0.01)
+
+
+@pytest.mark.parametrize("loading", [{"delta": 100.0, "steps": 1}, {"force": 1e5, "steps": 1}])
+def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
+    """In nanometres a contact radius is a number above 100: the same body, ten thousand times as large."""
+    found, small = (scene({"shape": "half_space"}, indenter={"shape": "paraboloid", "R": 1e4 * unit}, loading=given)
+                    for unit, given in ((1.0, loading), (1e-4, scaled_down(loading))))  # fmt: skip
+    assert found.sizes == small.sizes
+
+
+def scaled_down(loading: dict[str, float]) -> dict[str, float]:
+    """The same path with lengths in units ten thousand times as large; forces go as their square."""
+    by = {"delta": 1e-4, "force": 1e-8}
+    return {key: value * by.get(key, 1) for key, value in loading.items()}
