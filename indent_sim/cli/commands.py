@@ -196,7 +196,7 @@ def program() -> None:
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
-        _start_mesher()
+        _start_mesher(config, overrides)
         comm = _world()
     with together(comm), stoppable(comm.rank):
         from indent_sim.config.file import load
@@ -331,14 +331,21 @@ def main() -> None:
 # ---- one run, on all ranks ---------------------------------------------------------------------------------
 
 
-def _start_mesher() -> None:
-    """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do."""
+def _start_mesher(config: Path, overrides: tuple[str, ...]) -> None:
+    """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do.
+
+    What is wrong with the config is said later, by all ranks.
+    """
     from indent_sim.process.ranks import is_first
 
     if is_first():
+        from indent_sim.config.file import load
         from indent_sim.mesh import gmsh
+        from indent_sim.scene.choices import needs_mesh
 
-        gmsh.start()
+        with suppress(IndentSimError):
+            if needs_mesh(load(config, overrides)):
+                gmsh.start()
 
 
 def _world() -> Any:

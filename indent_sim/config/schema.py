@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, HalfSpace
+from indent_sim.model.body import AnyBody, Endless
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -65,7 +65,7 @@ class MeshSettings:
 class SolverSettings:
     """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
 
-    method: Literal["auto", "newton", "condensed"] = "auto"
+    method: Literal["auto", "theory", "condensed", "newton"] = "auto"
     rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
     max_iterations: PositiveInt = 50
     petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
@@ -76,7 +76,7 @@ class OutputSettings:
     """What is written and where."""
 
     directory: Annotated[str, MinLen(1)] | None = None
-    fields: When = "last"
+    fields: When | Auto = "auto"
     surface: When = "last"
     plot: bool = True
 
@@ -162,8 +162,8 @@ def _path(config: Config) -> list[ConfigError]:
 
 def _axis(config: Config) -> list[ConfigError]:
     center, needed = config.center, len(config.body.center)
-    if isinstance(config.body, HalfSpace) and center is not None and any(center):
-        return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
+    if isinstance(config.body, Endless) and center is not None and any(center):
+        return [ConfigError("indenter.center", f"a {config.body.shape} is the same everywhere", "leave it out")]
     if center is None or len(center) == needed:
         return []
     form = "[x]" if needed == 1 else "[x, y]"

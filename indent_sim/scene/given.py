@@ -6,12 +6,13 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from math import inf, isfinite, log2
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import Body, HalfSpace, Layer
+from indent_sim.model.body import AnyBody, Endless, Layer
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -19,7 +20,7 @@ from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, half_space_theory, layer_theory
+from indent_sim.scene.theories import Theory, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
@@ -35,8 +36,8 @@ class Given:
     """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
 
     scales: Scales
-    body: Body
-    truncation: Truncation | None  # of a half-space, for which the body stands
+    body: AnyBody
+    truncation: Truncation | None  # of a body without end, for which this one stands
     layers: tuple[Layer, ...]  # from the top, each with its thickness and material
     material: Material  # of the first
     tip: Indenter
@@ -74,8 +75,20 @@ class Given:
 
 
 def given_by(config: Config) -> Given:
-    """The scene without units; ConfigError for one that cannot exist."""
-    whole, truncation = _finite(config)
+    """The scene without units, its body as given; ConfigError for one that cannot exist."""
+    return _given(config, config.body, None)
+
+
+def on_finite_body(config: Config, given: Given) -> Given:
+    """The scene on a body that can be meshed: one large enough stands for a body without end."""
+    if not isinstance(config.body, Endless):
+        return given
+    layers = _layers(config.body, config.material)
+    truncation = truncate(config.body, config.indenter, layers, given.deepest * given.scales.length)
+    return _given(config, truncation.body, truncation)
+
+
+def _given(config: Config, whole: AnyBody, truncation: Truncation | None) -> Given:
     layers = _layers(whole, config.material)
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
@@ -83,13 +96,13 @@ def given_by(config: Config) -> Given:
     _check_scene(whole, config.indenter, center, path)
     _check_room(whole, layers, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants.E, whole.dim)
+    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
-    theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
+    theory = theory_of(scales.scaled(config.body), layers, tip, center)
     return Given(
         scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
         deltas=depths_of(path, theory, tip, material, body.height, scales),
@@ -97,14 +110,24 @@ def given_by(config: Config) -> Given:
     )  # fmt: skip
 
 
-def _layers(body: Body, material: Material | None) -> tuple[Layer, ...]:
-    """The layers of a finite body from the top, each with its thickness and the two constants of its material."""
+def _unit_of_length(body: AnyBody, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
+    """The body's height; of a half-space about the contact radius, a power of two, which costs no digit."""
+    if isfinite(body.height):
+        return body.height
+    deepest = max(path.values)
+    depth = expected_depth(tip, layers, deepest) if path.control == "force" else abs(deepest) or 1.0
+    return float(2.0 ** round(log2(tip.radius_at(depth))))
+
+
+def _layers(body: AnyBody, material: Material | None) -> tuple[Layer, ...]:
+    """The layers of a body from the top, each with its thickness (a half-space's last: infinite) and two constants."""
     if body.layers is None:
         return (Layer(body.height, _canonical(material, "material")),)
     return tuple(
-        replace(layer, material=_canonical(layer.material or material, f"body.layers[{k}].material"))
+        replace(layer, thickness=layer.thickness or inf,
+                material=_canonical(layer.material or material, f"body.layers[{k}].material"))
         for k, layer in enumerate(body.layers)
-    )
+    )  # fmt: skip
 
 
 def _canonical(material: Material | None, key: str) -> Material:
@@ -141,24 +164,7 @@ def _formulation(material: Material) -> str:
     return chosen
 
 
-def _finite(config: Config) -> tuple[Body, Truncation | None]:
-    """The body as given, or the one that stands for a half-space."""
-    if not isinstance(config.body, HalfSpace):
-        return config.body, None
-    given = config.body.layers or (Layer(None, config.material),)
-    layers = tuple(
-        replace(layer, material=_canonical(layer.material or config.material, f"body.layers[{k}].material"))
-        for k, layer in enumerate(given)
-    )
-    path = config.loading.path()
-    delta = max(path.values)
-    if path.control == "force":
-        delta = expected_depth(config.indenter, layers, delta)
-    truncation = truncate(config.indenter, layers, delta)
-    return truncation.body, truncation
-
-
-def _rounded_body(body: Body) -> Body:
+def _rounded_body(body: AnyBody) -> AnyBody:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
@@ -167,7 +173,7 @@ def _rounded_body(body: Body) -> Body:
     return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
 
 
-def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_scene(body: AnyBody, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.center)
@@ -179,7 +185,9 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
                           f"stay below {body.height:g}")  # fmt: skip
 
 
-def _check_room(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_room(
+    body: AnyBody, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath
+) -> None:
     delta, room = max(path.values), deepest(body, layers, tip, center)
     if path.control == "depth" and delta >= room:
         raise ConfigError(
@@ -190,7 +198,7 @@ def _check_room(body: Body, layers: Sequence[Layer], tip: Indenter, center: tupl
         )
 
 
-def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_ends(body: AnyBody, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     delta, end = max(path.values), end_of_sides(body, tip, center)
     if path.control == "depth" and delta > end:
         raise ConfigError(
@@ -202,18 +210,18 @@ def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: Load
 
 
 def _expected_radius(
-    theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
+    theory: Theory | None, tip: Indenter, body: AnyBody, center: tuple[float, ...], delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
-        return 0.2 * rim
+        return 0.2 * rim if isfinite(rim) else 1.0
     solution = theory.at(delta) if theory else None
     return min(solution.a if solution else tip.radius_at(delta), rim)
 
 
 
-def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
+def deepest(body: AnyBody, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
     """The depth [length] at which the tip would cover the whole top; infinity for a body that can give way.
 
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
@@ -226,7 +234,7 @@ def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[fl
     return float(np.mean(tip.height(x - along_x, y - along_y)))
 
 
-def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
+def end_of_sides(body: AnyBody, tip: Indenter, center: tuple[float, ...]) -> float:
     """The depth [length] at which the tip meets the top of a fixed side; infinity where no side is fixed.
 
     Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no displacement of finite
