@@ -350,11 +350,9 @@ def _start_mesher(config: Path, overrides: tuple[str, ...]) -> None:
 
 def _world() -> Any:
     require_room()
-    try:
-        from mpi4py import MPI
-    except (ImportError, RuntimeError) as error:
-        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
-    return MPI.COMM_WORLD
+    from indent_sim.run.chain import mpi
+
+    return mpi().COMM_WORLD
 
 
 def _refuse_ranks() -> None:

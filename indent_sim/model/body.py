@@ -45,11 +45,9 @@ class StripSides:
 
 
 @dataclass(frozen=True)
-class BoxSides:
+class BoxSides(StripSides):
     """The four walls of a box; roller: no normal displacement."""
 
-    x_min: Support = "free"
-    x_max: Support = "free"
     y_min: Support = "free"
     y_max: Support = "free"
 

@@ -309,7 +309,8 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
     try:
         refuse_links(folder)
         _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml)
-        return Earlier(*_rows(folder / TABLE), report)
+        unknown = ("energy",) if report.get("method") == "theory" else ()
+        return Earlier(*_rows(folder / TABLE, unknown), report)
     except (FileNotFoundError, UnicodeDecodeError) as error:
         raise UsageError(f"{folder} has {REPORT} but not all that belongs to it: {error}") from error
     except OSError as error:
@@ -343,7 +344,7 @@ def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
     )
 
 
-def _rows(path: Path) -> tuple[tuple[State, ...], tuple[str, ...], int]:
+def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     lines = content(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
         return (), COLUMNS, 0
@@ -353,7 +354,7 @@ def _rows(path: Path) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     states: list[State] = []
     size = len(lines[0]) + 1
     for line in lines[1:]:
-        state = state_of(names, line)
+        state = state_of(names, line, unknown)
         if state is None or state.step != len(states) + 1:
             break
         states.append(state)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Collection
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from indent_sim.results.folder import write_atomically
 SURFACE = "surface.csv"
 
 INTEGERS = ("step", "newton_iterations")
-MAY_BE_EMPTY = {"p_max", "energy", *ERRORS}
+MAY_BE_EMPTY = {"p_max", *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
@@ -34,8 +35,11 @@ def row(state: State, columns: tuple[str, ...]) -> bytes:
     return (",".join(cells) + "\n").encode()
 
 
-def state_of(names: tuple[str, ...], line: bytes) -> State | None:
-    """The state of a line of the force table; None when the line is torn, or holds what no solution is."""
+def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
+    """The state of a line of the force table; None when the line is torn, or holds what no solution is.
+
+    unknown: columns beyond MAY_BE_EMPTY of which this run says nothing.
+    """
     cells = line.decode("ascii", "replace").split(",")
     if len(cells) != len(names):
         return None
@@ -46,7 +50,7 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         empty = {name for name, value in values.items() if math.isnan(value)}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
-    return State(**values) if empty <= MAY_BE_EMPTY and not any(map(math.isinf, values.values())) else None
+    return State(**values) if empty <= MAY_BE_EMPTY.union(unknown) and not any(map(math.isinf, values.values())) else None
 
 
 def number(cell: str) -> float:

@@ -58,7 +58,7 @@ def simulate(
     """
     from indent_sim.config.file import located
 
-    comm = comm if comm is not None else _alone()
+    comm = comm if comm is not None else mpi().COMM_SELF
     target = Path(directory or config.output.directory or "results/run")
     try:
         outcome = Run(config, comm, target, progress, resume, error_bars).outcome()
@@ -175,7 +175,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
 
     For notebooks and tests; a State that is not converged is the last one.
     """
-    comm = comm if comm is not None else _alone()
+    comm = comm if comm is not None else mpi().COMM_SELF
     if not scene.is_meshed:
         walk = TheoryWalk(scene, comm)
         yield from (state.in_units(scene.physics.scales)
@@ -234,12 +234,10 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
 
     Raises ConfigError when the scene is not one that condenses.
     """
-    from mpi4py import MPI
-
     if scene.solver.method != "condensed":
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
-    comm = comm or MPI.COMM_SELF
+    comm = comm if comm is not None else mpi().COMM_SELF
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
     return CondensedBody(scene, fe.equilibrium(scene, mesh))
 
@@ -250,12 +248,13 @@ def warm_up() -> None:
     backend()
 
 
-def _alone() -> Any:
+def mpi() -> Any:
+    """mpi4py's MPI, which is up then; BackendError when it is missing."""
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
         raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
-    return MPI.COMM_SELF
+    return MPI
 
 
 def _plot(directory: Path) -> None:

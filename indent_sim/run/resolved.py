@@ -34,7 +34,7 @@ def fields_of(config: Config, scene: Scene) -> When:
 
 def _of_mesh(config: Config, scene: Scene) -> dict[str, Any]:
     return {
-        "material": _decided(config.material, formulation=scene.physics.part.regions[0].formulation),
+        **_materials(config, scene),
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
     }
@@ -50,6 +50,18 @@ def left_open(config: Config, decided: Config) -> list[str]:
         for key, value in part.items()
         if before[section].get(key) != value
     ]
+
+
+def _materials(config: Config, scene: Scene) -> dict[str, Any]:
+    """The material and those of the layers, with the formulation that each region has."""
+    formulations = [region.formulation for region in scene.physics.part.regions]
+    if config.body.layers is None:
+        return {"material": _decided(config.material, formulation=formulations[0])}
+    layers = tuple(
+        dataclasses.replace(layer, material=_decided(layer.material, formulation=formulation))
+        for layer, formulation in zip(config.layers, formulations, strict=True)
+    )
+    return {"material": None, "body": dataclasses.replace(config.body, layers=layers)}
 
 
 def _decided(section: Any, **found: Any) -> Any:

@@ -81,8 +81,8 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     solution = given.solution(delta) if body.shape != "strip" else None
     closed = half_space_force(tip, delta, material.E_star)
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
-        why = "does not apply: for a contact this large the body is not thick enough"
-        why = why if len(given.layers) == 1 else "does not apply: the body has layers"
+        cause = "for a contact this large the body is not thick enough"
+        why = f"does not apply: {'the body is layered' if len(given.layers) > 1 else cause}"
         yield Doubt("half_space", f"{closed[0]}, half-space, {why}")
 
 

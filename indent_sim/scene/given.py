@@ -76,20 +76,18 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units, its body as given; ConfigError for one that cannot exist."""
-    return _given(config, config.body, None)
+    return _given(config, config.body, _layers(config), None)
 
 
 def on_finite_body(config: Config, given: Given) -> Given:
     """The scene on a body that can be meshed: one large enough stands for a body without end."""
     if not isinstance(config.body, Endless):
         return given
-    layers = _layers(config.body, config.material)
-    truncation = truncate(config.body, config.indenter, layers, given.deepest * given.scales.length)
-    return _given(config, truncation.body, truncation)
+    found = truncate(config.body, config.indenter, _layers(config), given.deepest * given.scales.length)
+    return _given(config, found.body, found.layers, found)
 
 
-def _given(config: Config, whole: AnyBody, truncation: Truncation | None) -> Given:
-    layers = _layers(whole, config.material)
+def _given(config: Config, whole: AnyBody, layers: tuple[Layer, ...], truncation: Truncation | None) -> Given:
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
@@ -101,7 +99,7 @@ def _given(config: Config, whole: AnyBody, truncation: Truncation | None) -> Giv
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
+    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
     theory = theory_of(scales.scaled(config.body), layers, tip, center)
     return Given(
         scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
@@ -119,24 +117,12 @@ def _unit_of_length(body: AnyBody, layers: Sequence[Layer], tip: Indenter, path:
     return float(2.0 ** round(log2(tip.radius_at(depth))))
 
 
-def _layers(body: AnyBody, material: Material | None) -> tuple[Layer, ...]:
-    """The layers of a body from the top, each with its thickness (a half-space's last: infinite) and two constants."""
-    if body.layers is None:
-        return (Layer(body.height, _canonical(material, "material")),)
+def _layers(config: Config) -> tuple[Layer, ...]:
+    """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
     return tuple(
-        replace(layer, thickness=layer.thickness or inf,
-                material=_canonical(layer.material or material, f"body.layers[{k}].material"))
-        for k, layer in enumerate(body.layers)
-    )  # fmt: skip
-
-
-def _canonical(material: Material | None, key: str) -> Material:
-    assert material is not None
-    try:
-        canonical: Material = material.canonical()
-    except ValueError as wrong:
-        raise ConfigError(key, str(wrong)) from wrong
-    return canonical
+        replace(layer, thickness=layer.thickness or inf, material=_material_of(layer).canonical())
+        for layer in config.layers
+    )
 
 
 def _material_of(layer: Layer) -> Material:
@@ -144,23 +130,25 @@ def _material_of(layer: Layer) -> Material:
     return layer.material
 
 
-def _regions(layers: tuple[Layer, ...]) -> tuple[Region, ...]:
+def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
     """The regions of layers, z of their lower faces rounded as all lengths of a mesh."""
     names = [f"layers[{k}]" for k in range(len(layers))] if len(layers) > 1 else ["body"]
     depths = np.cumsum([layer.thickness for layer in layers])
     materials = [_material_of(layer) for layer in layers]
-    return tuple(Region(name, material, _formulation(material), -rounded(float(depth)))
-                 for name, material, depth in zip(names, materials, depths, strict=True))  # fmt: skip
+    formulations = [_formulation(config.material_key(k), material) for k, material in enumerate(materials)]
+    return tuple(Region(name, material, formulation, -rounded(float(depth)))
+                 for name, material, formulation, depth
+                 in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
 
 
-def _formulation(material: Material) -> str:
+def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
-        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+        raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
-        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+        raise ConfigError(f"{key}.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
     return chosen
 
 

@@ -22,6 +22,7 @@ from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
 ACCURACY = 1e-3  # wanted of the force
 SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
+WALLS = BoxSides("roller", "roller", "roller", "roller")
 NEAREST, FARTHER = 2.0, 1.5  # heights from a layer's contact to the first wall that is tried, and times to the next
 LEAST = 1e-6  # of the force: an error of truncation that is less is stated as this
 MARGIN = 1.5  # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
@@ -32,6 +33,7 @@ class Truncation:
     """The finite body, its size in contact radii, and a bound of the relative error of the force (> 0, too stiff)."""
 
     body: Cylinder | Box
+    layers: tuple[Layer, ...]
     stands_for: str
     ratio: float
     error: float
@@ -73,14 +75,11 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
         beyond *= FARTHER
         walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
         error = abs(walled.force / deepest.force - 1) if walled else inf
-    width, own = float(f"{radius + beyond:.6g}"), body.layers and tuple(layers)
-    error = MARGIN * max(error, LEAST)
-    if tip.of_revolution:
-        finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller", layers=own)
-    else:
-        walls = BoxSides("roller", "roller", "roller", "roller")
-        finite = Box((2 * width, 2 * width, height), base=body.base, sides=walls, layers=own)
-    return Truncation(finite, "infinitely wide layer", float(f"{width / radius:.6g}"), error)
+    width, error = float(f"{radius + beyond:.6g}"), MARGIN * max(error, LEAST)
+    finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
+    if not tip.of_revolution:
+        finite = Box((2 * width, 2 * width, height), base=body.base, sides=WALLS)
+    return Truncation(finite, tuple(layers), "infinitely wide layer", width / radius, error)
 
 
 def _truncated_half_space(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
@@ -99,13 +98,10 @@ def _truncated_half_space(tip: Indenter, layers: Sequence[Layer], delta: float) 
         error = _error(shape, modelled, deepest, ratio)
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
-    own = _finite(layers, size) if len(layers) > 1 else None
-    if tip.of_revolution:
-        finite: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller", layers=own)
-    else:  # the cylinder of theory fits into this box, which is softer
-        walls = BoxSides("roller", "roller", "roller", "roller")
-        finite = Box((2 * size, 2 * size, size), base="fixed", sides=walls, layers=own)
-    return Truncation(finite, "half-space", ratio, MARGIN * error)
+    finite: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
+    if not tip.of_revolution:  # the cylinder of theory fits into this box, which is softer
+        finite = Box((2 * size, 2 * size, size), base="fixed", sides=WALLS)
+    return Truncation(finite, _finite(layers, size), "half-space", ratio, MARGIN * error)
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
