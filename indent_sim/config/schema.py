@@ -77,7 +77,7 @@ class OutputSettings:
     """What is written and where."""
 
     directory: Annotated[str, MinLen(1)] | None = None
-    fields: When | Auto = "auto"
+    fields: Literal["auto", "none", "last", "all"] = "auto"
     surface: When = "last"
     plot: bool = True
 

@@ -50,7 +50,8 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
         empty = {name for name, value in values.items() if math.isnan(value)}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
-    return State(**values) if empty <= MAY_BE_EMPTY.union(unknown) and not any(map(math.isinf, values.values())) else None
+    is_result = empty <= MAY_BE_EMPTY.union(unknown) and not any(map(math.isinf, values.values()))
+    return State(**values) if is_result else None
 
 
 def number(cell: str) -> float:
