@@ -14,7 +14,7 @@ from indent_sim.model.state import ERRORS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
 from indent_sim.process.limits import spent
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
 from indent_sim.results.reader import checked_report, earlier_run, lost_files
@@ -58,7 +58,7 @@ def simulate(
     """
     from indent_sim.config.file import located
 
-    comm = comm if comm is not None else mpi().COMM_SELF
+    comm = comm if comm is not None else Alone()
     target = Path(directory or config.output.directory or "results/run")
     try:
         outcome = Run(config, comm, target, progress, resume, error_bars).outcome()
@@ -98,6 +98,7 @@ class Run:
         from indent_sim.config.file import to_yaml
 
         config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
+        self.comm = communicator(self.comm, scene)
         resume = self._resume and not attempt.companions  # only the first one
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
@@ -175,7 +176,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
 
     For notebooks and tests; a State that is not converged is the last one.
     """
-    comm = comm if comm is not None else mpi().COMM_SELF
+    comm = communicator(comm if comm is not None else Alone(), scene)
     if not scene.is_meshed:
         walk = TheoryWalk(scene, comm)
         yield from (state.in_units(scene.physics.scales)
@@ -246,6 +247,11 @@ def warm_up() -> None:
     """Load what every run needs, so that the first of many costs no more than the others."""
     gmsh.start()
     backend()
+
+
+def communicator(comm: Any, scene: Scene) -> Any:
+    """The communicator that solves a scene: a mesh is one of MPI, on this process alone as elsewhere."""
+    return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, Alone) else comm
 
 
 def mpi() -> Any:

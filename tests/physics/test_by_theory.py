@@ -76,7 +76,7 @@ def test_a_mesh_agrees_within_its_error_bars(name: str, tmp_path: Path) -> None:
 
 
 def test_the_surface_is_the_mesh_s(tmp_path: Path) -> None:
-    """u_z, gap and pressure at the points of a mesh: 1 % of the depth, 2 % of the peak, which a mesh's nodes scatter by.
+    """u_z, gap and pressure at a mesh's points: 1 % of the depth, 2 % of the peak, by which its nodes scatter.
 
     Not within an element of the contact's end, where the root of the pressure is a mesh's worst.
     """
