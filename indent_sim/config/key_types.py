@@ -1,4 +1,4 @@
-"""Types with their marks, read back: which alternatives, which fields, and what they allow in words."""
+"""Annotated types of keys read back: alternatives, fields, tags, and what they allow in words."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The scene file described for readers and editors: docs/config.md, docs/petsc.md, docs/symbols.md and the JSON Schema.
 
-Everything is taken from the schema and the glossary; `python -m indent_sim.reference` writes the pages.
+Everything is taken from the schema and the glossary; `python -m indent_sim.config.reference` writes the pages.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
 
-# Every row's contact force must equal the reactions to 1e-8 (simulation.py). A looser residual would save an iteration,
-# and leave a row that fails that audit or an error of the force that nobody could state.
+# Every row's contact force must equal the reactions to 1e-8 (run/simulation.py). A looser residual would save an
+# iteration, and leave a row that fails that audit or an error of the force that nobody could state.
 LOOSEST = 1e-9
 NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
 When = Literal["none", "last", "all"]

@@ -1,4 +1,4 @@
-"""The chain of one run: Config -> Scene -> Grid -> Problem -> State, State, ... -> Results."""
+"""The chain of one run: Config -> Scene -> Grid -> BodyMesh -> State, State, ... -> files."""
 
 from __future__ import annotations
 
@@ -198,7 +198,7 @@ class CondensedBody:
 
     @property
     def compliance(self) -> Any:
-        """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
+        """`fe.condensed.compliance.Compliance`: u_z = -C F between nodes of the contact surface, without units."""
         return self.equilibrium.contact.compliance
 
     def states(

@@ -1,4 +1,4 @@
-"""What a config leaves open, decided, each with its reason."""
+"""Choices of a scene: model, gap, contact law, tip, solver and mesh, each with its reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a config fixes without a choice: the scene without units, the part of it that is modelled, what to expect."""
+"""The scene before any choice: without units, its modelled part, its theory and the depths to expect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Config -> Scene: every "auto" becomes a number or a choice here, each with its reason."""
+"""Scene: physics, sizes, solver and plan; `resolve` makes it from a Config."""
 
 from __future__ import annotations
 

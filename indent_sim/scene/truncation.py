@@ -1,4 +1,4 @@
-"""Bodies without end as finite ones: how large they must be, and how much too stiff they are then.
+"""Truncation of bodies without end: the finite body that stands for one, and the error of the force.
 
 For a half-space, a body of width and height n a is too stiff by about 1/n (a: contact radius); for a layer, the error
 of a wall fades with its distance in heights. Layer theory knows both exactly for a cylinder between frictionless walls.

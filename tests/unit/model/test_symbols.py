@@ -34,7 +34,7 @@ def yaml_fields() -> list[tuple[str, type, str]]:
 @pytest.mark.parametrize(("section", "kind", "name"), yaml_fields())
 def test_every_key_has_a_meaning(section, kind, name):
     symbol = lookup(name, section)
-    assert symbol and symbol.meaning, f"add {name} to indent_sim/symbols.py"
+    assert symbol and symbol.meaning, f"add {name} to indent_sim/model/symbols.py"
     unit = unit_of(hints(kind)[name])
     if unit:
         assert symbol.dimension == DIMENSIONS[unit]
@@ -42,17 +42,17 @@ def test_every_key_has_a_meaning(section, kind, name):
 
 @pytest.mark.parametrize("name", [*COLUMNS, "force_error", *SURFACE_COLUMNS])
 def test_every_column_has_a_meaning(name):
-    assert name in SYMBOLS, f"add {name} to indent_sim/symbols.py"
+    assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", ["index", "run", *table.COLUMNS])
 def test_every_column_of_a_study_has_a_meaning(name):
-    assert name in SYMBOLS, f"add {name} to indent_sim/symbols.py"
+    assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", [*file.KEYS, *grid.RANGE, "zip"])
 def test_every_key_of_a_study_has_a_meaning(name):
-    assert lookup(name, "study"), f"add {name} to indent_sim/symbols.py"
+    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("kind", [State, Surface])
