@@ -39,11 +39,13 @@ SCENE = (
 
 BODY = (
     Symbol("shape", "", "which body, or which tip; decides the other keys of its section", WORD),
-    Symbol("radius", "r_0", "radius of the cylinder, or of the flat punch", "length"),
+    Symbol("radius", "r_0", "radius of the cylinder, of the ball, or of the flat punch", "length"),
     Symbol("height", "h", "thickness of the body; it occupies -height <= z <= 0", "length"),
     Symbol("width", "w", "width of the strip; it occupies 0 <= x <= width, in plane strain", "length"),
+    Symbol("base_radius", "b", "radius of the flat side on which a cap stands", "length"),
+    Symbol("contact_angle", r"\theta", "of a cap, between base and curved surface; instead of `height`", "degrees"),
     Symbol("size", "(l_x, l_y, l_z)", "edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]", "length"),
-    Symbol("base", "", "support of the lower face; roller: slides, does not lift", WORD),
+    Symbol("base", "", "support of the lower face; roller: slides, does not lift; a ball's: docs/conventions.md", WORD),
     Symbol("sides", "", "support of the walls; roller: no normal displacement", WORD),
     Symbol("x_min", "", "support of the wall at x = 0", WORD),
     Symbol("x_max", "", "support of the wall at the largest x", WORD),

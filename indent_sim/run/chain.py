@@ -161,7 +161,7 @@ def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: O
     if earlier is None:
         return None
     physics, steps = scene.physics, len(scene.physics.deltas)
-    depths = [delta * physics.scales.length for delta in physics.deltas]
+    depths = [delta * physics.scales.depth for delta in physics.deltas]
     earlier.check(depths if physics.path.control == "depth" else None, steps, target)
     if not earlier.finished(steps):
         return None
@@ -214,12 +214,11 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        L = self.scene.physics.scales.length
         changes: dict[str, Any] = {}
         if indenter is not None:
             changes["indenter"] = self.scene.physics.scales.scaled(indenter)
         if deltas is not None:
-            values = tuple(delta / L for delta in deltas)
+            values = tuple(delta / self.scene.physics.scales.depth for delta in deltas)
             changes |= {"deltas": values, "path": LoadPath("depth", values)}
         if forces is not None:
             begin = max(*self.scene.physics.deltas, 1e-3 * self.scene.physics.body.height)  # of the search

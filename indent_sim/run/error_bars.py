@@ -26,7 +26,7 @@ from indent_sim.scene.scene import Scene
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
 SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
 CORNERED = 1.2  # times as much where the mesh also shrinks towards corners: two errors that may cancel on one mesh
-LAYERED = 2.0  # times as much in a body of layers: a stiff one bends far beyond contact, on elements of another rate
+LAYERED = 2.0  # times as much in a body of layers: a stiff one bends far beyond the contact, where elements are large
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
@@ -268,7 +268,7 @@ class ErrorBars:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
         if self._theory is None or state.delta <= 0:
             return 0.0
-        solution = self._theory.at(state.delta / self._scales.length)
+        solution = self._theory.at(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _enforcement(self, step: int) -> float:

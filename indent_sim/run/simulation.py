@@ -99,7 +99,7 @@ class Simulation:
         """The depths of the rows that are there, in the scene's units."""
         if self.scene.physics.path.control == "depth":
             return self.scene.physics.deltas[: len(self.states)]
-        return tuple(state.delta / self.scene.physics.scales.length for state in self.states)
+        return tuple(state.delta / self.scene.physics.scales.depth for state in self.states)
 
     def _save_checkpoint(self, now: bool = False) -> None:
         """Keep the last equilibria; at most once a second and for a twentieth of the time, unless it must be `now`."""

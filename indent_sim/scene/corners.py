@@ -52,12 +52,22 @@ def corners(part: Part, center: tuple[float, ...], a: float, nu: float, sharp: b
 
     sharp: the contact ends at a punch's edge, which has a size of its own.
     """
+    if part.dome:
+        return _at_foot(part, a, nu)
     return [
         corner
         for surface, r in part.distances(center).items()
         if rounded(r) > 0  # 0: a mirror plane
         for corner in _beside(rounded(r), part.height, a, nu, sharp, part.supports["base"], part.supports[surface])
     ]
+
+
+def _at_foot(part: Part, a: float, nu: float) -> list[Corner]:
+    """The edge of a bonded base below a curved surface: as a right angle, more than what a sharper one is felt."""
+    r, z = next(side.end for side in part.outline if side.surface == "base")
+    distance = min(r, -z)
+    share = FELT * (2 * nu) ** 2 * exp(-FADING * max((r - a) / part.height - BESIDE, 0.0)) * min(a / distance, 1.0)
+    return [Corner(rounded(r), -z, distance, share)] if part.supports["base"] == "fixed" and share else []
 
 
 def _beside(r: float, height: float, a: float, nu: float, sharp: bool, base: str, side: str) -> list[Corner]:

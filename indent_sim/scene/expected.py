@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import AnyBody
+from indent_sim.model.body import Body, Dome
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
@@ -55,7 +55,7 @@ def prediction_of(path: LoadPath, theory: Theory | None, tip: Indenter, material
                   scales: Scales) -> dict[str, float]:  # fmt: skip
     """Expected contact radius, and force (or depth, if forces are prescribed) by layer theory and by the formulas for
     the half-space and for films, in the user's units."""
-    asked, unit = ("delta", scales.length) if path.control == "force" else ("force", scales.force)
+    asked, unit = ("delta", scales.depth) if path.control == "force" else ("force", scales.force)
     found: dict[str, float | None] = {}
     if path.control == "force":
         largest: float | None = max(path.values)
@@ -77,7 +77,7 @@ def infinite_pressure(tip: Indenter, a: float) -> str:
     return "" if where is None else f"the pressure at the tip's sharp {'edge' if where else 'apex'} is infinite"
 
 
-def peakless(body: AnyBody, tip: Indenter, center: tuple[float, ...], sizes: Sizes, a: float) -> str:
+def peakless(body: Body, tip: Indenter, center: tuple[float, ...], sizes: Sizes, a: float) -> str:
     """Why no mesh knows the largest pressure of a contact of radius a [length]; empty where one does.
 
     Under a sharp apex, corner or edge it is infinite, and what a mesh finds grows as its elements shrink, as it does
@@ -85,7 +85,7 @@ def peakless(body: AnyBody, tip: Indenter, center: tuple[float, ...], sizes: Siz
     """
     for r, width in tip.creases() if a > 0 else []:
         size = float(sizes.at(np.array(r), np.array(0.0)))
-        is_touched = r <= a + size or tip.height(r, 0.0) <= 0
+        is_touched = r <= a + size or (tip.height(r, 0.0) <= 0 and not isinstance(body, Dome))
         if is_touched and width < size and r < body.reach(center) * (1 - SAME_PLACE):
             where = "apex" if r == 0 else "edge"
             kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"

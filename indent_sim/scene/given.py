@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import AnyBody, Endless, Layer
+from indent_sim.model.body import Ball, Body, Cap, Dome, Endless, Layer
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -20,7 +20,7 @@ from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, theory_of
+from indent_sim.scene.theories import Theory, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
@@ -36,11 +36,12 @@ class Given:
     """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
 
     scales: Scales
-    body: AnyBody
+    body: Body
     truncation: Truncation | None  # of a body without end, for which this one stands
     layers: tuple[Layer, ...]  # from the top, each with its thickness and material
     material: Material  # of the first
     tip: Indenter
+    relative: Indenter  # the tip over a flat body, see `relative_tip`
     center: tuple[float, ...]
     path: LoadPath
     part: Part
@@ -76,7 +77,11 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units, its body as given; ConfigError for one that cannot exist."""
-    return _given(config, config.body, _layers(config), None)
+    body, layers = config.body, _layers(config)
+    if isinstance(body, Cap | Ball):
+        dome = body.dome
+        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None)
+    return _given(config, body, layers, None)
 
 
 def on_finite_body(config: Config, given: Given) -> Given:
@@ -87,28 +92,30 @@ def on_finite_body(config: Config, given: Given) -> Given:
     return _given(config, found.body, found.layers, found)
 
 
-def _given(config: Config, whole: AnyBody, layers: tuple[Layer, ...], truncation: Truncation | None) -> Given:
+def _given(config: Config, whole: Body, layers: tuple[Layer, ...], truncation: Truncation | None) -> Given:
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
-    _check_scene(whole, config.indenter, center, path)
+    pieces = whole.pieces if isinstance(whole, Dome) else 1
+    _check_scene(whole, config.indenter, center, path, pieces)
     _check_room(whole, layers, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim)
+    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
-    theory = theory_of(scales.scaled(config.body), layers, tip, center)
+    asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
+    theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
     return Given(
-        scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
-        deltas=depths_of(path, theory, tip, material, body.height, scales),
-        radius=cache(partial(_expected_radius, theory, tip, body, center)),
+        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why, theory=theory,
+        deltas=depths_of(path, theory, relative, material, body.height, scales),
+        radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
 
 
-def _unit_of_length(body: AnyBody, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
+def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
     """The body's height; of a half-space about the contact radius, a power of two, which costs no digit."""
     if isfinite(body.height):
         return body.height
@@ -152,7 +159,7 @@ def _formulation(key: str, material: Material) -> str:
     return chosen
 
 
-def _rounded_body(body: AnyBody) -> AnyBody:
+def _rounded_body(body: Body) -> Body:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
@@ -161,20 +168,21 @@ def _rounded_body(body: AnyBody) -> AnyBody:
     return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
 
 
-def _check_scene(body: AnyBody, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.center)
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
         raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                           f"at most {width / 2:g}")  # fmt: skip
-    if path.control == "depth" and max(path.values) >= body.height:
-        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {body.height:g}",
-                          f"stay below {body.height:g}")  # fmt: skip
+    thickness = pieces * body.height
+    if path.control == "depth" and max(path.values) >= thickness:
+        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {thickness:g}",
+                          f"stay below {thickness:g}")  # fmt: skip
 
 
 def _check_room(
-    body: AnyBody, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath
+    body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath
 ) -> None:
     delta, room = max(path.values), deepest(body, layers, tip, center)
     if path.control == "depth" and delta >= room:
@@ -186,7 +194,7 @@ def _check_room(
         )
 
 
-def _check_ends(body: AnyBody, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
     delta, end = max(path.values), end_of_sides(body, tip, center)
     if path.control == "depth" and delta > end:
         raise ConfigError(
@@ -198,18 +206,17 @@ def _check_ends(body: AnyBody, tip: Indenter, center: tuple[float, ...], path: L
 
 
 def _expected_radius(
-    theory: Theory | None, tip: Indenter, body: AnyBody, center: tuple[float, ...], delta: float
+    theory: Theory | None, tips: Sequence[Indenter], body: Body, center: tuple[float, ...], delta: float
 ) -> float:
-    """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
+    """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
         return 0.2 * rim if isfinite(rim) else 1.0
     solution = theory.at(delta) if theory else None
-    return min(solution.a if solution else tip.radius_at(delta), rim)
+    return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 
 
-
-def deepest(body: AnyBody, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
+def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
     """The depth [length] at which the tip would cover the whole top; infinity for a body that can give way.
 
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
@@ -222,7 +229,7 @@ def deepest(body: AnyBody, layers: Sequence[Layer], tip: Indenter, center: tuple
     return float(np.mean(tip.height(x - along_x, y - along_y)))
 
 
-def end_of_sides(body: AnyBody, tip: Indenter, center: tuple[float, ...]) -> float:
+def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
     """The depth [length] at which the tip meets the top of a fixed side; infinity where no side is fixed.
 
     Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no displacement of finite

@@ -8,7 +8,7 @@ from itertools import pairwise
 from math import inf, isclose
 
 from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
-from indent_sim.model.body import AnyBody, Box, Cylinder, Endless, Strip
+from indent_sim.model.body import Body, Box, Cylinder, Dome, Endless, Strip
 from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
@@ -18,7 +18,7 @@ SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
 TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
 
 
-def reduce(body: AnyBody, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
+def reduce(body: Body, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
     """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`.
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.
@@ -29,6 +29,8 @@ def reduce(body: AnyBody, center: Point, wanted: str, tip: Indenter, regions: Re
         part, why = _cylinder(body, center, wanted, tip, regions)
     elif isinstance(body, Strip):
         part, why = _strip(body, center, wanted, regions)
+    elif isinstance(body, Dome):
+        part, why = _dome(body, wanted, regions)
     else:
         part, why = _box(body, center, wanted, tip, regions)
     return replace(part, pins=_pins(part)), why
@@ -109,6 +111,25 @@ def _box(body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions)
                 _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), body.height, regions,
                 _mirrored({"base": body.base, **vars(sides)}, cuts))  # fmt: skip
     return part, f"tip and sides: {_about(cuts)}"
+
+
+def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:
+    if wanted not in ("auto", "axisymmetric"):
+        raise _refuse(wanted, f"a {body.shape} is modelled about its axis", "use 'auto'")
+    part = Part(Axisymmetric(), "axisymmetric", 1, _round_section(body), body.height, regions,
+                {"base": body.base, "r_min": "roller"})  # fmt: skip
+    mirrored = "; half of the ball, which the plane through its centre mirrors, and half of the approach"
+    return part, f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}"
+
+
+def _round_section(body: Dome) -> tuple[Side, ...]:
+    """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most, and the axis."""
+    R, foot, apex, nadir = body.radius, body.foot, (0.0, 0.0), (0.0, -body.height)
+    middle, is_whole = (0.0, -R), foot[1] > nadir[1]
+    around = [foot, *([(R, -R)] if foot[1] < -R else []), apex]
+    base = Side("base", nadir, foot, middle=middle if is_whole else None)
+    curved = (Side("top", start, end, middle=middle) for start, end in pairwise(around))
+    return base, *curved, Side("r_min", apex, nadir)
 
 
 def _rectangle(surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]) -> tuple[Side, ...]:

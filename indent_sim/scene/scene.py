@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import AnyBody
+from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
@@ -41,7 +41,7 @@ class Physics:
     """What is simulated, without units: every number is divided by the `scales`."""
 
     scales: Scales
-    body: AnyBody
+    body: Body
     part: Part  # of the body, modelled
     wall_stiffness: float  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     indenter: Indenter
@@ -205,7 +205,7 @@ def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost
 
 
 def _expected(given: Given) -> dict[str, float]:
-    return prediction_of(given.path, given.theory, given.tip, given.material, given.deepest, given.a, given.scales)
+    return prediction_of(given.path, given.theory, given.relative, given.material, given.deepest, given.a, given.scales)
 
 
 def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:

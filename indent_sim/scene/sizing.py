@@ -107,6 +107,8 @@ def _edge(given: Given, gap: str) -> float | None:
     """
     tip, a = given.tip, given.a
     if isinstance(tip, FlatPunch):
+        if given.part.dome and a < AT_END * tip.radius:
+            return None  # the curved top ends the contact
         return (a if tip.edge_radius else tip.radius) if _is_sharp(tip) else None
     return reach(tip) if gap == "reference" and a >= AT_END * reach(tip) else None
 
@@ -116,7 +118,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     mesh, part, a = config.mesh, given.part, given.a
     edge = _edge(given, gap)
     edge = rounded(edge) if edge is not None else None
-    height, width, bend, keenness = part.height, part.width, part.bend, _keenness(given, edge)
+    height, width, bend, keenness = part.height, part.width, part.bend or part.dome, _keenness(given, edge)
     settled = _settled(mesh, given.scales, height, edge)
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
@@ -124,7 +126,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
     found = _at_corners(plain, given, settled, wanted)
-    if edge is not None and part.dim == 3 and bend is None:
+    if edge is not None and part.dim == 3 and part.bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)

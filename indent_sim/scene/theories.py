@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.body import AnyBody, Endless, HalfSpace
+from indent_sim.model.body import Body, Dome, Endless, HalfSpace
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere
 from indent_sim.theory import half_space, profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.layer import Layer
@@ -119,6 +119,7 @@ TIPS: dict[type, KnownTip] = {
                    lambda tip, delta, E_star: half_space.cone_force(delta, tip.half_angle, E_star)),
     FlatPunch: KnownTip(lambda tip: profiles.flat_punch(tip.radius, tip.edge_radius), "Sneddon (flat punch)",
                         lambda tip, delta, E_star: half_space.flat_punch_force(delta, tip.radius, E_star)),
+    Plate: KnownTip(lambda tip: profiles.plane()),
     Pyramid: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid),
     Profile: KnownTip(_of_points),
 }  # fmt: skip
@@ -132,7 +133,7 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
     return None
 
 
-def theory_of(body: AnyBody, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
+def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
     """The theory of a tip on a body, or None where there is none."""
     if isinstance(body, HalfSpace):
         return half_space_theory(tip, layers)
@@ -140,10 +141,12 @@ def theory_of(body: AnyBody, layers: Sequence[BodyLayer], tip: Indenter, center:
 
 
 def layer_theory(
-    body: AnyBody, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
+    body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
 ) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
     assert not isinstance(body, HalfSpace)
+    if isinstance(body, Dome):
+        return _dome_theory(body, layers, tip)
     shape, is_plane = shape_of(tip), body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
@@ -152,6 +155,32 @@ def layer_theory(
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
     return _theory("layer theory", exact, why, layers, tip, contact, formulas)
+
+
+def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
+    """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a half-space for a ball."""
+    is_cap = body.shape == "cap"
+    shape, stack = shape_of(tip), stack_of(layers, body.base if is_cap else None)
+    if shape is None or stack is None:
+        return None
+    contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
+    why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
+    return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
+
+
+def relative_tip(tip: Indenter, body: Body) -> Indenter:
+    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the body's, 1/R + 1/radius.
+
+    A sharp tip is its own: beside its apex the body is flat.
+    """
+    if not isinstance(body, Dome):
+        return tip
+    match tip:
+        case Paraboloid(R=R) | Sphere(R=R):
+            return Paraboloid(1 / (1 / R + 1 / body.radius))
+        case Plate() | FlatPunch():
+            return Paraboloid(body.radius)
+    return tip
 
 
 def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer]) -> Theory | None:
@@ -226,7 +255,7 @@ def _ply(layer: BodyLayer) -> Ply:
     return Ply(layer.thickness or inf, *layer.material.constants)
 
 
-def _wall(body: AnyBody, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
+def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
     """Radius of the roller wall, if the body has the one that theory knows, and what is different otherwise."""
     if isinstance(body, Endless):
         return None, True, "the infinitely wide layer itself"

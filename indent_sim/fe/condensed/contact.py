@@ -31,6 +31,7 @@ from indent_sim.fe.observe.surface import (
     pressure_functions,
     shapes,
     split_quadrature,
+    undeformed,
 )
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.mixing import Mixing
@@ -77,7 +78,7 @@ class CondensedContact:
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
         trace, scene = self.compliance.trace, self.scene
-        x = np.moveaxis(trace.positions(points), -1, 0)
+        x = np.moveaxis(undeformed(scene.physics.part, trace, points), -1, 0)
         horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
         return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[-1]
 

@@ -81,7 +81,15 @@ def test_contact_without_a_method_is_auto():
     assert loads(SCENE + "contact: {gap: current}\n").contact == AutoContact(gap="current")
 
 
-@pytest.mark.parametrize("text", [SCENE, BOX])
+ROUND = """\
+body: {shape: cap, base_radius: 2.0, contact_angle: 50.0, base: roller}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: plate}
+loading: {delta: 0.1, steps: 2}
+"""
+
+
+@pytest.mark.parametrize("text", [SCENE, BOX, ROUND])
 def test_yaml_written_is_yaml_read(text):
     config = loads(text)
     assert loads(to_yaml(config)) == config
