@@ -248,7 +248,7 @@ def _tip(config: Config) -> list[ConfigError]:
     if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
         problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
         return [ConfigError("indenter.shape", problem, "use a tip of revolution, a cone of equal sections")]
-    if isinstance(tip, Plate) and isinstance(config.body, Cylinder | Strip | Box | HalfSpace):
+    if isinstance(tip, Plate) and isinstance(config.body, Cylinder | Strip | Box | Endless):
         problem = "a plate on a flat top touches all of it at once"
         return [ConfigError("indenter.shape", problem, "use a flat_punch, or body.shape cap or ball")]
     if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:

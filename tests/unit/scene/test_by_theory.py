@@ -89,6 +89,12 @@ def test_a_free_body_is_not_theorys() -> None:
         scene(CYLINDER, THEORY)
 
 
+@pytest.mark.parametrize("body", [HALF_SPACE, LAYER], ids=["half_space", "layer"])
+def test_a_plate_is_no_tip_for_a_flat_top(body: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="touches all of it at once"):
+        scene(body, indenter={"shape": "plate"})
+
+
 def test_what_can_be_told_at_a_look() -> None:
     """Whether the mesher is forked before anything is resolved: never for a scene that theory solves."""
 
