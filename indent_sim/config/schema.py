@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, HalfSpace, Layer, Strip
+from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, Endless, HalfSpace, Layer, Strip
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -68,7 +68,7 @@ class MeshSettings:
 class SolverSettings:
     """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
 
-    method: Literal["auto", "newton", "condensed"] = "auto"
+    method: Literal["auto", "theory", "condensed", "newton"] = "auto"
     rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
     max_iterations: PositiveInt = 50
     petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
@@ -79,7 +79,7 @@ class OutputSettings:
     """What is written and where."""
 
     directory: Annotated[str, MinLen(1)] | None = None
-    fields: When = "last"
+    fields: Literal["auto", "none", "last", "all"] = "auto"
     surface: When = "last"
     plot: bool = True
 
@@ -229,8 +229,8 @@ def _path(config: Config) -> list[ConfigError]:
 
 def _axis(config: Config) -> list[ConfigError]:
     center, needed = config.center, len(config.body.center)
-    if isinstance(config.body, HalfSpace) and center is not None and any(center):
-        return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
+    if isinstance(config.body, Endless) and center is not None and any(center):
+        return [ConfigError("indenter.center", f"a {config.body.shape} is the same everywhere", "leave it out")]
     if isinstance(config.body, Cap | Ball) and center is not None and any(center):
         problem = f"over a {config.body.shape} the tip stands on the axis"
         return [ConfigError("indenter.center", problem, "leave it out")]
@@ -248,7 +248,7 @@ def _tip(config: Config) -> list[ConfigError]:
     if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
         problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
         return [ConfigError("indenter.shape", problem, "use a tip of revolution, a cone of equal sections")]
-    if isinstance(tip, Plate) and isinstance(config.body, Cylinder | Strip | Box | HalfSpace):
+    if isinstance(tip, Plate) and isinstance(config.body, Cylinder | Strip | Box | Endless):
         problem = "a plate on a flat top touches all of it at once"
         return [ConfigError("indenter.shape", problem, "use a flat_punch, or body.shape cap or ball")]
     if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:

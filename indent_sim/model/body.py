@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians, tan
+from math import inf, radians, tan
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -188,19 +188,55 @@ class Box:
         return along_x, along_y
 
 
+class _Endless:
+    """What bodies without sides have in common: every place is equal, and there is room beside any contact."""
+
+    dim: ClassVar[int] = 3
+    is_held: ClassVar[bool] = False
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """Where the tip stands."""
+        return (0.0, 0.0)
+
+    def rim_distance(self, center: tuple[float, ...]) -> float:
+        """There is no edge of the top surface."""
+        return inf
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """The top surface has no farthest point."""
+        return inf
+
+    def top(self) -> Points:
+        """No points: there is no mean over all of the top surface."""
+        return np.empty(0), np.empty(0)
+
+    def fixed_ends(self) -> Points:
+        """No points: there is no side."""
+        return np.empty(0), np.empty(0)
+
+
 @dataclass(frozen=True)
-class HalfSpace:
-    """z <= 0 without end. A simulation replaces it by a finite body that is large enough."""
+class HalfSpace(_Endless):
+    """z <= 0 without end: solved by theory, or on a finite body that is large enough."""
 
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
 
-    dim: ClassVar[int] = 3
-
     @property
-    def center(self) -> tuple[float, ...]:
-        """Where the tip stands; every place is equal."""
-        return (0.0, 0.0)
+    def height(self) -> float:
+        """Thickness [length]: infinite."""
+        return inf
+
+
+@dataclass(frozen=True)
+class InfiniteLayer(_Endless):
+    """-height <= z <= 0 [length], infinitely wide: solved by theory, or on a finite body that is large enough."""
+
+    height: Length
+    shape: Literal["layer"] = "layer"
+    base: BaseSupport = "fixed"
+    layers: Layers | None = None
 
 
 @dataclass(frozen=True)
@@ -303,5 +339,6 @@ class Ball:
         return Dome(self.radius, 2 * self.radius, "ball", self.base)
 
 
-Body = Cylinder | Strip | Box | Dome
-AnyBody = Cylinder | Strip | Box | HalfSpace | Cap | Ball
+Endless = HalfSpace | InfiniteLayer
+Body = Cylinder | Strip | Box | Dome | Endless
+AnyBody = Cylinder | Strip | Box | Endless | Cap | Ball

@@ -125,7 +125,13 @@ MESH = (
 )  # fmt: skip
 
 SOLVER = (
-    Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
+    Symbol(
+        "solver.method",
+        "",
+        "how the scene is solved: by exact theory without a mesh, or on a mesh whose body is condensed to its surface "
+        "or solved whole by Newton's method; auto: the program chooses and says why",
+        WORD,
+    ),
     Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
     Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
@@ -134,7 +140,13 @@ SOLVER = (
 OUTPUT = (
     Symbol("directory", "", "result folder, below the working directory; default: results/ and the name of the "
            "config", WORD),
-    Symbol("fields", "", "steps whose fields are written for ParaView; last: the deepest and the last", WORD),
+    Symbol(
+        "fields",
+        "",
+        "steps whose fields are written for ParaView; last: the deepest and the last; "
+        "auto: last where a mesh is solved, none with theory",
+        WORD,
+    ),
     Symbol("surface", "", "state of the contact surface, point by point", WORD),
     Symbol("output.surface", "", "steps whose contact surface is written to surface.csv; last: the deepest and the "
            "last", WORD),

@@ -286,6 +286,28 @@ class ErrorBars:
         return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else float("inf")
 
 
+class TheoryBars:
+    """The error bars of a scene that theory solves: its own stated error, of every number."""
+
+    companions: Sequence[Companion] = ()
+
+    def __init__(self, scene: Scene):
+        assert scene.plan.theory is not None
+        self.budgets: list[Budget] = []
+        self._error, self._finds_depths = scene.plan.theory.error, scene.physics.path.control == "force"
+
+    def judged(self, state: State) -> State:
+        """The state with its error bars."""
+        error = self._error
+        self.budgets.append(Budget(state.step, 0.0, 0.0, 0.0, theory=error * abs(state.force)))
+        return replace(state, force_error=error * abs(state.force), a_error=error * state.a,
+                       p_max_error=error * state.p_max,
+                       delta_error=error * abs(state.delta) if self._finds_depths else None)  # fmt: skip
+
+
+Bars = ErrorBars | TheoryBars
+
+
 def _spread(fine: Curve, coarse: Curve, state: State, name: str) -> list[float]:
     """The difference of a number of a step between two meshes, NaN when one has no such step, and those of the steps
     beside it, scaled to its size."""

@@ -42,13 +42,14 @@ def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
     The states are in the user's units.
     """
-    rules = ALWAYS if _is_first_touch(scene, state) else ALWAYS + PRESSED
+    rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + PRESSED
     return next((said for rule in rules if (said := rule(scene, state, earlier))), None)
 
 
 def _is_not_a_number(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp tip."""
-    wrong = [name for name in ("delta", "force", "a", "energy") if not isfinite(getattr(state, name))]
+    names = ("delta", "force", "a", *(("energy",) if scene.is_meshed else ()))
+    wrong = [name for name in names if not isfinite(getattr(state, name))]
     return f"{', '.join(wrong)} is not a number" if wrong else None
 
 

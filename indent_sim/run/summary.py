@@ -16,7 +16,7 @@ POINTS = 50  # of the theory curve that is kept for the plot
 
 
 def summary(
-    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float
+    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float | None
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
@@ -35,8 +35,8 @@ def summary(
 
 def energy_balance(states: list[State]) -> float | None:
     """Relative difference between int F ddelta (trapezoid rule) and the energy; reported, not judged: on a coarse
-    path the rule itself is wrong by far more than the solution."""
-    if len(states) < 2 or states[-1].energy == 0:
+    path the rule itself is wrong by far more than the solution. None where there is no energy."""
+    if len(states) < 2 or states[-1].energy == 0 or states[-1].energy != states[-1].energy:
         return None
     delta = np.array([0.0, *(state.delta for state in states)])
     force = np.array([0.0, *(state.force for state in states)])
@@ -59,7 +59,7 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     solution = _theory_beside(scene, theory, deepest)
     if solution is None:
         return None
-    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)]
+    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)] if scene.is_meshed else []  # else: the rows
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
     if scene.physics.path.control == "force":
         found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
@@ -74,12 +74,26 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
         **found,
         "a_deviation": deepest.a / (solution.a * L) - 1,
         "half_space": _half_space(scene, deepest),
+        "formulas": _formulas(scene, theory, deepest),
         "curve": {
             "delta": [s.delta * D for s in curve],
             "force": [s.force * F for s in curve],
             "a": [s.a * L for s in curve],
         },
     }
+
+
+def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
+    """What the usual formulas for films and thin layers say at the state's depth, or at its force, beside the run."""
+    D, F = scene.physics.scales.depth, scene.physics.scales.force
+    is_forced = scene.physics.path.control == "force"
+    name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
+    said = {formula: theory.formula_at(formula, state.delta / D, force) for formula in theory.formulas}
+    return [
+        {"name": formula, name: value * unit, "deviation": value * unit / getattr(state, name) - 1}
+        for formula, value in said.items()
+        if value is not None and getattr(state, name) != 0
+    ]
 
 
 def _theory_beside(scene: Scene, theory: Theory, state: State) -> Solution | None:

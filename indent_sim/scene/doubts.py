@@ -42,12 +42,22 @@ class Doubt:
     force_error: float = 0.0
 
 
+NO_CONTACT = Doubt("no_contact", "the tip never reaches the body: every depth is <= 0")
+
+
 def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt, ...]:
     """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
     if given.deepest <= 0:
-        return (Doubt("no_contact", "the tip never reaches the body: every depth is <= 0"),)
-    of_model = (*_of_model(given), *_of_tip(given, gap))
+        return (NO_CONTACT,)
+    of_model = of_theory(given, gap)
     return (*of_model, *_of_contact(given, law, gap, sizes), *_of_mesh(given, sizes), *_of_truncation(given))
+
+
+def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
+    """All that speaks against the model, whatever solves it."""
+    if given.deepest <= 0:
+        return (NO_CONTACT,)
+    return (*_of_model(given), *_of_tip(given, gap))
 
 
 def _of_model(given: Given) -> Iterator[Doubt]:

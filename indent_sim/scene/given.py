@@ -6,12 +6,13 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from math import inf, isfinite, log2
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import Ball, Body, Cap, Dome, HalfSpace, Layer
+from indent_sim.model.body import Ball, Body, Cap, Dome, Endless, Layer
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -19,7 +20,7 @@ from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, half_space_theory, layer_theory, relative_tip
+from indent_sim.scene.theories import Theory, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
@@ -36,7 +37,7 @@ class Given:
 
     scales: Scales
     body: Body
-    truncation: Truncation | None  # of a half-space, for which the body stands
+    truncation: Truncation | None  # of a body without end, for which this one stands
     layers: tuple[Layer, ...]  # from the top, each with its thickness and material
     material: Material  # of the first
     tip: Indenter
@@ -75,8 +76,23 @@ class Given:
 
 
 def given_by(config: Config) -> Given:
-    """The scene without units; ConfigError for one that cannot exist."""
-    whole, layers, truncation = _finite(config, _layers(config))
+    """The scene without units, its body as given; ConfigError for one that cannot exist."""
+    body, layers = config.body, _layers(config)
+    if isinstance(body, Cap | Ball):
+        dome = body.dome
+        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None)
+    return _given(config, body, layers, None)
+
+
+def on_finite_body(config: Config, given: Given) -> Given:
+    """The scene on a body that can be meshed: one large enough stands for a body without end."""
+    if not isinstance(config.body, Endless):
+        return given
+    found = truncate(config.body, config.indenter, _layers(config), given.deepest * given.scales.length)
+    return _given(config, found.body, found.layers, found)
+
+
+def _given(config: Config, whole: Body, layers: tuple[Layer, ...], truncation: Truncation | None) -> Given:
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
@@ -84,14 +100,14 @@ def given_by(config: Config) -> Given:
     _check_scene(whole, config.indenter, center, path, pieces)
     _check_room(whole, layers, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants.E, whole.dim, pieces)
+    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
     part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
-    theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
-    relative = relative_tip(tip, body)
+    asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
+    theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
     return Given(
         scales, body, truncation, layers, material, tip, relative, center, path, part, part_why, theory=theory,
         deltas=depths_of(path, theory, relative, material, body.height, scales),
@@ -99,9 +115,21 @@ def given_by(config: Config) -> Given:
     )  # fmt: skip
 
 
+def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
+    """The body's height; of a half-space about the contact radius, a power of two, which costs no digit."""
+    if isfinite(body.height):
+        return body.height
+    deepest = max(path.values)
+    depth = expected_depth(tip, layers, deepest) if path.control == "force" else abs(deepest) or 1.0
+    return float(2.0 ** round(log2(tip.radius_at(depth))))
+
+
 def _layers(config: Config) -> tuple[Layer, ...]:
-    """The layers from the top, each with the two constants of its material."""
-    return tuple(replace(layer, material=_material_of(layer).canonical()) for layer in config.layers)
+    """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
+    return tuple(
+        replace(layer, thickness=layer.thickness or inf, material=_material_of(layer).canonical())
+        for layer in config.layers
+    )
 
 
 def _material_of(layer: Layer) -> Material:
@@ -131,21 +159,6 @@ def _formulation(key: str, material: Material) -> str:
     return chosen
 
 
-def _finite(config: Config, layers: tuple[Layer, ...]) -> tuple[Body, tuple[Layer, ...], Truncation | None]:
-    """The body as given, or the one that stands for a half-space, and its layers."""
-    if isinstance(config.body, Cap | Ball):
-        dome = config.body.dome
-        return dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None
-    if not isinstance(config.body, HalfSpace):
-        return config.body, layers, None
-    path = config.loading.path()
-    delta = max(path.values)
-    if path.control == "force":
-        delta = expected_depth(config.indenter, layers, delta)
-    truncation = truncate(config.indenter, layers, delta)
-    return truncation.body, truncation.layers, truncation
-
-
 def _rounded_body(body: Body) -> Body:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
@@ -168,7 +181,9 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
                           f"stay below {thickness:g}")  # fmt: skip
 
 
-def _check_room(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_room(
+    body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath
+) -> None:
     delta, room = max(path.values), deepest(body, layers, tip, center)
     if path.control == "depth" and delta >= room:
         raise ConfigError(
@@ -196,7 +211,7 @@ def _expected_radius(
     """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
-        return 0.2 * rim
+        return 0.2 * rim if isfinite(rim) else 1.0
     solution = theory.at(delta) if theory else None
     return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 

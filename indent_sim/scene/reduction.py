@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
-from math import isclose
+from math import inf, isclose
 
 from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
-from indent_sim.model.body import Body, Box, Cylinder, Dome, Strip
+from indent_sim.model.body import Body, Box, Cylinder, Dome, Endless, Strip
 from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
@@ -23,6 +23,8 @@ def reduce(body: Body, center: Point, wanted: str, tip: Indenter, regions: Regio
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.
     """
+    if isinstance(body, Endless):
+        return _endless(body, regions), "tip of revolution on a body that is the same everywhere"
     if isinstance(body, Cylinder):
         part, why = _cylinder(body, center, wanted, tip, regions)
     elif isinstance(body, Strip):
@@ -51,13 +53,21 @@ def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions
         raise _refuse(wanted, obstacle or "a cylinder is not infinitely long", "use 'auto', 'half' or 'full'")
     supports = {"base": body.base, "r_max": body.sides}
     if wanted in ("auto", "axisymmetric") and not obstacle:
-        section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, body.radius), (-body.height, 0.0))
-        part = Part(Axisymmetric(), "axisymmetric", 1, section, body.height, regions, {**supports, "r_min": "roller"})
-        return part, "tip of revolution on the axis of a cylinder"
+        return _section(body.radius, body.height, regions, supports), "tip of revolution on the axis of a cylinder"
     cuts = _cuts(wanted, [axis for axis in "xy" if on_axis[axis] and _mirrors(tip, axis)])
     part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts), _sector(body.radius, cuts), body.height,
                 regions, _mirrored(supports, cuts))  # fmt: skip
     return part, f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
+
+
+def _endless(body: Endless, regions: Regions) -> Part:
+    """What theory sees of a body without end: a section whose walls are at infinity. Nothing meshes it."""
+    return _section(inf, body.height, regions, {"base": getattr(body, "base", "free")})
+
+
+def _section(radius: float, height: float, regions: Regions, supports: Mapping[str, str]) -> Part:
+    section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
+    return Part(Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"})
 
 
 def _sector(radius: float, cuts: list[str]) -> tuple[Side, ...]:

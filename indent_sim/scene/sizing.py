@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
+POINTS = 40  # of theory's surface in every contact radius
 GRADING = 0.2  # growth of the size per unit distance
 PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon encloses 0.3 % less than the circle, which
 # an incompressible body between roller walls feels as much
@@ -62,6 +64,14 @@ KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt be
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
 RULE = 0.25  # and from what share on they rule how the force converges
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
+
+
+def surface_points(given: Given) -> Sizes:
+    """The distances between the points at which theory's surface is written: as many in every contact radius."""
+    inside = [given.radius(delta) for delta in given.deltas if delta > 0] or [given.a]
+    a, h = rounded(max(inside)), rounded(max(inside) / POINTS)
+    on_axis = rounded(max(min(inside), SMALLEST * a) / POINTS)
+    return Sizes(h, inf, a, GRADING, h_axis=on_axis if on_axis < h else None, a=a, axis=given.center)
 
 
 def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness | None:

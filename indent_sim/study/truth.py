@@ -172,7 +172,8 @@ def _peak(solution: Any) -> float:
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
     """Sorts cases from coarse to fine, and among equal meshes one whose enforcement costs no accuracy last."""
     sizes, exact = case.scene.sizes, case.scene.physics.contact.method == "augmented_lagrangian"
-    return done[case.id].report.get("dofs", 0), -sizes.h_contact, exact, -case.index
+    dofs = done[case.id].report.get("dofs", 0) if case.scene.is_meshed else math.inf
+    return dofs, -sizes.h_contact, exact, -case.index
 
 
 def _error(where: Place, problem: str, remedy: str = "") -> ConfigError:

@@ -63,7 +63,7 @@ def test_defaults():
     assert config.loading.path().values == pytest.approx([0.001 * i for i in range(1, 11)])
     assert config.loading.path().control == "depth"
     assert (config.mesh.h_contact, config.mesh.order, config.mesh.symmetry) == ("auto", 2, "auto")
-    assert (config.output.fields, config.output.plot, config.output.directory) == ("last", True, None)
+    assert (config.output.fields, config.output.plot, config.output.directory) == ("auto", True, None)
     assert config.center is None
 
 

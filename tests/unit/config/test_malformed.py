@@ -128,7 +128,7 @@ MALFORMED = [
     (edited("sides: free", "sides: rollers"), 7, "body.sides", "did you mean 'roller'?"),
     (edited("sides: free", "sides: {x_min: rolls}"), 7, "body.sides.x_min", "must be free, roller or fixed"),
     (edited("h_contact: 0.01", "h_contact: Auto"), 23, "mesh.h_contact", "a number > 0 or auto, got 'Auto'"),
-    (edited("fields: last", "fields: true"), 29, "output.fields", "must be none, last or all, got true"),
+    (edited("fields: last", "fields: true"), 29, "output.fields", "must be auto, none, last or all, got true"),
     # types
     (edited("R: 1.0", "R: '1.0'"), 14, "indenter.R", "must be a number > 0, got '1.0'"),
     (edited("R: 1.0", "R: 1.0 mm"), 14, "indenter.R", "must be a number > 0, got '1.0 mm'"),
@@ -199,7 +199,7 @@ MALFORMED = [
     (tip("shape: profile\n  points: [[0, 1], [1, 2]]"), 14, "indenter.points", "the apex [0, 0]"),
     (tip("shape: profile\n  points: [[0, 0], [1, 1], [1, 2]]"), 14, "indenter.points", "r must increase"),
     (tip("shape: profile\n  points: [[0, 0], [1, 1], [2, 1.5]]"), 14, "indenter.points", "must be convex"),
-    (body("shape: half_space"), 12, "indenter.center", "a half-space is the same everywhere"),
+    (body("shape: half_space"), 12, "indenter.center", "a half_space is the same everywhere"),
     (body("shape: half_space\n  base: fixed"), 5, "body.base", "'half_space' has no parameter 'base'"),
     (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder and ball)"),
     # bodies about an axis
