@@ -65,6 +65,8 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
     if theory.get("formulas"):
         lines.append(_formulas(theory))
+    if fit := report.get("hertz"):
+        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)")
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.model.state import COLUMNS, State
+from indent_sim.model.state import COLUMNS, READINGS, State
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -56,7 +56,7 @@ class ResultFolder:
         self._target = Path(target)
         self._config_yaml = config_yaml
         self._surface = surface
-        self._columns = (*COLUMNS, *errors)
+        self._columns = (*COLUMNS, *READINGS, *errors)
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None

@@ -21,6 +21,7 @@ from indent_sim.results.reader import checked_report, earlier_run, lost_files
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer
+from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
@@ -179,13 +180,16 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     comm = communicator(comm if comm is not None else Alone(), scene)
     if not scene.is_meshed:
         walk = TheoryWalk(scene, comm)
-        yield from (state.in_units(scene.physics.scales)
+        readings = Readings(scene)
+        yield from (readings.read(state).in_units(scene.physics.scales)
                     for state in walk.states(scene.physics.path, lambda step: with_surface))  # fmt: skip
         return
     fe = backend()
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
-    for state in fe.walk(scene, mesh).states(scene.physics.path, lambda step: with_surface):
-        yield state.in_units(scene.physics.scales)
+    walk = fe.walk(scene, mesh)
+    readings = Readings(scene, walk.equilibrium)
+    for state in walk.states(scene.physics.path, lambda step: with_surface):
+        yield readings.read(state).in_units(scene.physics.scales)
     fe.release(mesh)
 
 
@@ -225,8 +229,9 @@ class CondensedBody:
             values = tuple(force / self.scene.physics.scales.force for force in forces)
             changes |= {"deltas": (begin,) * len(forces), "path": LoadPath("force", values)}
         scene = self.scene.with_physics(**changes)
-        walk = backend().Walk(self.equilibrium.under(scene))
-        return [state.in_units(scene.physics.scales) for state in walk.states(scene.physics.path, lambda step: False)]
+        equilibrium = self.equilibrium.under(scene)
+        readings, states = Readings(scene, equilibrium), backend().Walk(equilibrium).states(scene.physics.path, _never)
+        return [readings.read(state).in_units(scene.physics.scales) for state in states]
 
 
 def condense(scene: Scene, comm: Any = None) -> CondensedBody:
@@ -260,6 +265,10 @@ def mpi() -> Any:
     except (ImportError, RuntimeError) as error:
         raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
     return MPI
+
+
+def _never(step: int) -> bool:
+    return False
 
 
 def _plot(directory: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from indent_sim.model.state import State
 from indent_sim.process.usage import peak_memory
+from indent_sim.run.readings import hertz_fit, hertz_force
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import Solution
@@ -21,6 +22,7 @@ def summary(
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
         "theory": theory_comparison(scene, states),
+        "hertz": hertz_fit(scene, states),
         "audit": {
             "force_against_reaction": worst_audit,
             "energy_by_trapezoid": energy_balance(states),
@@ -118,4 +120,11 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit
-    return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1}
+    depths = [state.delta / D * n / POINTS for n in range(1, POINTS + 1)]
+    curve = [(delta, force) for delta in depths if (force := hertz_force(scene, delta))]
+    return {
+        "name": closed[0],
+        name: value,
+        "deviation": value / getattr(state, name) - 1,
+        "curve": {"delta": [delta * D for delta, _ in curve], "force": [force * F for _, force in curve]},
+    }
