@@ -117,6 +117,7 @@ class Run:
                 record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
             simulation = Simulation(config, scene, record, self._clock, bars)
             states = simulation.follow(self.progress)
+            simulation.experiment()
             simulation.release()
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))

@@ -20,7 +20,7 @@ from indent_sim.run.plausibility import contradiction
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import fields_of
-from indent_sim.run.summary import summary
+from indent_sim.run.summary import stages, summary
 from indent_sim.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -138,6 +138,18 @@ class Simulation:
             worst = self._worst_audit if self.scene.is_meshed else None
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, worst))
         return self.states
+
+    def experiment(self) -> None:
+        """Compute and write what the experiment makes of the curve; nothing without one."""
+        if self.scene.experiment is None:
+            return
+        from indent_sim.run.experiment import conduct  # with scipy's searches, which no other scene needs
+
+        with self.clock.stage("experiment"):
+            found = conduct(self.scene, self._walk.equilibrium if self.scene.is_meshed else None)
+        self.record.write_experiment(found.rows, found.dynamic)
+        self.record.note(experiment=found.report, timings=stages(self.clock.stages))
+        self.record.warn(*found.warnings)
 
     def release(self) -> None:
         """Give the memory of the solution back (collective); a process may have many runs before it."""

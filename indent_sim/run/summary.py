@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ POINTS = 50  # of the theory curve that is kept for the plot
 
 
 def summary(
-    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float | None
+    scene: Scene, states: list[State], wall: dict[str, float], cpu: dict[str, float], worst_audit: float | None
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
@@ -29,10 +30,15 @@ def summary(
             "newton_iterations": sum(state.newton_iterations for state in states),
             "substeps": sum(state.substeps for state in states),
         },
-        "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
-        "cpu_timings": {name: round(seconds, 4) for name, seconds in cpu.items()},
+        "timings": stages(wall),
+        "cpu_timings": stages(cpu),
         "peak_memory_MB": round(peak_memory(), 1),
     }
+
+
+def stages(seconds: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of the stages of a run, as run.json has them."""
+    return {name: round(value, 4) for name, value in seconds.items()}
 
 
 def energy_balance(states: list[State]) -> float | None:

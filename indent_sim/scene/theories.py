@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from math import inf, nan
 from typing import Any
@@ -164,6 +164,28 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
     contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
     why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
+
+
+def adhesive_radii(
+    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, deepest: float
+) -> tuple[float, float] | tuple[()]:
+    """Contact radii [length] of a tip that adheres without range: where it comes off, and at the deepest depth.
+
+    By theory, or that of a half-space of the first layer; empty where neither knows them.
+    """
+    from indent_sim.theory.surface.adhesion import Jkr  # with scipy's searches, which no other scene needs
+    from indent_sim.theory.surface.punches import LayerPunches
+
+    contact = theory.contact if theory else None
+    if not isinstance(contact, Layer):
+        known = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(deepest))
+        contact = known.contact if known else None
+    with contextlib.suppress(ValueError, ArithmeticError):
+        if isinstance(contact, Layer):
+            jkr = Jkr(LayerPunches(contact), work)
+            deep = jkr.stable(max(deepest, 0.0))
+            return (jkr.pull_off().a, deep.a) if deep else ()
+    return ()
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:

@@ -233,6 +233,17 @@ class CondensedContact:
         heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
         return Q, heights, areas, Q.T @ self.compliance.C @ Q
 
+    @property
+    def weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of the nodes that carry a pressure the places x (n, dim - 1) [length], weighted heights, areas, and the
+        compliance A: gaps heights - delta areas + A p >= 0, and areas . p is the force of the modelled part."""
+        _, heights, areas, A = self._weighted
+        trace = self.compliance.trace
+        x = np.zeros((self.compliance.size, trace.dim - 1))
+        x[trace.nodes] = trace.X[..., :-1]
+        carriers = np.flatnonzero(areas > 0)
+        return x[carriers], heights[carriers], areas[carriers], A[np.ix_(carriers, carriers)]
+
     def active_set(self, delta: float) -> bool:
         """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
         Q, heights, areas, A = self._weighted

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import inf
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -124,18 +125,20 @@ class StepByStep:
         self._phi = np.zeros(n)
         self._contacts: dict[float, _Contact] = {}
 
-    def responses(self, times: Sequence[float], values: Sequence[float]) -> Iterator[Response]:
-        """One Response at every time, straight lines between them; two equal times are a jump."""
+    def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
+        """One Response at every time, straight lines between them, and one about `every` so long between; two equal
+        times are a jump."""
         yield self._step(times[0], 0.0, values[0])
         for (t0, v0), (t1, v1) in pairwise(zip(times, values, strict=True)):
             if t1 == t0:
                 yield self._step(t1, 0.0, v1)
                 continue
-            response = None
-            for t in self._ladder(t0, t1):
-                response = self._step(t[1], t[1] - t[0], v0 + (v1 - v0) * (t[1] - t0) / (t1 - t0))
-            assert response is not None
-            yield response
+            said = t0
+            for begin, end in self._ladder(t0, t1):
+                response = self._step(end, end - begin, v0 + (v1 - v0) * (end - t0) / (t1 - t0))
+                if end == t1 or end - said >= every:
+                    yield response
+                    said = end
 
     def _ladder(self, begin: float, end: float) -> list[tuple[float, float]]:
         """The steps of a piece: short ones first, where relaxation may be quick, doubling to its longest."""
