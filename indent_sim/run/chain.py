@@ -18,6 +18,7 @@ from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
 from indent_sim.results.reader import checked_report, earlier_run, lost_files
+from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer
@@ -168,6 +169,8 @@ def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: O
     if not earlier.finished(steps):
         return None
     lost = comm.bcast(on_root(comm, lost_files, target, output.surface != "none", output.fields != "none"))
+    if scene.experiment is not None and not comm.bcast(on_root(comm, (target / EXPERIMENT).exists)):
+        lost = [*lost, EXPERIMENT]
     said = [f"{', '.join(lost)}: missing or damaged since; leave --resume out to compute them again"] if lost else []
     report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *said]}
     return Outcome(target, report, list(earlier.states), steps)
@@ -273,6 +276,8 @@ def _never(step: int) -> bool:
 
 
 def _plot(directory: Path) -> None:
-    from indent_sim.results.pictures import forces
+    from indent_sim.results.pictures import experiment, forces
 
     forces.plot_run(directory)
+    if (directory / EXPERIMENT).exists():
+        experiment.plot_experiment(directory)

@@ -69,8 +69,8 @@ def punches_of(scene: Scene, equilibrium: Any = None) -> Punches:
     if not scene.is_meshed and theory is not None:
         return LayerPunches(theory.contact)  # type: ignore[arg-type]
     shape = theory.contact.tip if theory else shape_of(physics.indenter)
-    if shape is None or shape.edge is not None or not physics.indenter.of_revolution:
-        raise ValueError("the contact of this tip does not grow with the load")
+    if shape is None or shape.edge is not None or physics.part.kinematics.name != "axisymmetric":
+        raise ValueError("the contact is no disc that grows with the load")
     a, K, P = equilibrium.punches()
     return FittedPunches(a, K, P, shape, physics.material.E_star)
 

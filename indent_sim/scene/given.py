@@ -78,7 +78,7 @@ class Given:
     def adhesive(self) -> tuple[float, float] | tuple[()]:
         """Contact radii [length] with the experiment's adhesion, the smallest that comes off and the deepest one's."""
         adhesion = self.experiment.adhesion if self.experiment else None
-        if adhesion is None:
+        if adhesion is None or self.part.kinematics.name != "axisymmetric":
             return ()
         work = adhesion.work / (self.scales.pressure * self.scales.length)
         return adhesive_radii(self.theory, self.relative, self.layers, work, self.deepest)

@@ -15,9 +15,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.polynomial import Chebyshev
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize_scalar
 
 from indent_sim.theory.solution import require_positive
@@ -25,6 +27,7 @@ from indent_sim.theory.surface.punches import Punches
 
 LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
 NARROW, POINTS = 0.05, 13  # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
+SAMPLES = 120  # of a stable branch
 SMALLEST = 1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
 CLOSEST = 1e-9  # relative distance from the largest radius that is looked at
 
@@ -39,11 +42,16 @@ class Contact:
 
 
 class Jkr:
-    """The equilibria of a tip that adheres with a work of adhesion [F/L], by the contact radius."""
+    """The equilibria of a tip that adheres with a work of adhesion [F/L], by the contact radius.
+
+    pull_off(compliance=0): the last stable one on the way out, where dF/ddelta = -1/compliance, infinite for 0:
+    compliance [L/F] is that of a spring between the tip and what moves it; 0 depth control, infinite force control.
+    """
 
     def __init__(self, punches: Punches, work: float):
         require_positive(work=work)
         self.punches, self.work = punches, work
+        self.pull_off = cache(self._pull_off)
 
     def at(self, a: float) -> Contact:
         """The equilibrium, stable or not, of contact radius a [L]."""
@@ -56,17 +64,14 @@ class Jkr:
         found = self.at(a)
         return found.delta + compliance * found.force
 
-    def pull_off(self, compliance: float = 0.0) -> Contact:
-        """The last stable equilibrium on the way out, where dF/ddelta = -1/compliance, dF/ddelta infinite for 0.
-
-        compliance [L/F] of a spring between tip and what moves it; 0: depth control, infinite: force control.
-        """
-        about = self._radius_at_rest()
+    def _pull_off(self, compliance: float = 0.0) -> Contact:
+        about = self._radius_at_rest
         ends = math.log(max(SMALLEST * about, self.punches.smallest)), math.log(about)
         if math.isinf(compliance):
             return self.at(self._extremum(lambda a: self.at(a).force, *ends))
         return self.at(self._extremum(lambda a: self.way(a, compliance), *ends))
 
+    @cached_property
     def _radius_at_rest(self) -> float:
         """The radius without force, beyond which the contact is stable however it is held."""
         low, high = self.punches.smallest, self.punches.largest * (1.0 - CLOSEST)
@@ -94,13 +99,43 @@ class Jkr:
         With an infinite compliance z is the force [F].
         """
         last = self.pull_off(compliance)
-        value = (lambda a: self.at(a).force) if math.isinf(compliance) else (lambda a: self.way(a, compliance))
-        high = self.punches.largest * (1.0 - CLOSEST)
+        value = self._value(compliance)
         if z < value(last.a):
             return None
-        if z > value(high):
-            raise ValueError(f"the contact would be wider than {high:g}, of which nothing is known")
-        return self.at(math.exp(brentq(lambda x: value(math.exp(x)) - z, math.log(last.a), math.log(high), xtol=1e-14)))
+        high = self._beyond(z, value, last.a)
+        return self.at(math.exp(brentq(lambda x: value(math.exp(x)) - z, math.log(last.a), math.log(high), xtol=1e-13)))
+
+    def _value(self, compliance: float) -> Callable[[float], float]:
+        """What is prescribed through a spring, by the radius: the way, or the force for an infinite compliance."""
+        return (lambda a: self.at(a).force) if math.isinf(compliance) else (lambda a: self.way(a, compliance))
+
+    def _beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
+        """A radius [L] not far beyond the one with this value."""
+        high = self.punches.largest * (1.0 - CLOSEST)
+        while value(a) < z:
+            if a >= high:
+                raise ValueError(f"the contact would be wider than {high:g}, of which nothing is known")
+            a = min(1.5 * a, high)
+        return a
+
+    def branch(self, largest: float, compliance: float = 0.0) -> Callable[[float], Contact | None]:
+        """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of the largest.
+
+        The way is smooth in the root of its distance from pull-off, where the radius goes with that root.
+        """
+        last, value = self.pull_off(compliance), self._value(compliance)
+        lowest = value(last.a)
+        high = self._beyond(largest, value, last.a)
+        a = last.a * (high / last.a) ** (np.linspace(0.0, 1.0, SAMPLES) ** 1.5)
+        contacts = [last, *(self.at(float(x)) for x in a[1:])]
+        ways = [c.force if math.isinf(compliance) else c.delta + compliance * c.force for c in contacts]
+        root = np.sqrt(np.maximum(np.array(ways) - lowest, 0.0))
+        table = CubicSpline(root, [[c.a, c.delta, c.force] for c in contacts])
+
+        def found(z: float) -> Contact | None:
+            return Contact(*map(float, table(math.sqrt(z - lowest)))) if z >= lowest else None
+
+        return found
 
 
 def tabor(work: float, reach: float, R: float, E_star: float) -> float:

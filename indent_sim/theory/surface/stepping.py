@@ -38,20 +38,36 @@ SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps
 class Surface:
     """A: (n, n) compliance between weighted places, symmetric and positive definite; heights and areas (n,).
 
-    `radii` (n + 1,): the contact radius with so many places in contact, for places in the order of their radius
-    (an axisymmetric body); empty otherwise, where the contact's area is the sum of `shares`.
+    `places` (n,): the radii [L] of places in their order on an axisymmetric body; its contact ends by `shift` of their
+    distance beyond where their edge pressure vanishes. Empty otherwise, where the contact's area is the sum of areas,
+    or its width in plane strain (`is_plane`).
     """
 
     A: np.ndarray
     heights: np.ndarray
     areas: np.ndarray
-    radii: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    shares: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    places: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    shift: float = 0.0
+    is_plane: bool = False
 
     @property
     def is_ordered(self) -> bool:
         """Whether a contact is the first places."""
-        return len(self.radii) > 0
+        return len(self.places) > 0
+
+    def radius(self, p: np.ndarray) -> float:
+        """Contact radius [L] of pressures (n,) on places that have no order; half the width in plane strain."""
+        area = float(self.areas[p > 0.0].sum())
+        return 0.5 * area if self.is_plane else float(np.sqrt(area / np.pi))
+
+    def edge(self, y: np.ndarray) -> float:
+        """Radius [L] of a disc from the edge pressures y (n,) of punches that end at each place: it is where they
+        change their sign."""
+        n = int(np.argmax(y <= 0.0))
+        if n == 0:
+            return 0.0 if y[0] <= 0.0 else float(self.places[-1])
+        distance = self.places[n] - self.places[n - 1]
+        return float(self.places[n - 1] + distance * (y[n - 1] / (y[n - 1] - y[n]) + self.shift))
 
 
 def layer_surface(contact: Layer, a: float) -> Surface:
@@ -69,7 +85,7 @@ def layer_surface(contact: Layer, a: float) -> Surface:
     K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
     areas = np.full(n, 2.0 * np.pi * width)
     A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
-    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, edges)
+    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h)
 
 
 class _Contact:
@@ -79,6 +95,7 @@ class _Contact:
         self.surface, self.M = surface, M
         self.L = cholesky(M, lower=True) if surface.is_ordered else None
         self._active = np.zeros(len(M), dtype=bool)
+        self.radius = 0.0  # of the last contact found [L]
 
     def pressures(self, o: np.ndarray) -> np.ndarray:
         """The pressures of open gaps o (n,)."""
@@ -96,6 +113,7 @@ class _Contact:
         p = np.zeros(len(o))
         p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0  # type: ignore[index]
         gap = o[n:] + self.M[n:, :n] @ p[:n]
+        self.radius = self.surface.edge(y)
         return p if np.all(p >= 0.0) and np.all(gap >= -1e-12 * np.abs(o).max()) else None
 
     def _any(self, o: np.ndarray) -> np.ndarray:
@@ -109,8 +127,9 @@ class _Contact:
             p = np.zeros(len(o))
             p[on] = np.linalg.solve(self.M[np.ix_(on, on)], -o[on])
             active = np.where(active, p, -(o + self.M @ p)) > 0.0
-        self._active = active
-        return np.maximum(p, 0.0)
+        self._active, p = active, np.maximum(p, 0.0)
+        self.radius = self.surface.radius(p)
+        return p
 
 
 class StepByStep:
@@ -167,7 +186,7 @@ class StepByStep:
         phi = (p - H) / alpha
         self._h = fading[:, None] * self._h + moved[:, None] * (phi - self._phi)
         self._phi = phi
-        return Response(t, delta, float(self.surface.areas @ p), self._radius(p), np.nan)
+        return Response(t, delta, float(self.surface.areas @ p), contact.radius, np.nan)
 
     def _contact(self, alpha: float) -> _Contact:
         """The contact of a step; steps of one length have one, which is factored once."""
@@ -185,9 +204,11 @@ class StepByStep:
     def _pressed(self, contact: _Contact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
         """Depth and pressures under a force: Newton on F(delta), which is convex; at first touch for none."""
         areas = self.surface.areas
-        delta = float((o / areas).min())
+        delta = float((o / areas).min()) if self._phi.any() else 0.0
         if force <= 0.0:
+            contact.radius = 0.0
             return delta, np.zeros(len(o))
+        delta = max(delta, float((o / areas).min()))
         delta += max(force * contact.M[0, 0] / areas[0] ** 2, 1e-12 * abs(delta))
         for _ in range(SEARCH):
             p = contact.pressures(o - delta * areas)
@@ -198,20 +219,3 @@ class StepByStep:
             if abs(missing) <= SAME_FORCE * force:
                 break
         return delta, contact.pressures(o - delta * areas)
-
-    def _radius(self, p: np.ndarray) -> float:
-        """Contact radius [L]: where the pressure of ordered places vanishes, from the last two; sqrt(area/pi)."""
-        on = np.flatnonzero(p > 0.0)
-        if not len(on):
-            return 0.0
-        if not self.surface.is_ordered:
-            return float(np.sqrt(self.surface.shares[on].sum() / np.pi))
-        n = int(on[-1]) + 1
-        middle = 0.5 * (self.surface.radii[1:] + self.surface.radii[:-1])
-        if n < 3:
-            return float(self.surface.radii[n])
-        fall = p[n - 2] - p[n - 1]
-        beyond = p[n - 1] / fall if fall > 0 else 0.5
-        return float(middle[n - 1] + min(beyond, 1.0) * (middle[n - 1] - middle[n - 2]))
-
-

@@ -65,6 +65,19 @@ def test_a_spring_lets_go_where_the_slope_is_its_own(jkr: Jkr, k: float) -> None
     assert held and held.a > found.a and held.delta + held.force / k == pytest.approx(0.9 * z, rel=1e-9)
 
 
+@pytest.mark.parametrize("compliance", [0.0, 30.0, math.inf])
+def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
+    """The spline of a branch is its equilibria, to 1e-6 of the largest; below pull-off there is none."""
+    last = jkr.pull_off(compliance)
+    lowest = last.force if math.isinf(compliance) else last.delta + compliance * last.force
+    branch = jkr.branch(-10 * lowest, compliance)
+    for z in np.linspace(lowest * 0.999, -9 * lowest, 7):
+        exact, found = jkr.stable(float(z), compliance), branch(float(z))
+        assert exact and found and found.a == pytest.approx(exact.a, rel=1e-5)
+        assert found.force == pytest.approx(exact.force, abs=1e-6 * abs(branch(-9 * lowest).force))  # type: ignore[union-attr]
+    assert branch(1.001 * lowest) is None
+
+
 def test_a_stiff_spring_is_depth_control_and_a_soft_one_force_control(jkr: Jkr) -> None:
     assert jkr.pull_off(1e-8).force == pytest.approx(jkr.pull_off(0.0).force, rel=1e-6)
     assert jkr.pull_off(1e8).force == pytest.approx(jkr.pull_off(math.inf).force, rel=1e-6)

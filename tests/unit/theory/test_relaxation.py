@@ -129,7 +129,7 @@ def test_a_contact_that_is_no_disc() -> None:
     layer = Layer.on(profiles.paraboloid(1.0), Stack((Ply(1.0, 2.0, 0.0), Ply(math.inf, 2.0, 0.0)), None))
     disc = layer_surface(layer, 0.1)
     order = np.random.default_rng(1).permutation(len(disc.areas))
-    other = Surface(disc.A[np.ix_(order, order)], disc.heights[order], disc.areas[order], shares=disc.areas[order])
+    other = Surface(disc.A[np.ix_(order, order)], disc.heights[order], disc.areas[order])
     times, z = [0.0, 1.0, 1.5, 2.0], [0.0, 0.01, 0.002, 0.006]
     found = [[r.force for r in StepByStep(surface, SOLID).responses(times, z)] for surface in (disc, other)]
     assert found[0] == pytest.approx(found[1], rel=1e-9)
