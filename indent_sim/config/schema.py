@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from annotated_types import Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, HalfSpace
+from indent_sim.model.body import AnyBody, HalfSpace, MeshFromFile
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -33,9 +33,11 @@ LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the name
 # Every row's contact force must equal the reactions to 1e-8 (simulation.py). A looser residual would save an iteration,
 # and leave a row that fails that audit or an error of the force that nobody could state.
 LOOSEST = 1e-9
+MOST_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
 NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
+SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
 
@@ -58,6 +60,7 @@ class MeshSettings:
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
     order: Annotated[Literal[2], NO_LINEAR] = 2
+    refinements: Annotated[int, Ge(0), Le(MOST_REFINEMENTS)] | None = None
     symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
 
 
@@ -128,7 +131,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_constants, _path, _axis, _tip, _sizes, _petsc, _directory)
+        checks = (_constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -173,6 +176,8 @@ def _axis(config: Config) -> list[ConfigError]:
 
 def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
+    if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.of_revolution:
+        return [ConfigError("indenter.shape", f"a {tip.shape} is no tip of revolution", "use body.kinematics: 3d")]
     if config.body.dim == 2 and not tip.of_revolution:
         return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
     if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
@@ -190,10 +195,27 @@ def _sizes(config: Config) -> list[ConfigError]:
     """`accuracy` chooses the sizes itself."""
     if config.accuracy is None:
         return []
-    given = [name for name in ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
-             if getattr(config.mesh, name) not in (None, "auto")]  # fmt: skip
+    given = [name for name in (*SIZES, "refinements") if getattr(config.mesh, name) not in (None, "auto")]
     return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
             for name in given]  # fmt: skip
+
+
+def _file(config: Config) -> list[ConfigError]:
+    """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the scene."""
+    body, mesh = config.body, config.mesh
+    if not isinstance(body, MeshFromFile):
+        unused = ConfigError("mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact")
+        return [unused] if mesh.refinements is not None else []
+    given = [name for name in (*SIZES, "symmetry") if getattr(mesh, name) not in (None, "auto")]
+    problems = [ConfigError(f"mesh.{name}", "is for bodies that are meshed here, and this one has its mesh",
+                            "leave it out, or refine it with mesh.refinements") for name in given]  # fmt: skip
+    if problem := _misplaced(body.file, "the scene's folder"):
+        problems.append(ConfigError("body.file", problem, "put the mesh beside the scene file"))
+    center = config.center
+    if body.kinematics == "axisymmetric" and center is not None and any(center):
+        problems.append(ConfigError("indenter.center", "the tip stands on the axis of an axisymmetric mesh",
+                                    "leave it out, or use kinematics: 3d"))  # fmt: skip
+    return problems
 
 
 def _petsc(config: Config) -> list[ConfigError]:
@@ -211,16 +233,23 @@ def outside(directory: str) -> str:
 
     Scene and study files come from other people; where else results may go is for the command line to say.
     """
-    parts = directory.split("/")
-    if directory.startswith("/") or ".." in parts:
-        return "must be below the working directory, not absolute and without .."
+    if problem := _misplaced(directory, "the working directory"):
+        return problem
+    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+
+
+def _misplaced(path: str, above: str) -> str:
+    """What is wrong with a path by its words alone: it must lie below a folder; "" if nothing."""
+    parts = path.split("/")
+    if path.startswith("/") or ".." in parts:
+        return f"must be below {above}, not absolute and without .."
     if any(part.startswith((".", "~")) and part != "." for part in parts):
         return "may not begin with . or ~, nor any folder in it"
-    if printable(directory) != directory or "\\" in directory:
+    if printable(path) != path or "\\" in path:
         return "holds a character that does not belong in the name of a folder"
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(directory) > LONGEST_PATH:
+    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(path) > LONGEST_PATH:
         return "is too long"
-    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+    return ""
 
 
 def _leads_out(directory: str) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.mesh.grid import DIGITS, Grid, named_surfaces, regions_of_cells
+from indent_sim.mesh.meshed import MeshedPart, refined
 from indent_sim.mesh.part import Part, Side
 from indent_sim.mesh.sizes import Sizes, size_formula
 from indent_sim.process.errors import BackendError, MeshError
@@ -36,8 +37,11 @@ def build(part: Part, sizes: Sizes) -> Grid:
 def begin(part: Part, sizes: Sizes) -> Callable[[], Grid]:
     """Begin to mesh a part in the forked process; what is returned waits for the grid that `build` returns.
 
-    On several ranks a process is not forked once MPI may be up, and without room for one this process meshes itself.
+    A mesh from a file is refined here, without gmsh. On several ranks a process is not forked once MPI may be up, and
+    without room for one this process meshes itself.
     """
+    if isinstance(part, MeshedPart):
+        return partial(refined, part, sizes)
     if not _mesher.is_up and is_one_of_several():
         return partial(_meshed, (part, sizes))
     try:

@@ -32,6 +32,7 @@ class Sizes:
     corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
     ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
+    refinements: int | None = None  # of a mesh from a file, which has these sizes then; None: they are to be meshed
     axis: tuple[float, ...] = field(kw_only=True)
 
     @property

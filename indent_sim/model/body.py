@@ -18,6 +18,8 @@ Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
 POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
 MIDDLES = (np.arange(POINTS) + 0.5) / POINTS
 SHARES = np.linspace(0, 1, POINTS + 1)
+TOUCHING = 1e-9  # of a facet: so far outside a point still counts as on it
+TINY = 1e-300  # no length is 0
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
 
 
@@ -203,5 +205,103 @@ class HalfSpace:
         return (0.0, 0.0)
 
 
-Body = Cylinder | Strip | Box
-AnyBody = Body | HalfSpace
+@dataclass(frozen=True)
+class MeshSurfaces:
+    """Names that the file gives to the surface which the tip may touch, to the base and to the sides."""
+
+    contact: str
+    base: str
+    sides: str | None = None
+
+
+@dataclass(frozen=True)
+class MeshFromFile:
+    """A body meshed elsewhere, z up; a file in two dimensions has (r, z) or (x, z) in its (x, y), the axis is r = 0.
+
+    The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` says otherwise. What is none of `surfaces` is
+    free. `regions` gives each named region its material; cells of no region are of the scene's.
+    """
+
+    file: str
+    kinematics: Literal["axisymmetric", "plane_strain", "3d"]
+    surfaces: MeshSurfaces
+    shape: Literal["mesh"] = "mesh"
+    base: BaseSupport = "fixed"
+    sides: Support = "free"
+    regions: dict[str, Annotated[Material, TaggedBy("model")]] | None = None
+    hash: str | None = None
+
+    @property
+    def dim(self) -> int:
+        """2 in plane strain, where forces are per unit length."""
+        return 2 if self.kinematics == "plane_strain" else 3
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """The file's own axis."""
+        return (0.0,) * (self.dim - 1)
+
+
+@dataclass(frozen=True)
+class Meshed:
+    """A body as its mesh has it: what is known of its contact surface. z = 0 where the tip first touches.
+
+    facets (k, n, n): corners of the contact surface's facets; rim (m, n - 1, n): the edges around it, in two dimensions
+    its ends; clamped (j, n): those of its points that are held too [length].
+    """
+
+    height: Length
+    center: Annotated[tuple[float, ...], LENGTH]  # where the tip's axis is
+    facets: Annotated[np.ndarray, LENGTH]
+    rim: Annotated[np.ndarray, LENGTH]
+    clamped: Annotated[np.ndarray, LENGTH]
+    layers: Layers  # the matter under the tip's axis, as a single one
+    base: BaseSupport
+    sides: Support
+    dim: int  # 2 in plane strain, where forces are per unit length
+    shape: Literal["mesh"] = "mesh"
+
+    is_held: ClassVar[bool] = False  # not known, and what is not known is not refused
+
+    def rim_distance(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the nearest edge of the contact surface; negative outside of it."""
+        at = self._in_plan(center)
+        start, along = self.rim[:, 0, :-1], self.rim[:, -1, :-1] - self.rim[:, 0, :-1]
+        share = ((at - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), TINY)
+        beside = start + np.clip(share, 0.0, 1.0)[:, None] * along
+        distance = float(np.linalg.norm(beside - at, axis=1).min(initial=np.inf))
+        return distance if (shares_of(self.facets, center) >= -TOUCHING).all(axis=1).any() else -distance
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farthest point of the contact surface."""
+        return float(self.distances(center).max())
+
+    def distances(self, center: tuple[float, ...]) -> np.ndarray:
+        """Distances [length] of the corners of the facets from a vertical axis (k, n)."""
+        return np.asarray(np.linalg.norm(self.facets[..., :-1] - self._in_plan(center), axis=-1))
+
+    def top(self) -> Points:
+        """The corners of the facets, seen from above."""
+        x, y = np.moveaxis(np.pad(self.facets[..., :-1], ((0, 0), (0, 0), (0, 1)))[..., :2], -1, 0)
+        return x, y
+
+    def fixed_ends(self) -> Points:
+        """Those points of the contact surface that are held, seen from above."""
+        x, y = np.pad(self.clamped[:, :-1], ((0, 0), (0, 1)))[:, :2].T
+        return x, y
+
+    def _in_plan(self, center: tuple[float, ...]) -> np.ndarray:
+        return np.asarray(center[: self.facets.shape[2] - 1])
+
+
+def shares_of(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
+    """The barycentric coordinates (k, n) of a point in facets (k, n, n), seen from above."""
+    plan = facets[..., :-1]
+    edges = np.swapaxes(plan[:, 1:] - plan[:, :1], 1, 2)
+    others = np.linalg.solve(edges, (np.asarray(center[: plan.shape[2]]) - plan[:, 0])[..., None])[..., 0]
+    return np.column_stack([1 - others.sum(axis=1), others])
+
+
+Drawn = Cylinder | Strip | Box  # meshed here
+Body = Drawn | Meshed
+AnyBody = Drawn | HalfSpace | MeshFromFile

@@ -7,6 +7,11 @@ from typing import Any
 
 from indent_sim.config.file import to_mapping
 from indent_sim.config.schema import Config
+from indent_sim.mesh.meshed import MeshedPart
+from indent_sim.mesh.piece import as_msh
+from indent_sim.model.body import MeshFromFile
+from indent_sim.results.folder import MESH
+from indent_sim.scene.given import piece_of
 from indent_sim.scene.scene import Scene
 
 OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
@@ -15,6 +20,7 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
+        "body": _body(config, scene),
         "material": _decided(config.material, formulation=scene.physics.part.regions[0].formulation),
         "center": config.center or config.body.center,
         "contact": _contact(config, scene),
@@ -23,6 +29,11 @@ def resolved(config: Config, scene: Scene) -> Config:
         "solver": _decided(config.solver, method=scene.solver.method),
     }
     return config.model_copy(update=decided)
+
+
+def mesh_text(config: Config) -> str:
+    """What the file `MESH` of a result folder has to say; "" where the body is meshed here."""
+    return as_msh(piece_of(config, config.body), config.body) if isinstance(config.body, MeshFromFile) else ""
 
 
 def left_open(config: Config, decided: Config) -> list[str]:
@@ -43,7 +54,17 @@ def _decided(section: Any, **found: Any) -> Any:
     return dataclasses.replace(section, **auto)
 
 
+def _body(config: Config, scene: Scene) -> Any:
+    """A body from a file is that of the copy in the result folder."""
+    part, body = scene.physics.part, config.body
+    if not isinstance(part, MeshedPart) or not isinstance(body, MeshFromFile):
+        return body
+    return dataclasses.replace(body, file=MESH, hash=part.piece.hash)
+
+
 def _mesh(config: Config, scene: Scene) -> Any:
+    if scene.sizes.refinements is not None:
+        return dataclasses.replace(config.mesh, refinements=scene.sizes.refinements)
     sizes, L = scene.sizes, scene.physics.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
                     symmetry=scene.physics.part.symmetry)  # fmt: skip

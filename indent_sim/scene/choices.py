@@ -7,6 +7,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
@@ -57,8 +58,15 @@ def model(given: Given) -> list[Choice]:
 def formulations(given: Given) -> list[Choice]:
     """Displacements alone, or with a pressure, in each region."""
     regions = given.part.regions
-    keys = ["material"] if len(regions) == 1 else [f"body.{region.name}.material" for region in regions]
+    keys = [_key_of(region, alone=len(regions) == 1) for region in regions]
     return [_formulation(f"{key}.formulation", region) for key, region in zip(keys, regions, strict=True)]
+
+
+def _key_of(region: Region, alone: bool) -> str:
+    """Where the material of a region stands in the scene."""
+    if region.name.startswith("regions."):
+        return f"body.{region.name}"
+    return "material" if alone or region.name == "body" else f"body.{region.name}.material"
 
 
 def _formulation(key: str, region: Region) -> Choice:
@@ -167,9 +175,28 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
     return Choice("solver.method", wanted, "as given")
 
 
+def _mesh_of_file(config: Config, part: MeshedPart, given: Given, sizes: Sizes, fineness: Fineness | None
+                  ) -> list[Choice]:  # fmt: skip
+    """What the file has, how often it is refined, and the sizes that are there then."""
+    grid, L = part.piece.grid, given.scales.length
+    found = f"{len(grid.cells)} cells, {len(grid.points)} points"
+    if len(part.piece.middles[0]):
+        found += "; order 2: its midside nodes are the new corners of the first refinement"
+    why = fineness.why(L) if fineness else "as given" if config.mesh.refinements else "the mesh as it is"
+    per_radius = f"{given.a / sizes.h_contact:.3g} elements in the expected contact radius {given.a * L:.4g}"
+    return [
+        Choice("body.file", part.piece.hash, found),
+        *([Choice("accuracy", fineness.target, why)] if fineness else []),
+        Choice("mesh.refinements", sizes.refinements or 0, "each halves every edge" if fineness else why),
+        Choice("mesh.h_contact", sizes.h_contact * L, f"the facets' own; {per_radius}"),
+    ]
+
+
 def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
     """The element sizes, and where each comes from."""
     L, a, wanted = given.scales.length, given.a, config.mesh
+    if isinstance(given.part, MeshedPart):
+        return _mesh_of_file(config, given.part, given, sizes, fineness)
     per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
     auto = "from accuracy" if fineness else "auto: at most 0.3 % of the force at the last step"
     chosen = "as given" if wanted.h_contact != "auto" else auto

@@ -12,6 +12,7 @@ from math import pi
 
 import numpy as np
 
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 
@@ -73,6 +74,8 @@ def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
 
 
 def _cells(sizes: Sizes, part: Part) -> float:
+    if isinstance(part, MeshedPart):
+        return float(len(part.piece.grid.cells) * 2 ** (part.dim * (sizes.refinements or 0)))
     dim, sectors, height = part.dim, _sectors(sizes, part), part.height
     reach = max(abs(end - sizes.axis[0]) for end in part.extent[0])
     r_max = reach if dim == 2 else float(np.sqrt(part.area * 4 / pi / sectors))

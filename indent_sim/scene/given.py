@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -10,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from indent_sim.mesh import file, inspection, meshed
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import Body, HalfSpace, Layer
+from indent_sim.mesh.piece import Piece
+from indent_sim.model.body import Body, Drawn, HalfSpace, Layer, Meshed, MeshFromFile
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -75,7 +78,7 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
-    whole, truncation = _finite(config)
+    whole, truncation, piece = _finite(config)
     layers = _layers(whole, config.material)
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
@@ -88,7 +91,10 @@ def given_by(config: Config) -> Given:
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
+    if isinstance(body, Meshed):
+        part, part_why = _meshed(config, piece, scales)
+    else:
+        part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
     theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
     return Given(
         scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
@@ -141,10 +147,12 @@ def _formulation(material: Material) -> str:
     return chosen
 
 
-def _finite(config: Config) -> tuple[Body, Truncation | None]:
-    """The body as given, or the one that stands for a half-space."""
+def _finite(config: Config) -> tuple[Body, Truncation | None, Piece | None]:
+    """The body as given, or the one that stands for a half-space, or what its file has with first touch at z = 0."""
+    if isinstance(config.body, MeshFromFile):
+        return _from_file(config, config.body)
     if not isinstance(config.body, HalfSpace):
-        return config.body, None
+        return config.body, None, None
     given = config.body.layers or (Layer(None, config.material),)
     layers = tuple(
         replace(layer, material=_canonical(layer.material or config.material, f"body.layers[{k}].material"))
@@ -155,10 +163,46 @@ def _finite(config: Config) -> tuple[Body, Truncation | None]:
     if path.control == "force":
         delta = expected_depth(config.indenter, layers, delta)
     truncation = truncate(config.indenter, layers, delta)
-    return truncation.body, truncation
+    return truncation.body, truncation, None
 
 
-def _rounded_body(body: Body) -> Body:
+def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, None, Piece]:
+    """The body that a file has, lowered so that the tip first touches it at z = 0."""
+    piece, center = piece_of(config, source), config.center or source.center
+    if source.hash not in (None, piece.hash):
+        raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}",
+                          "find the mesh that this scene was made with, or leave the hash out")  # fmt: skip
+    piece = piece.led_by(meshed.under_axis(piece, center))
+    placed = piece.lowered(meshed.first_touch(config.indenter, piece, center))
+    material = _materials(placed, source, config.material)[0]
+    return meshed.body_of(placed, source, center, material), None, placed
+
+
+def piece_of(config: Config, source: MeshFromFile) -> Piece:
+    """The body as its file, beside the scene's, has it."""
+    found = file.read(os.path.dirname(config.source.name), source.file)
+    return inspection.piece_of(found, source, config.material is not None)
+
+
+def _materials(piece: Piece, source: MeshFromFile, material: Material | None) -> list[Material]:
+    """The materials of a piece's regions, in their order."""
+    own = source.regions or {}
+    keys = [f"body.regions.{name}" if name in own else "material" for name in piece.names]
+    return [_canonical(own.get(name, material), key) for name, key in zip(piece.names, keys, strict=True)]
+
+
+def _meshed(config: Config, piece: Piece | None, scales: Scales) -> tuple[Part, str]:
+    """The part that a piece is, in the scene's units."""
+    source = config.body
+    assert piece is not None and isinstance(source, MeshFromFile)
+    materials = map(scales.scaled, _materials(piece, source, config.material))
+    regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(matter), 0.0)
+                    for name, matter in zip(piece.names, materials, strict=True))  # fmt: skip
+    part = meshed.part_of(piece.measured(scales.length), source, regions)
+    return part, "a mesh from a file is modelled as it is"
+
+
+def _rounded_body(body: Drawn) -> Drawn:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
@@ -209,8 +253,17 @@ def _expected_radius(
     if delta <= 0:
         return 0.2 * rim
     solution = theory.at(delta) if theory else None
-    return min(solution.a if solution else tip.radius_at(delta), rim)
+    section = tip.radius_at(delta) if not isinstance(body, Meshed) else _overlap(tip, body, center, delta)
+    return min(solution.a if solution else section, rim)
 
+
+def _overlap(tip: Indenter, body: Meshed, center: tuple[float, ...], delta: float) -> float:
+    """How far from its axis [length] a tip at a depth would overlap the undeformed surface, to a part of a facet."""
+    x, y = body.top()
+    along_x, along_y = (*center, 0.0)[:2]
+    r, gap = body.distances(center).ravel(), (tip.height(x - along_x, y - along_y) - body.facets[..., -1]).ravel()
+    order = np.argsort(np.where(np.isfinite(gap), r, np.inf))[: np.isfinite(gap).sum()]
+    return float(np.interp(delta, np.maximum.accumulate([0.0, *gap[order]]), [0.0, *r[order]]))
 
 
 def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
@@ -233,5 +286,6 @@ def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
     energy does, and the force of a mesh grows as the logarithm of its elements there.
     """
     x, y = body.fixed_ends()
+    z = body.clamped[:, -1] if isinstance(body, Meshed) else 0.0
     along_x, along_y = (*center, 0.0)[:2]
-    return float(np.min(tip.height(x - along_x, y - along_y), initial=np.inf))
+    return float(np.min(tip.height(x - along_x, y - along_y) - z, initial=np.inf))

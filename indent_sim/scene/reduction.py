@@ -8,7 +8,7 @@ from itertools import pairwise
 from math import isclose
 
 from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
-from indent_sim.model.body import Body, Box, Cylinder, Strip
+from indent_sim.model.body import Box, Cylinder, Drawn, Strip
 from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
@@ -18,7 +18,7 @@ SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
 TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
 
 
-def reduce(body: Body, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
+def reduce(body: Drawn, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
     """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`.
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from math import ceil, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
-from indent_sim.scene.fineness import Fineness, SettledSizes, fineness_of, target_of
+from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, target_of
 from indent_sim.scene.given import Given
 
 if TYPE_CHECKING:
@@ -72,10 +75,23 @@ def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness
     inside = [delta for delta in given.deltas if delta > 0] or [max(map(abs, given.deltas)) or 1.0]
     contacts = [_contact(given, delta) for delta in (min(inside), max(inside))]
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
+    if isinstance(given.part, MeshedPart):
+        return _fineness_of_file(given.part, given, target, per_radius, contacts, stiffness_given)
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
     gives_way = squeezed and given.material.constants.nu >= INCOMPRESSIBLE
     confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
     return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given)
+
+
+def _fineness_of_file(part: MeshedPart, given: Given, target: float, per_radius: float | None,
+                      contacts: Sequence[tuple[float, float, float]], stiffness_given: bool) -> Fineness:  # fmt: skip
+    """The refinements of a mesh from a file whose error is expected within the target, at least one: the bars compare
+    the last two."""
+    coarse = given.a / part.facet_near(given.center, 0.0, given.a)
+    n = per_radius or elements_for(target, given.dim)
+    refinements = max(1, round(log2(n / coarse)) if per_radius else ceil(log2(n / coarse)))
+    found = fineness_of(target, coarse * 2.0**refinements, contacts, given.dim, False, stiffness_given)
+    return replace(found, refinements=refinements)
 
 
 def _is_sharp(tip: Indenter) -> bool:
@@ -106,6 +122,8 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     mesh, part, a = config.mesh, given.part, given.a
     edge = _edge(given, gap)
     edge = rounded(edge) if edge is not None else None
+    if isinstance(part, MeshedPart):
+        return _of_file(part, given, edge, wanted.refinements if wanted else mesh.refinements or 0)
     height, width, bend, keenness = part.height, part.width, part.bend, _keenness(given, edge)
     settled = _settled(mesh, given.scales, height, edge)
     if wanted:
@@ -122,6 +140,16 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         size = float(found.at(np.array(edge), np.array(0.0)))
         _refuse_coarse_edge(edge * given.scales.length, size * given.scales.length)
     return found
+
+
+def _of_file(part: MeshedPart, given: Given, edge: float | None, refinements: int) -> Sizes:
+    """The sizes that a mesh from a file has after so many refinements: of its facets in the contact, of its largest."""
+    shrunk, a = 0.5**refinements, given.a
+    h = rounded(shrunk * part.facet_near(given.center, 0.0, a))
+    h_edge = rounded(shrunk * part.facet_near(given.center, edge, edge)) if edge is not None else None
+    far = rounded(max(h, shrunk * part.largest))
+    return Sizes(h, far, rounded(PATCH * a + 2 * h), GRADING, edge, h_edge, a=rounded(a), axis=given.center,
+                 refinements=refinements)  # fmt: skip
 
 
 def _keenness(given: Given, edge: float | None) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.body import Body
+from indent_sim.model.body import Body, Meshed
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
 from indent_sim.theory import half_space, profiles
@@ -111,6 +111,8 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
 
 def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
+    if isinstance(body, Meshed):
+        return None
     shape, is_plane = shape_of(tip), body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):

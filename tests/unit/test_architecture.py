@@ -60,6 +60,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "ufl": ("fe/", "model/"),
     "mpi4py": ("fe/", "run/", "cli/"),
     "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
+    "meshio": ("mesh/file.py",),
     "h5py": ("results/",),
     "matplotlib": ("results/pictures/", "study/picture.py"),
     "scipy": ("theory/", "fe/"),
