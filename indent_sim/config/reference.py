@@ -15,7 +15,7 @@ from typing import Any, get_args
 from pydantic.json_schema import GenerateJsonSchema
 
 from indent_sim.config import petsc_options, schema
-from indent_sim.config.key_types import common, core, describe, field_names, hints, kinds_of
+from indent_sim.config.key_types import common, core, describe, field_names, hints, kinds_of, words_of
 from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
@@ -98,7 +98,7 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        if dataclasses.is_dataclass(core(hints(kind)[name])) and section:
+        if dataclasses.is_dataclass(core(hints(kind)[name])) and words_of(hints(kind)[name]) and section:
             _allow_one_word(entry, hints(kind)[name])
     tag = schema.tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
@@ -121,7 +121,7 @@ def _section_row(name: str) -> list[str]:
     field = Config.model_fields[name]
     if name not in schema.sections():
         return [f"`{name}`", _shown(field.default), _meaning(name)]
-    default = "**required**" if field.is_required() else _shown_section(name)
+    default = "**required**" if field.is_required() or field.default is None else _shown_section(name)
     return [f"[`{name}`](#{name})", default, _meaning(name)]
 
 

@@ -112,7 +112,7 @@ class Config(BaseModel):
     title: str = ""
     units: Units = Units()
     body: Annotated[AnyBody, TaggedBy("shape")]
-    material: Annotated[Material, TaggedBy("model")]
+    material: Annotated[Material | None, TaggedBy("model")] = None
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
@@ -131,14 +131,24 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
+        checks = (_material, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
 
 
 def _magnitudes(config: Config) -> list[ConfigError]:
-    return limits.beyond({name: getattr(config, name) for name in sections()})
+    given = {name: getattr(config, name) for name in sections()}
+    return limits.beyond({name: section for name, section in given.items() if section is not None})
+
+
+def _material(config: Config) -> list[ConfigError]:
+    """Layers that all have their own material, and regions of a mesh, need none beside them."""
+    layers = getattr(config.body, "layers", None) or ()
+    is_covered = bool(layers) and all(layer.material is not None for layer in layers)
+    if config.material is not None or is_covered or getattr(config.body, "regions", None):
+        return []
+    return [ConfigError("material", "this section is missing", "give one, or each layer or region its own")]
 
 
 def _constants(config: Config) -> list[ConfigError]:

@@ -54,6 +54,17 @@ BODY = (
     Symbol("x_max", "", "support of the wall at the largest x", WORD),
     Symbol("y_min", "", "support of the wall at y = 0", WORD),
     Symbol("y_max", "", "support of the wall at the largest y", WORD),
+    Symbol("file", "", "mesh of the body, a .msh, .xdmf, .vtu or .inp file in the scene's folder or below", WORD),
+    Symbol("kinematics", "", "what a mesh from a file is: a section of triangles, or a body of tetrahedra", WORD),
+    Symbol(
+        "surfaces",
+        "",
+        "what the file calls the surface that the tip may touch (`contact`), the `base`, and the `sides`; "
+        "what has no name is free",
+        WORD,
+    ),
+    Symbol("regions", "", "materials by what the file calls their cells; the others are of `material`", WORD),
+    Symbol("hash", "", "fingerprint of the mesh that the file must hold; every result has that of its own", WORD),
 )
 
 MATERIAL = (
@@ -154,6 +165,12 @@ MESH = (
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement; linear elements (1) are gone", "1"),
+    Symbol(
+        "refinements",
+        "",
+        "how often every edge of a mesh from a file is halved; without it as often as `accuracy` needs, or never",
+        "1",
+    ),
     Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),
 )
 

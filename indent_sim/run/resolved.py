@@ -51,7 +51,7 @@ def left_open(config: Config, decided: Config) -> list[str]:
 def _decided(section: Any, **found: Any) -> Any:
     """A section with its "auto"s replaced; what was given stays, to the last digit."""
     auto = {name: value for name, value in found.items() if getattr(section, name, None) == "auto"}
-    return dataclasses.replace(section, **auto)
+    return section if not auto else dataclasses.replace(section, **auto)
 
 
 def _body(config: Config, scene: Scene) -> Any:
