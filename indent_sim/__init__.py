@@ -10,17 +10,21 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from indent_sim.config.file import load
+    from indent_sim.process.version import VERSION as __version__
     from indent_sim.results.reader import read
     from indent_sim.run.chain import condense, simulate, states
     from indent_sim.scene.scene import resolve
 
 
-__version__ = "0.1.0"
-__all__ = ["condense", "load", "read", "resolve", "simulate", "states"]
+__all__ = ["__version__", "condense", "load", "read", "resolve", "simulate", "states"]
 
 
 def __getattr__(name: str) -> Any:
     """Import a name when it is first asked for: to load a scene needs no solver."""
+    if name == "__version__":
+        from indent_sim.process.version import VERSION
+
+        return VERSION
     if name == "load":
         from indent_sim.config.file import load
 

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from indent_sim import __version__
 from indent_sim.process.errors import (
     BackendError,
     ConfigError,
@@ -31,6 +30,7 @@ from indent_sim.process.errors import (
 )
 from indent_sim.process.limits import require_room, spent
 from indent_sim.process.signals import check, stoppable
+from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -181,7 +181,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="indent-sim")
+@click.version_option(VERSION, prog_name="indent-sim")
 def program() -> None:
     """Press rigid indenters into soft bodies and report the force."""
 
@@ -343,11 +343,9 @@ def _start_mesher() -> None:
 
 def _world() -> Any:
     require_room()
-    try:
-        from mpi4py import MPI
-    except (ImportError, RuntimeError) as error:
-        raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
-    return MPI.COMM_WORLD
+    from indent_sim.run.chain import mpi
+
+    return mpi().COMM_WORLD
 
 
 def _refuse_ranks() -> None:

@@ -1,4 +1,4 @@
-"""What a person reads: progress, plans, comparisons and lists as text."""
+"""Text for a terminal: progress, plans, comparisons and lists."""
 
 from __future__ import annotations
 

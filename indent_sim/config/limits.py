@@ -1,4 +1,4 @@
-"""Numbers too large, too small or too unlike for arithmetic of 16 digits: refused before they become 0, inf or nan."""
+"""Limits of numbers: too large, small or unlike for arithmetic of 16 digits, before they become 0, inf or nan."""
 
 from __future__ import annotations
 

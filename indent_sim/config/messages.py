@@ -1,4 +1,4 @@
-"""What pydantic says about a scene file, in the words of the file: key, problem, remedy."""
+"""Error messages of a scene file: pydantic's findings as key, problem and remedy."""
 
 from __future__ import annotations
 

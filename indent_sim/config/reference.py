@@ -1,6 +1,6 @@
 """The scene file described for readers and editors: docs/config.md, docs/petsc.md, docs/symbols.md and the JSON Schema.
 
-Everything is taken from the schema and the glossary; `python -m indent_sim.reference` writes the pages.
+Everything is taken from the schema and the glossary; `python -m indent_sim.config.reference` writes the pages.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import inspect
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema
 
 from indent_sim.config import petsc_options, schema
-from indent_sim.config.key_types import common, core, describe, field_names, hints, kinds_of, words_of
+from indent_sim.config.key_types import common, core, describe, field_names, hints, kinds_of, tag_of, words_of
 from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
@@ -132,7 +132,7 @@ def _shown_section(name: str) -> str:
 
 def _kind_markdown(section: str, kind: type) -> str:
     tag = schema.tags().get(section)
-    rows = [_key_row(section, kind, name) for name in schema.file_order(kind) if name != tag]
+    rows = [row for name in schema.file_order(kind) if name != tag for row in _key_rows(section, kind, name)]
     if section == "indenter":
         rows.append(["`center`", describe(hints(Config)["center"]), "", "length", _meaning("center")])
     table = _table(["key", "value", "default", "unit", "meaning"], rows)
@@ -141,12 +141,20 @@ def _kind_markdown(section: str, kind: type) -> str:
     return f"### `{tag}: {values[kind]}`\n\n{text}" if tag else text
 
 
-def _key_row(section: str, kind: type, name: str) -> list[str]:
+def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
+    """The row of a key, and those of the keys of each item where it is a list of sections."""
+    items = [core(part) for part in get_args(core(hints(kind)[name])) if dataclasses.is_dataclass(core(part))]
+    inside = [row for item in items for key in field_names(item) for row in _key_rows(section, item, key, f"{name}[].")]
+    return [_key_row(section, kind, name, outside), *(inside if get_origin(core(hints(kind)[name])) is tuple else [])]
+
+
+def _key_row(section: str, kind: type, name: str, outside: str = "") -> list[str]:
     hint = hints(kind)[name]
     unit, symbol = unit_of(hint), lookup(name, section)
     dimension = DIMENSIONS[unit] if unit else symbol.dimension if symbol else ""
     shown = "" if dimension in ("word", "1") else dimension
-    return [f"`{name}`", describe(hint), _default(kind, name), shown, _meaning(name, section)]
+    value = f"a section as [`{name}`](#{name})" if tag_of(hint) and outside else describe(hint)
+    return [f"`{outside}{name}`", value, _default(kind, name), shown, _meaning(name, section)]
 
 
 def _table(head: list[str], rows: Iterable[list[str]]) -> str:

@@ -11,15 +11,16 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from math import isclose
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
-from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, members, tag_of
+from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, HalfSpace, MeshFromFile
+from indent_sim.model.body import AnyBody, HalfSpace, Layer, MeshFromFile
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -30,8 +31,8 @@ from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
 
-# Every row's contact force must equal the reactions to 1e-8 (simulation.py). A looser residual would save an iteration,
-# and leave a row that fails that audit or an error of the force that nobody could state.
+# Every row's contact force must equal the reactions to 1e-8 (run/simulation.py). A looser residual would save an
+# iteration, and leave a row that fails that audit or an error of the force that nobody could state.
 LOOSEST = 1e-9
 MOST_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
 NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
@@ -112,7 +113,7 @@ class Config(BaseModel):
     title: str = ""
     units: Units = Units()
     body: Annotated[AnyBody, TaggedBy("shape")]
-    material: Annotated[Material | None, TaggedBy("model")] = None
+    material: Annotated[Material | None, TaggedBy("model")] = None  # required unless every layer or region has its own
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
@@ -129,37 +130,78 @@ class Config(BaseModel):
         """Where the keys were written."""
         return self._source
 
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """The body's layers from the top, each with its material; a body without layers is one."""
+        given = self.body.layers or (Layer(getattr(self.body, "height", None)),)
+        return tuple(dataclasses.replace(layer, material=layer.material or self.material) for layer in given)
+
+    def material_key(self, layer: int) -> str:
+        """The key at which the material of a layer stands."""
+        own = self.body.layers is not None and self.body.layers[layer].material is not None
+        return f"body.layers[{layer}].material" if own else "material"
+
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_material, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
+        checks = (_layers, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
 
 
 def _magnitudes(config: Config) -> list[ConfigError]:
-    given = {name: getattr(config, name) for name in sections()}
-    return limits.beyond({name: section for name, section in given.items() if section is not None})
+    return limits.beyond({name: getattr(config, name) for name in sections()})
 
 
-def _material(config: Config) -> list[ConfigError]:
-    """Layers that all have their own material, and regions of a mesh, need none beside them."""
-    layers = getattr(config.body, "layers", None) or ()
-    is_covered = bool(layers) and all(layer.material is not None for layer in layers)
-    if config.material is not None or is_covered or getattr(config.body, "regions", None):
-        return []
-    return [ConfigError("material", "this section is missing", "give one, or each layer or region its own")]
+def _layers(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with the layers: a material that is missing or of no use, thicknesses that are not the body's."""
+    layers = config.body.layers or ()
+    needed = [k for k, layer in enumerate(layers) if layer.material is None]
+    if not layers and not getattr(config.body, "regions", None):
+        needed = [0]
+    if needed and config.material is None:
+        said = f"this section is missing, and {key_of_layer(needed[0])} has no material of its own" if layers else ""
+        yield ConfigError("material", said or "this section is missing", _kinds_of_material())
+    if layers and not needed and config.material is not None:
+        yield ConfigError("material", "every layer has a material of its own", "leave this section out")
+    without = [k for k, layer in enumerate(layers) if layer.thickness is None]
+    if isinstance(config.body, HalfSpace):
+        without = [k for k in without if k < len(layers) - 1]
+        if layers and layers[-1].thickness is not None:
+            problem = "the last layer of a half_space is its substrate, which has no thickness"
+            key = f"{key_of_layer(len(layers) - 1)}.thickness"
+            yield ConfigError(key, problem, "leave it out, or add a layer below")
+    yield from (ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without)
+    if layers and not without and not isinstance(config.body, HalfSpace):
+        yield from _height(sum(layer.thickness or 0.0 for layer in layers), config.body.height)
 
 
-def _constants(config: Config) -> list[ConfigError]:
-    try:
-        if hasattr(config.material, "canonical"):
-            config.material.canonical()
-    except ArithmeticError:
-        return [ConfigError("material", "these constants belong to no stable material")]
-    except ValueError as error:
-        return [ConfigError("material", str(error))]
-    return []
+def _height(thick: float, height: float) -> Iterator[ConfigError]:
+    if not isclose(thick, height, rel_tol=1e-9):
+        problem = f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
+        yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
+
+
+def key_of_layer(layer: int) -> str:
+    """The key of one of the body's layers, from the top."""
+    return f"body.layers[{layer}]"
+
+
+def _kinds_of_material() -> str:
+    return f"give model: one of {', '.join(kinds_of(hints(Config)['material'], 'model'))}"
+
+
+def _constants(config: Config) -> Iterator[ConfigError]:
+    materials = [(config.material_key(k), layer.material) for k, layer in enumerate(config.layers)]
+    materials += [(f"body.regions.{name}", own) for name, own in (getattr(config.body, "regions", None) or {}).items()]
+    for key, material in materials:
+        try:
+            if material is not None:
+                material.canonical()
+        except ArithmeticError:
+            yield ConfigError(key, "these constants belong to no stable material")
+        except ValueError as error:
+            yield ConfigError(key, str(error))
 
 
 def _path(config: Config) -> list[ConfigError]:

@@ -41,6 +41,8 @@ class Problem:
         terms = matter(body)
         self.strains = strains_of(terms)
         self.contact = self._contact()
+        self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
+        self.multiplier_at, self.pressure_at = self.contact.multiplier_at, self.contact.pressure_at
         terms += [self.contact] if isinstance(self.contact, Traction) else []
         test, trial = ufl.TestFunction(body.unknowns.space), ufl.TrialFunction(body.unknowns.space)
         residuals, tangents = zip(*(term.work(test, trial) for term in terms), strict=True)
@@ -76,22 +78,6 @@ class Problem:
         return weights
 
     # ---- what is observed of it ----------------------------------------------------------------------------
-
-    def nodal_displacement(self) -> np.ndarray:
-        """Displacement (facets, nodes, dim) at the nodes of the contact facets [length]."""
-        return self.body.nodal_displacement()
-
-    def local_array(self) -> np.ndarray:
-        """The solution's dofs on this rank, ghosts included."""
-        return self.body.local_array()
-
-    def multiplier_at(self, points: np.ndarray) -> np.ndarray:
-        """lam (facets, points) at reference-facet points of the contact surface [pressure]."""
-        return self.contact.multiplier_at(points)
-
-    def pressure_at(self, points: np.ndarray) -> np.ndarray:
-        """lam as a pressure to be looked at: without its ripples at the vertices of triangles."""
-        return self.contact.pressure_at(points)
 
     def least_volume_ratio(self) -> Crushed | None:
         """The smallest J and where it is (collective); none at small strain."""

@@ -38,21 +38,12 @@ class Side:
         assert self.middle is not None
         return float(np.hypot(self.start[0] - self.middle[0], self.start[1] - self.middle[1]))
 
-    def inwards(self, x: float, y: float) -> float:
-        """How far inside [length] of the line or circle a point is, on the left of the side."""
-        (x0, y0), (x1, y1) = self.start, self.end
+    def inwards(self, x: Any, y: Any) -> Any:
+        """How far inside [length] of the line or circle, which the side is a part of, points are: on the left of it."""
         if self.middle is not None:
-            return self.radius - float(np.hypot(x - self.middle[0], y - self.middle[1]))
-        return float(((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0))
-
-    def distance(self, x: Any, y: Any) -> Any:
-        """Distance [length] of points to the line or the circle that the side is a part of."""
+            return self.radius - np.hypot(x - self.middle[0], y - self.middle[1])
         (x0, y0), (x1, y1) = self.start, self.end
-        if self.middle is not None:
-            return np.abs(np.hypot(x - self.middle[0], y - self.middle[1]) - self.radius)
-        if self.normal is not None:
-            return np.abs((x, y)[self.normal] - self.start[self.normal])
-        return np.abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+        return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
 
 
 @dataclass(frozen=True)
@@ -126,7 +117,7 @@ class Part:
         """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror plane."""
         x, y = (*center, 0.0)[:2]
         walls = [side for side in self.outline if side.surface not in ("top", "base")]
-        return {side.surface: side.inwards(x, y) for side in walls}
+        return {side.surface: float(side.inwards(x, y)) for side in walls}
 
     def normal(self, surface: str) -> int | None:
         """The component of u that a roller holds on a surface; None where no one axis is normal to it."""

@@ -46,11 +46,9 @@ class StripSides:
 
 
 @dataclass(frozen=True)
-class BoxSides:
+class BoxSides(StripSides):
     """The four walls of a box; roller: no normal displacement."""
 
-    x_min: Support = "free"
-    x_max: Support = "free"
     y_min: Support = "free"
     y_max: Support = "free"
 
@@ -230,6 +228,8 @@ class MeshFromFile:
     sides: Support = "free"
     regions: dict[str, Annotated[Material, TaggedBy("model")]] | None = None
     hash: str | None = None
+
+    layers: ClassVar[None] = None  # it has regions
 
     @property
     def dim(self) -> int:

@@ -31,6 +31,7 @@ class AutoContact:
 class _StiffnessLaw:
     """What the laws with a stiffness (epsilon_n or gamma, pressure per length) have in common."""
 
+    method: str
     stiffness: Any
 
     def trial_pressure(self, g: Any, lam: Any) -> Any:
@@ -40,6 +41,12 @@ class _StiffnessLaw:
     def potential(self, g: Any, lam: Any) -> Any:
         """( <p_hat>^2 - lam^2 ) / (2 stiffness) per area [pressure length]."""
         return (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
+
+    @property
+    def uncondensed(self) -> str:
+        """Why a condensed body, which has this potential written out, cannot have the law; "" where it can."""
+        is_other = type(self).potential is not _StiffnessLaw.potential
+        return f"{self.method} has a potential of its own" if is_other else ""
 
 
 class _NormalStiffness(_StiffnessLaw):
@@ -84,9 +91,7 @@ class Uzawa(_NormalStiffness):
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "frozen"
-    auto_multiple: ClassVar[float] = (
-        100.0  # of E*/h_contact: few loops; softer ones fail in deep, incompressible bodies
-    )
+    auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact: few loops; softer ones fail in deep bodies of nu = 0.5
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,8 @@ class Nitsche(_StiffnessLaw):
     # each of them converges as willingly as the right one. With 2 elements in a: 3 % at 1, 8 % at 0.3.
     smallest_multiple: ClassVar[float] = 1.0
 
+    uncondensed: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
+
     @property
     def stiffness(self) -> Any:  # type: ignore[override]
         """gamma [pressure per length]."""
@@ -122,6 +129,7 @@ class ActiveSet:
     gap: Gap = "auto"
 
     multiplier: ClassVar[Multiplier] = "nodal"
+    uncondensed: ClassVar[str] = ""
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

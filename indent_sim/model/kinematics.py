@@ -7,8 +7,30 @@ from math import pi, sqrt
 from typing import Any, ClassVar, Literal
 
 
+class _Kinematics:
+    """What holds where nothing else is said: a round contact, a section in (r or x, z), and no weight."""
+
+    def in_plane(self, v: Any) -> Any:
+        """The components of a 3-vector along the model's own axes."""
+        import ufl
+
+        return ufl.as_vector([v[0], v[2]])
+
+    def contact_area(self, a: float) -> float:
+        """pi a^2 [length^2] of a contact of radius a."""
+        return pi * a**2
+
+    def contact_radius(self, area: float) -> float:
+        """sqrt(area/pi) [length] of a contact of that area [length^2]."""
+        return sqrt(area / pi)
+
+    def weight(self, x: Any) -> Any:
+        """What an integral over the model must be multiplied with."""
+        return 1.0
+
+
 @dataclass(frozen=True)
-class Axisymmetric:
+class Axisymmetric(_Kinematics):
     """u = (u_r, u_z)(r, z); the hoop strain is u_r / r and a ring of radius r weighs 2 pi r."""
 
     name: Literal["axisymmetric"] = "axisymmetric"
@@ -27,27 +49,13 @@ class Axisymmetric:
         """Horizontal position (r, 0) relative to the tip's axis, which is the axis of symmetry [length]."""
         return point[0], 0.0
 
-    def in_plane(self, v: Any) -> Any:
-        """The components of a 3-vector along the model's own axes."""
-        import ufl
-
-        return ufl.as_vector([v[0], v[2]])
-
-    def contact_area(self, a: float) -> float:
-        """pi a^2 [length^2] of a contact of radius a."""
-        return pi * a**2
-
-    def contact_radius(self, area: float) -> float:
-        """sqrt(area/pi) [length] of a contact of that area [length^2]."""
-        return sqrt(area / pi)
-
     def weight(self, x: Any) -> Any:
         """Circumference 2 pi r [length]: what an integral over (r, z) must be multiplied with."""
         return 2 * pi * x[0]
 
 
 @dataclass(frozen=True)
-class PlaneStrain:
+class PlaneStrain(_Kinematics):
     """u = (u_x, u_z)(x, z); everything is per unit length along y."""
 
     name: Literal["plane_strain"] = "plane_strain"
@@ -66,12 +74,6 @@ class PlaneStrain:
         """Horizontal position (x - c, 0) relative to the tip's axis [length]."""
         return point[0] - center[0], 0.0
 
-    def in_plane(self, v: Any) -> Any:
-        """The components of a 3-vector along the model's own axes."""
-        import ufl
-
-        return ufl.as_vector([v[0], v[2]])
-
     def contact_area(self, a: float) -> float:
         """2 a [length], per unit length: of a contact of half the width a."""
         return 2 * a
@@ -80,13 +82,9 @@ class PlaneStrain:
         """Half the width [length] of a contact of that area per unit length."""
         return area / 2
 
-    def weight(self, x: Any) -> Any:
-        """One: per unit length."""
-        return 1.0
-
 
 @dataclass(frozen=True)
-class ThreeDimensional:
+class ThreeDimensional(_Kinematics):
     """u = (u_x, u_y, u_z)(x, y, z)."""
 
     name: Literal["three_dimensional"] = "three_dimensional"
@@ -107,18 +105,6 @@ class ThreeDimensional:
     def in_plane(self, v: Any) -> Any:
         """The components of a 3-vector along the model's own axes."""
         return v
-
-    def contact_area(self, a: float) -> float:
-        """pi a^2 [length^2] of a contact of radius a."""
-        return pi * a**2
-
-    def contact_radius(self, area: float) -> float:
-        """sqrt(area/pi) [length] of a contact of that area [length^2]."""
-        return sqrt(area / pi)
-
-    def weight(self, x: Any) -> Any:
-        """One."""
-        return 1.0
 
 
 Kinematics = Axisymmetric | PlaneStrain | ThreeDimensional

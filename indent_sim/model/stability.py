@@ -1,4 +1,4 @@
-"""Where a hyperelastic law stops being a material: Drucker's condition along the three classical deformations.
+"""Stability of hyperelastic laws: Drucker's condition along the three classical deformations.
 
 For an incompressible body psi is a function of two principal logarithmic strains (the third is minus their sum), its
 gradient holds differences of Kirchhoff stresses, and d tau : d eps > 0 for every increment (Drucker, Hill) means that

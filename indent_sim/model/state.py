@@ -1,4 +1,4 @@
-"""What the solver knows at one requested depth: the row of the result table and what stands behind it."""
+"""State: the solution at one requested depth, as a row of the force table, and its contact surface."""
 
 from __future__ import annotations
 

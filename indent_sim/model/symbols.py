@@ -24,23 +24,18 @@ SCENE = (
     Symbol("title", "", "what the scene is about; printed on pictures", WORD),
     Symbol("units", "", "labels of the units the numbers are meant in; nothing is converted", WORD),
     Symbol("body", "", "the soft body: its shape and how it is held", WORD),
-    Symbol("material", "", "the elastic law of the body and its constants", WORD),
+    Symbol("material", "", "the elastic law of the body, of its layers where they have none of their own", WORD),
     Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
     Symbol("contact", "", "how contact is enforced", WORD),
     Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
     Symbol("mesh", "", "element sizes, and how much of the body is modelled", WORD),
-    Symbol(
-        "accuracy",
-        "",
-        "largest relative error of the force at any step, which chooses the mesh; fast = 0.05, "
-        "balanced = 0.01, accurate = 0.001",
-        "1",
-    ),
+    Symbol("accuracy", "", "largest relative error of the force at any step, which chooses the mesh; fast = 0.05, "
+           "balanced = 0.01, accurate = 0.001", "1"),
     Symbol("solver", "", "how the equations are solved", WORD),
     Symbol("output", "", "what is written, and where", WORD),
     Symbol("units.length", "", "label of the length unit, for example mm", WORD),
     Symbol("units.force", "", "label of the force unit, for example N", WORD),
-)
+)  # fmt: skip
 
 BODY = (
     Symbol("shape", "", "which body, or which tip; decides the other keys of its section", WORD),
@@ -54,6 +49,9 @@ BODY = (
     Symbol("x_max", "", "support of the wall at the largest x", WORD),
     Symbol("y_min", "", "support of the wall at y = 0", WORD),
     Symbol("y_max", "", "support of the wall at the largest y", WORD),
+    Symbol("layers", "", "layers from the top, bonded to one another; their thicknesses add up to the height", WORD),
+    Symbol("thickness", "", "thickness of a layer; the last one of a half_space, its substrate, has none", "length"),
+    Symbol("body.material", "", "the layer's material; without it the scene's", WORD),
     Symbol("file", "", "mesh of the body, a .msh, .xdmf, .vtu or .inp file in the scene's folder or below", WORD),
     Symbol("kinematics", "", "what a mesh from a file is: a section of triangles, or a body of tetrahedra", WORD),
     Symbol(
@@ -88,80 +86,47 @@ MATERIAL = (
 INDENTER = (
     Symbol("R", "R", "radius of the tip: of the ball, or of the paraboloid at its apex", "length"),
     Symbol("half_angle", r"\alpha", "angle between the axis and the flank (a pyramid: the face)", "degrees"),
-    Symbol(
-        "tip_radius",
-        r"\rho",
-        "radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: sharp",
-        "length",
-    ),
+    Symbol("tip_radius", r"\rho", "radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: "
+           "sharp", "length"),
     Symbol("faces", "", "number of faces of the pyramid, all alike", "1"),
     Symbol("rotation", "", "turn of the pyramid about z; at 0 one face's normal points along x", "degrees"),
     Symbol("points", "(r_i, z_i)", "the profile from the apex [0, 0] outward, [r, z] each, straight between", "length"),
     Symbol("edge_radius", r"\rho", "radius that rounds the edge of the flat punch; 0: sharp", "length"),
-    Symbol(
-        "center",
-        "(x_0, y_0)",
-        "where the tip's axis meets the surface, [x, y] or for a strip [x]; "
-        "default: axis of the cylinder, middle of the box or strip",
-        "length",
-    ),
-)
+    Symbol("center", "(x_0, y_0)", "where the tip's axis meets the surface, [x, y] or for a strip [x]; default: axis "
+           "of the cylinder, middle of the box or strip", "length"),
+)  # fmt: skip
 
 CONTACT = (
     Symbol("method", "", "which algorithm; auto: the program chooses and says why", WORD),
-    Symbol(
-        "epsilon_n", r"\varepsilon_n", "contact stiffness of penalty, augmented Lagrangian and Uzawa", "pressure/length"
-    ),
+    Symbol("epsilon_n", r"\varepsilon_n", "contact stiffness of penalty, augmented Lagrangian and "
+           "Uzawa", "pressure/length"),
     Symbol("gamma", r"\gamma", "stabilisation of Nitsche's method", "pressure/length"),
-    Symbol(
-        "contact.gap",
-        "",
-        "reference: the gap is tested at the undeformed point, pressure along z; "
-        "current: at the deformed point, pressure along the tip's normal; auto: reference at small strain",
-        WORD,
-    ),
+    Symbol("contact.gap", "", "reference: the gap is tested at the undeformed point, pressure along z; current: at "
+           "the deformed point, pressure along the tip's normal; auto: reference at small strain", WORD),
     Symbol("lam", r"\lambda_n", "contact multiplier, a pressure >= 0", "pressure"),
     Symbol("p", "p", "normal contact pressure >= 0", "pressure"),
     Symbol("friction", "f", "friction coefficient", "1"),
-)
+)  # fmt: skip
 
 LOADING = (
     Symbol("delta", r"\delta", "indentation depth, > 0 pushes in", "length"),
     Symbol("loading.force", "F", "final force of the whole body, > 0 pushes; the depth is found", "force"),
     Symbol("steps", "", "number of equal steps to `delta` or `force`", "1"),
-    Symbol(
-        "deltas",
-        r"\delta_i",
-        "the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of the body",
-        "length",
-    ),
-    Symbol(
-        "forces",
-        "F_i",
-        "the forces one by one instead of `force`, unloading too; 0: the tip just touches, at delta = 0",
-        "force",
-    ),
-)
+    Symbol("deltas", r"\delta_i", "the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of "
+           "the body", "length"),
+    Symbol("forces", "F_i", "the forces one by one instead of `force`, unloading too; 0: the tip just touches, at "
+           "delta = 0", "force"),
+)  # fmt: skip
 
 MESH = (
     Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error at the last step", "length"),
-    Symbol(
-        "h_axis",
-        "",
-        "element size at the tip's axis; from it sizes grow with the distance to h_contact where the deepest contact "
-        "ends; without it a given h_contact is everywhere under the tip",
-        "length",
-    ),
-    Symbol(
-        "h_edge", "", "element size at the sharp edge of a flat punch; without it a fraction of h_contact", "length"
-    ),
-    Symbol(
-        "h_corner",
-        "",
-        "element size at the corners of the section that the contact feels: where a fixed face meets a free one, and "
-        "where it ends close to a side; without it a given h_contact has none of its own there",
-        "length",
-    ),
+    Symbol("h_axis", "", "element size at the tip's axis; from it sizes grow with the distance to h_contact where the "
+           "deepest contact ends; without it a given h_contact is everywhere under the tip", "length"),
+    Symbol("h_edge", "", "element size at the sharp edge of a flat punch; without it a fraction of "
+           "h_contact", "length"),
+    Symbol("h_corner", "", "element size at the corners of the section that the contact feels: where a fixed face "
+           "meets a free one, and where it ends close to a side; without it a given h_contact has none of its own "
+           "there", "length"),
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement; linear elements (1) are gone", "1"),
@@ -172,7 +137,7 @@ MESH = (
         "1",
     ),
     Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),
-)
+)  # fmt: skip
 
 SOLVER = (
     Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
@@ -182,33 +147,21 @@ SOLVER = (
 )
 
 OUTPUT = (
-    Symbol(
-        "directory",
-        "",
-        "result folder, below the working directory; default: results/ and the name of the config",
-        WORD,
-    ),
+    Symbol("directory", "", "result folder, below the working directory; default: results/ and the name of the "
+           "config", WORD),
     Symbol("fields", "", "steps whose fields are written for ParaView; last: the deepest and the last", WORD),
     Symbol("surface", "", "state of the contact surface, point by point", WORD),
-    Symbol(
-        "output.surface",
-        "",
-        "steps whose contact surface is written to surface.csv; last: the deepest and the last",
-        WORD,
-    ),
+    Symbol("output.surface", "", "steps whose contact surface is written to surface.csv; last: the deepest and the "
+           "last", WORD),
     Symbol("plot", "", "whether force_indentation.png is drawn", WORD),
-)
+)  # fmt: skip
 
 RESULTS = (
     Symbol("step", "", "number of the requested depth, from 1", "1"),
     Symbol("force", "F", "> 0 pushing, of the whole body; per length in plane strain", "force"),
     Symbol("a", "a", "contact radius; half-width in plane strain; sqrt(area/pi) in 3D", "length"),
-    Symbol(
-        "p_max",
-        r"p_{\max}",
-        "largest contact pressure; nominal with gap reference, else true; empty where it is infinite",
-        "pressure",
-    ),
+    Symbol("p_max", r"p_{\max}", "largest contact pressure; nominal with gap reference, else true; empty where it is "
+           "infinite", "pressure"),
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
@@ -223,7 +176,7 @@ RESULTS = (
     Symbol("substeps", "", "how many solves the step was cut into", "1"),
     Symbol("converged", "", "whether the step has a solution", WORD),
     Symbol("reason", "", "why a step has no solution", WORD),
-)
+)  # fmt: skip
 
 STUDY = (
     Symbol("study.base", "", "the scene that is varied: the path of its file, or the scene itself", WORD),
@@ -231,15 +184,14 @@ STUDY = (
     Symbol("vary", "", "keys and the values they take: lists or ranges, crossed or zipped", WORD),
     Symbol("zip", "", "which keys go together value by value: true, or a list of them", WORD),
     Symbol("compare_to", "", "what force, a and p_max are compared with: theory, finest, a force, a result", WORD),
-    Symbol(
-        "tolerance", "", "error of the force that is still right: every row gets a verdict, refused scenes a row", "1"
-    ),
+    Symbol("tolerance", "", "error of the force that is still right: every row gets a verdict, refused scenes a "
+           "row", "1"),
     Symbol("from", "", "first number of a range", "that of the key"),
     Symbol("to", "", "last number of a range", "that of the key"),
     Symbol("count", "", "how many numbers a range has, both ends included", "1"),
     Symbol("spacing", "", "linear: equal distances; log: equal factors", WORD),
     Symbol("unit", "", "E*/h_contact: the numbers of the range are multiples of it, on each mesh its own", WORD),
-)
+)  # fmt: skip
 
 STUDY_TABLE = (
     Symbol("index", "", "number of the row, from 1, in the order of the grid", "1"),

@@ -31,14 +31,22 @@ Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
 Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
 
 
+class _Tip:
+    """What holds of a tip that says nothing else: it is of revolution and smooth."""
+
+    of_revolution: ClassVar[bool] = True
+
+    def creases(self) -> list[tuple[float, float]]:
+        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
+        return []
+
+
 @dataclass(frozen=True)
-class Paraboloid:
+class Paraboloid(_Tip):
     """f = r^2 / (2 R): Hertz' own tip (notes 3.1)."""
 
     R: Length
     shape: Literal["paraboloid"] = "paraboloid"
-
-    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length]."""
@@ -52,13 +60,9 @@ class Paraboloid:
         """Radius of the tip's section `depth` above its apex [length]."""
         return float(sqrt(2 * self.R * depth))
 
-    def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
-        return []
-
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(_Tip):
     """The exact ball, f = r^2 / (R + sqrt(R^2 - r^2)) for r < R; no contact beyond.
 
     With a gap at the deformed point it is the whole ball, its upper side too, but for a stem that holds it.
@@ -66,8 +70,6 @@ class Sphere:
 
     R: Length
     shape: Literal["sphere"] = "sphere"
-
-    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length], in the form that keeps its digits for r << R."""
@@ -96,20 +98,14 @@ class Sphere:
         depth = min(depth, self.R)
         return float(sqrt(depth * (2 * self.R - depth)))
 
-    def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
-        return []
-
 
 @dataclass(frozen=True)
-class Cone:
+class Cone(_Tip):
     """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank smoothly."""
 
     half_angle: HalfAngle
     tip_radius: LengthOrZero = 0.0
     shape: Literal["cone"] = "cone"
-
-    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length]."""
@@ -149,14 +145,12 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class FlatPunch:
+class FlatPunch(_Tip):
     """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle."""
 
     radius: Length
     edge_radius: LengthOrZero = 0.0
     shape: Literal["flat_punch"] = "flat_punch"
-
-    of_revolution: ClassVar[bool] = True
 
     def height(self, x: Any, y: Any) -> Any:
         """f(x, y) [length]."""
@@ -190,7 +184,7 @@ class FlatPunch:
 
 
 @dataclass(frozen=True)
-class Pyramid:
+class Pyramid(_Tip):
     """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
 
     The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0 the pyramid is
@@ -272,7 +266,7 @@ class Pyramid:
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(_Tip):
     """f straight between the points (r, z): convex, of revolution, ending at the last point.
 
     With tip_radius > 0 apex and corners are parabolic arcs of that radius of curvature, tangent to both sides.
@@ -281,8 +275,6 @@ class Profile:
     points: Points
     tip_radius: LengthOrZero = 0.0
     shape: Literal["profile"] = "profile"
-
-    of_revolution: ClassVar[bool] = True
 
     def check(self) -> None:
         """Raises ValueError unless the points describe a convex tip whose arcs have room."""

@@ -1,4 +1,4 @@
-"""What the system lets a process have: memory, open files, room for temporary files.
+"""Limits of a process: memory, open files, room for temporary files.
 
 MPI, gmsh and PETSc end or hang without a word where they get too little of it, so a run asks before it loads them; what
 runs out later is told as an expected failure.

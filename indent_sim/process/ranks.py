@@ -1,4 +1,4 @@
-"""One rank acts, all ranks know: results and failures of rank 0 shared over a communicator."""
+"""MPI ranks: what rank 0 does alone, its failures shared over a communicator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may write a result folder, and how a new one takes the place of an old one.
+"""Result folder: the claim to write it, its lock, and how a new one takes the place of an old one.
 
 A run writes into a hidden staging folder beside its target and becomes the target by renaming, so that
 readers see the old folder or the new one, never half of one. `.lock` inside the folder is held while the run

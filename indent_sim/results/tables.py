@@ -1,4 +1,4 @@
-"""States -> files, and reading them back (the files and columns of the result folder).
+"""Tables of a result folder: rows of the force table and blocks of the surface table, written and read.
 
 The force table is appended, one row in one write: rewriting it at every step would cost the square of the
 number of steps. A kill can then at worst tear the last line, and readers drop a last line without a newline.

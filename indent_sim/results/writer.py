@@ -16,10 +16,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim import __version__
 from indent_sim.model.state import COLUMNS, State
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
+from indent_sim.process.version import VERSION
 from indent_sim.results import checkpoint
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, MESH, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
@@ -184,7 +184,7 @@ class ResultFolder:
 
     def _save_report(self, sync: bool = True) -> None:
         ended = {} if self._status["status"] == "running" else {"finished": _now()}
-        identity = {"program": PROGRAM, "version": __version__, **self._status, "rows": self.rows}
+        identity = {"program": PROGRAM, "version": VERSION, **self._status, "rows": self.rows}
         report = {**identity, "started": self._started, **ended, **self.report}
         write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
 

@@ -1,4 +1,4 @@
-"""The chain of one run: Config -> Scene -> Grid -> Problem -> State, State, ... -> Results."""
+"""The chain of one run: Config -> Scene -> Grid -> BodyMesh -> State, State, ... -> files."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def simulate(
     """
     from indent_sim.config.file import located
 
-    comm = comm if comm is not None else _alone()
+    comm = comm if comm is not None else mpi().COMM_SELF
     target = Path(directory or config.output.directory or "results/run")
     try:
         outcome = Run(config, comm, target, progress, resume, error_bars).outcome()
@@ -173,7 +173,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     For notebooks and tests; a State that is not converged is the last one.
     """
     fe = backend()
-    comm = comm if comm is not None else _alone()
+    comm = comm if comm is not None else mpi().COMM_SELF
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
     for state in fe.walk(scene, mesh).states(scene.physics.path, lambda step: with_surface):
         yield state.in_units(scene.physics.scales)
@@ -189,7 +189,7 @@ class CondensedBody:
 
     @property
     def compliance(self) -> Any:
-        """`fe.compliance.Compliance`: u_z = -C F between the nodes of the contact surface, in the scene's units."""
+        """`fe.condensed.compliance.Compliance`: u_z = -C F between nodes of the contact surface, without units."""
         return self.equilibrium.contact.compliance
 
     def states(
@@ -226,12 +226,10 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
 
     Raises ConfigError when the scene is not one that condenses.
     """
-    from mpi4py import MPI
-
     if scene.solver.method != "condensed":
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
-    comm = comm or MPI.COMM_SELF
+    comm = comm if comm is not None else mpi().COMM_SELF
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
     return CondensedBody(scene, fe.equilibrium(scene, mesh))
 
@@ -242,12 +240,13 @@ def warm_up() -> None:
     backend()
 
 
-def _alone() -> Any:
+def mpi() -> Any:
+    """mpi4py's MPI, which is up then; BackendError when it is missing."""
     try:
         from mpi4py import MPI
     except (ImportError, RuntimeError) as error:
         raise BackendError(f"mpi4py: {error}; `indent-sim doctor` says what is missing") from error
-    return MPI.COMM_SELF
+    return MPI
 
 
 def _plot(directory: Path) -> None:

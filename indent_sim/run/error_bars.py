@@ -47,12 +47,12 @@ class Trend:
     safety: float
 
     def fading(self, n: float) -> float:
-        """How the error falls with n elements in the contact radius, up to a factor; see `accuracy.fading`."""
+        """How the error falls with n elements in the contact radius, up to a factor; see `fineness.fading`."""
         return float((n**4 + BLUNT**4) ** (-self.rate / 4))
 
 
 # Measured like those of the force, on 260 random layers between frictionless walls at sizes of all kinds
-RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 1.8)
+RADIUS, PEAK = Trend(1.0, 0.5), Trend(2.0, 2.2)
 
 Curve = dict[int, State]
 

@@ -1,4 +1,4 @@
-"""Rows that cannot be true: bounds on a frictionless elastic body that hold whatever the mesh and the method.
+"""Plausibility of rows: bounds on a frictionless elastic body that hold whatever the mesh and the method.
 
 The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force grows with the depth
 and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface stays below the tip. The force is

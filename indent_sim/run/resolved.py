@@ -20,8 +20,7 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
-        "body": _body(config, scene),
-        "material": _decided(config.material, formulation=scene.physics.part.regions[0].formulation),
+        **_materials(config, scene),
         "center": config.center or config.body.center,
         "contact": _contact(config, scene),
         "mesh": _mesh(config, scene),
@@ -48,18 +47,33 @@ def left_open(config: Config, decided: Config) -> list[str]:
     ]
 
 
+def _materials(config: Config, scene: Scene) -> dict[str, Any]:
+    """The material and those of the layers, with the formulation that each region has."""
+    formulations = [region.formulation for region in scene.physics.part.regions]
+    if isinstance(config.body, MeshFromFile) and isinstance(scene.physics.part, MeshedPart):
+        return _of_file(config, config.body, scene.physics.part)
+    if config.body.layers is None:
+        return {"material": _decided(config.material, formulation=formulations[0])}
+    layers = tuple(
+        dataclasses.replace(layer, material=_decided(layer.material, formulation=formulation))
+        for layer, formulation in zip(config.layers, formulations, strict=True)
+    )
+    return {"material": None, "body": dataclasses.replace(config.body, layers=layers)}
+
+
+def _of_file(config: Config, body: MeshFromFile, part: MeshedPart) -> dict[str, Any]:
+    """The materials by name, and the copy of the mesh in the result folder."""
+    formulations = dict(zip(part.piece.names, (region.formulation for region in part.regions), strict=True))
+    regions = {name: _decided(own, formulation=formulations[name]) for name, own in (body.regions or {}).items()}
+    rest = config.material and _decided(config.material, formulation=formulations.get("", "auto"))
+    copy = dataclasses.replace(body, file=MESH, hash=part.piece.hash, regions=regions or None)
+    return {"body": copy, "material": rest}
+
+
 def _decided(section: Any, **found: Any) -> Any:
     """A section with its "auto"s replaced; what was given stays, to the last digit."""
     auto = {name: value for name, value in found.items() if getattr(section, name, None) == "auto"}
-    return section if not auto else dataclasses.replace(section, **auto)
-
-
-def _body(config: Config, scene: Scene) -> Any:
-    """A body from a file is that of the copy in the result folder."""
-    part, body = scene.physics.part, config.body
-    if not isinstance(part, MeshedPart) or not isinstance(body, MeshFromFile):
-        return body
-    return dataclasses.replace(body, file=MESH, hash=part.piece.hash)
+    return dataclasses.replace(section, **auto)
 
 
 def _mesh(config: Config, scene: Scene) -> Any:

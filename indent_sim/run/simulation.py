@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, relative
 # Of the largest force so far: a body let go of has no force to compare with, only what Newton takes for round-off,
-# 1e-14 of the largest reactions (fe/newton.py), which over the 1e4 nodes of a mesh adds up to 1e-12 of them at most
+# 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up to 1e-12 of them at most
 AUDIT_FLOOR = 1e-4
 MANY_STEPS = 100  # up to here `surface: last` is rewritten at every step, so that a killed run has it too
 

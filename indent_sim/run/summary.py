@@ -1,4 +1,4 @@
-"""What a run says of itself at its end: theory beside it, its audit, its cost."""
+"""Summary of a run for run.json: theory beside it, its audit, its cost."""
 
 from __future__ import annotations
 

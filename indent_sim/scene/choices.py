@@ -1,4 +1,4 @@
-"""What a config leaves open, decided, each with its reason."""
+"""Choices of a scene: model, gap, contact law, tip, solver and mesh, each with its reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Profile, Pyramid, reach
+from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
@@ -102,47 +102,45 @@ def gap(wanted: Contact, given: Given) -> tuple[str, Choice]:
 def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | None) -> tuple[ContactLaw, Choice]:
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
-        kind, why = AugmentedLagrangian, "auto: no penetration to pay for, smooth pressures, fewest iterations"
-    else:
-        kind, why = type(wanted), "as given"  # type: ignore[assignment]
-    name = next((f.name for f in dataclasses.fields(kind) if f.name in ("epsilon_n", "gamma")), None)
+        law, why = AugmentedLagrangian(), "auto: no penetration to pay for, smooth pressures, fewest iterations"
+    else:  # the scene says which gap
+        law, why = dataclasses.replace(given.scales.scaled(wanted), gap="auto"), "as given"  # type: ignore[assignment]
+    name = next((f.name for f in dataclasses.fields(law) if f.name in ("epsilon_n", "gamma")), None)
     if name is None:
-        return kind(), Choice("contact", kind().method, why)
+        return law, Choice("contact", law.method, why)
     scales, unit = given.scales, given.material.E_star / sizes.h_contact
-    value: Any = getattr(scales.scaled(wanted), name, "auto")
+    value: Any = getattr(law, name)
     source = f"{name} {'auto' if value == 'auto' else 'as given'}"
     if value == "auto":
-        value = rounded(_stiffness(kind, given, sizes, fineness))
-    _refuse_soft(kind, name, value / unit, unit * scales.stiffness)
-    law = dataclasses.replace(kind(), **{name: value})  # type: ignore[arg-type]
+        value = rounded(_stiffness(law, given, sizes, fineness))
+    _refuse_soft(law, name, value / unit, unit * scales.stiffness)
+    law = dataclasses.replace(law, **{name: value})  # type: ignore[arg-type]
     why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
 
 
-def _stiffness(kind: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
+def _stiffness(law: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
     """The epsilon_n or gamma that `auto` stands for [pressure/length, without units]."""
     unit = given.material.E_star / sizes.typical
-    usual = float(kind.auto_multiple * unit)
-    if kind is not Penalty:
+    usual = float(law.auto_multiple * unit)
+    if not isinstance(law, Penalty):
         return usual
     if fineness is not None:  # the penalty's error must fit into what is asked for
         return min(fineness.penalty, STIFFEST * unit)
     depths = {delta for delta in (given.deepest, given.deltas[-1]) if delta > 0}
-    lost = [
-        penalty_loss(Penalty(epsilon_n=usual), given.material, given.theory, delta, given.radius(delta))
-        for delta in depths
-    ]
+    law = dataclasses.replace(law, epsilon_n=usual)
+    lost = [penalty_loss(law, given.material, given.theory, delta, given.radius(delta)) for delta in depths]
     return min(usual * max(1.0, max(lost, default=0.0) / TELLING), STIFFEST * unit)
 
 
-def _refuse_soft(kind: Any, name: str, multiple: float, unit: float) -> None:
+def _refuse_soft(law: Any, name: str, multiple: float, unit: float) -> None:
     """ConfigError for a stiffness with which the method converges to a wrong force."""
-    smallest = getattr(kind, "smallest_multiple", 0.0)
+    smallest = getattr(law, "smallest_multiple", 0.0)
     if multiple < smallest * (1 - 1e-9):
         raise ConfigError(
             f"contact.{name}",
-            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {kind().method} gives wrong forces",
-            f"at least {smallest * unit:.4g}, or auto ({kind.auto_multiple:g} E*/h_contact)",
+            f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {law.method} gives wrong forces",
+            f"at least {smallest * unit:.4g}, or auto ({law.auto_multiple:g} E*/h_contact)",
         )
 
 
@@ -160,7 +158,7 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
         for applies, why in (
             (not given.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
-            (law.multiplier == "stress", "Nitsche's method needs the stress inside the body"),
+            (bool(law.uncondensed), law.uncondensed),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
             (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )
@@ -214,42 +212,25 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
     return choices
 
+
 BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets
 
 
-@dataclass(frozen=True)
-class Blunting:
-    """The tip with its new radius, the key and value of it [length], and how that changes the force (None: unknown)."""
-
-    tip: Indenter
-    key: str
-    radius: float
-    force_change: float | None
-
-    @property
-    def why(self) -> str:
-        """The reason in words."""
-        reason = f"gap: current needs a normal everywhere; {BLUNTING:g} of the expected contact radius"
-        if self.force_change is None:
-            return reason
-        return f"{reason}, changes the force by {self.force_change:+.1g} by layer theory"
+def tip(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
+    """The tip, with a small radius at a sharp apex or edge where the gap needs a normal everywhere."""
+    sharp, key = given.tip, "edge_radius" if isinstance(given.tip, FlatPunch) else "tip_radius"
+    if gap == "reference" or getattr(sharp, key, 1.0) > 0:
+        return sharp, []
+    radius = rounded(BLUNTING * given.a)
+    smooth = dataclasses.replace(sharp, **{key: radius})  # type: ignore[arg-type]
+    before, after = (_force(given, one) for one in (sharp, smooth))
+    change = f", changes the force by {after / before - 1:+.1g} by layer theory" if before and after else ""
+    why = f"gap: current needs a normal everywhere; {BLUNTING:g} of the expected contact radius{change}"
+    return smooth, [Choice(f"indenter.{key}", radius * given.scales.length, why)]
 
 
-def blunted(given: Given) -> Blunting | None:
-    """A sharp cone, pyramid, profile or punch with a small radius; None for a tip that is smooth already."""
-    tip = given.tip
-    key = "edge_radius" if isinstance(tip, FlatPunch) else "tip_radius"
-    if not isinstance(tip, Cone | Pyramid | FlatPunch | Profile) or getattr(tip, key) > 0:
-        return None
-    radius = float(f"{BLUNTING * given.a:.12g}")
-    changes: dict[str, Any] = {key: radius}
-    smooth = dataclasses.replace(tip, **changes)
-    forces = [_force(one, given) for one in (tip, smooth)]
-    change = forces[1] / forces[0] - 1 if forces[0] and forces[1] else None
-    return Blunting(smooth, f"indenter.{key}", radius, change)
-
-
-def _force(tip: Indenter, given: Given) -> float | None:
+def _force(given: Given, tip: Indenter) -> float | None:
+    """Layer theory's force of a tip at the deepest point."""
     theory = layer_theory(given.body, given.layers, tip, given.center)
     with contextlib.suppress(ArithmeticError):
         solution = theory.at(given.deepest) if theory and given.deepest > 0 else None

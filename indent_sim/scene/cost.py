@@ -1,4 +1,4 @@
-"""What a run will cost: cells, unknowns, memory and processor seconds, before anything is meshed.
+"""Cost of a run: cells, unknowns, memory and processor seconds, before anything is meshed.
 
 Counts come from the integral of 1/size^dim over the modelled part. The constants below were fitted on this program
 (`make bench` prints prediction beside measurement for every scene of configs/): one core of about 2020, OpenBLAS, forms

@@ -1,4 +1,4 @@
-"""Where the model or the mesh is a poor one for what is asked: words and a relative error of the force."""
+"""Doubts of model, contact law and mesh: a warning and the relative error of the force that it stands for."""
 
 from __future__ import annotations
 
@@ -68,10 +68,11 @@ def _of_model(given: Given) -> Iterator[Doubt]:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
     for words in stability.instabilities(material, stability.largest_strain(tip, a, delta, body.height)):
         yield Doubt("stability", words)
-    solution = given.solution(delta) if body.shape != "strip" else None
+    solution = given.solution(delta) if body.dim == 3 else None
     closed = half_space_force(tip, delta, material.E_star)
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
-        why = "does not apply: for a contact this large the body is not thick enough"
+        cause = "for a contact this large the body is not thick enough"
+        why = f"does not apply: {'the body is layered' if len(given.layers) > 1 else cause}"
         yield Doubt("half_space", f"{closed[0]}, half-space, {why}")
 
 

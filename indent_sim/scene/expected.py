@@ -1,4 +1,4 @@
-"""What to expect of a scene: depths at given forces, contact radius and force, and whether the pressure has a peak."""
+"""Expected results: depths at given forces, contact radius and force, and whether the pressure has a peak."""
 
 from __future__ import annotations
 

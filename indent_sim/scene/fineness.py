@@ -1,4 +1,4 @@
-"""From the accuracy asked for to the settings that give it.
+"""Element sizes from the accuracy asked for, and the error to expect of them.
 
 One number rules the discretisation: the elements n in the contact radius of every step. All else follows it, so that
 no part dominates the error: sizes grow with the distance from the axis as the contact edge passes there, the far size

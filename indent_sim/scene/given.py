@@ -1,4 +1,4 @@
-"""What a config fixes without a choice: the scene without units, the part of it that is modelled, what to expect."""
+"""The scene before any choice: without units, its modelled part, its theory and the depths to expect."""
 
 from __future__ import annotations
 
@@ -78,8 +78,7 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units; ConfigError for one that cannot exist."""
-    whole, truncation, piece = _finite(config)
-    layers = _layers(whole, config.material)
+    whole, layers, truncation, piece = _finite(config)
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
@@ -94,7 +93,7 @@ def given_by(config: Config) -> Given:
     if isinstance(body, Meshed):
         part, part_why = _meshed(config, piece, scales)
     else:
-        part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(layers))
+        part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
     theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
     return Given(
         scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
@@ -103,23 +102,9 @@ def given_by(config: Config) -> Given:
     )  # fmt: skip
 
 
-def _layers(body: Body, material: Material | None) -> tuple[Layer, ...]:
-    """The layers of a finite body from the top, each with its thickness and the two constants of its material."""
-    if body.layers is None:
-        return (Layer(body.height, _canonical(material, "material")),)
-    return tuple(
-        replace(layer, material=_canonical(layer.material or material, f"body.layers[{k}].material"))
-        for k, layer in enumerate(body.layers)
-    )
-
-
-def _canonical(material: Material | None, key: str) -> Material:
-    assert material is not None
-    try:
-        canonical: Material = material.canonical()
-    except ValueError as wrong:
-        raise ConfigError(key, str(wrong)) from wrong
-    return canonical
+def _layers(config: Config) -> tuple[Layer, ...]:
+    """The layers from the top, each with the two constants of its material."""
+    return tuple(replace(layer, material=_material_of(layer).canonical()) for layer in config.layers)
 
 
 def _material_of(layer: Layer) -> Material:
@@ -127,46 +112,45 @@ def _material_of(layer: Layer) -> Material:
     return layer.material
 
 
-def _regions(layers: tuple[Layer, ...]) -> tuple[Region, ...]:
+def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
     """The regions of layers, z of their lower faces rounded as all lengths of a mesh."""
     names = [f"layers[{k}]" for k in range(len(layers))] if len(layers) > 1 else ["body"]
     depths = np.cumsum([layer.thickness for layer in layers])
     materials = [_material_of(layer) for layer in layers]
-    return tuple(Region(name, material, _formulation(material), -rounded(float(depth)))
-                 for name, material, depth in zip(names, materials, depths, strict=True))  # fmt: skip
+    formulations = [_formulation(config.material_key(k), material) for k, material in enumerate(materials)]
+    return tuple(Region(name, material, formulation, -rounded(float(depth)))
+                 for name, material, formulation, depth
+                 in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
 
 
-def _formulation(material: Material) -> str:
+def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
-        raise ConfigError("material.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+        raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
-        raise ConfigError("material.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+        raise ConfigError(f"{key}.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
     return chosen
 
 
-def _finite(config: Config) -> tuple[Body, Truncation | None, Piece | None]:
-    """The body as given, or the one that stands for a half-space, or what its file has with first touch at z = 0."""
+def _finite(config: Config) -> tuple[Body, tuple[Layer, ...], Truncation | None, Piece | None]:
+    """The body as given, or the one that stands for a half-space, or what its file has, and its layers."""
     if isinstance(config.body, MeshFromFile):
-        return _from_file(config, config.body)
+        body, piece = _from_file(config, config.body)
+        return body, body.layers, None, piece
+    layers = _layers(config)
     if not isinstance(config.body, HalfSpace):
-        return config.body, None, None
-    given = config.body.layers or (Layer(None, config.material),)
-    layers = tuple(
-        replace(layer, material=_canonical(layer.material or config.material, f"body.layers[{k}].material"))
-        for k, layer in enumerate(given)
-    )
+        return config.body, layers, None, None
     path = config.loading.path()
     delta = max(path.values)
     if path.control == "force":
         delta = expected_depth(config.indenter, layers, delta)
     truncation = truncate(config.indenter, layers, delta)
-    return truncation.body, truncation, None
+    return truncation.body, truncation.layers, truncation, None
 
 
-def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, None, Piece]:
+def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, Piece]:
     """The body that a file has, lowered so that the tip first touches it at z = 0."""
     piece, center = piece_of(config, source), config.center or source.center
     if source.hash not in (None, piece.hash):
@@ -174,8 +158,7 @@ def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, None, Piec
                           "find the mesh that this scene was made with, or leave the hash out")  # fmt: skip
     piece = piece.led_by(meshed.under_axis(piece, center))
     placed = piece.lowered(meshed.first_touch(config.indenter, piece, center))
-    material = _materials(placed, source, config.material)[0]
-    return meshed.body_of(placed, source, center, material), None, placed
+    return meshed.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
 
 
 def piece_of(config: Config, source: MeshFromFile) -> Piece:
@@ -184,20 +167,21 @@ def piece_of(config: Config, source: MeshFromFile) -> Piece:
     return inspection.piece_of(found, source, config.material is not None)
 
 
-def _materials(piece: Piece, source: MeshFromFile, material: Material | None) -> list[Material]:
-    """The materials of a piece's regions, in their order."""
-    own = source.regions or {}
-    keys = [f"body.regions.{name}" if name in own else "material" for name in piece.names]
-    return [_canonical(own.get(name, material), key) for name, key in zip(piece.names, keys, strict=True)]
+def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
+    """The materials of a piece's regions with the keys where they stand, in their order."""
+    regions = getattr(config.body, "regions", None) or {}
+    own = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
+    found = [own.get(name, ("material", config.material)) for name in piece.names]
+    return [(key, material.canonical()) for key, material in found if material is not None]
 
 
 def _meshed(config: Config, piece: Piece | None, scales: Scales) -> tuple[Part, str]:
     """The part that a piece is, in the scene's units."""
     source = config.body
     assert piece is not None and isinstance(source, MeshFromFile)
-    materials = map(scales.scaled, _materials(piece, source, config.material))
-    regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(matter), 0.0)
-                    for name, matter in zip(piece.names, materials, strict=True))  # fmt: skip
+    materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
+    regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
+                    for name, (key, matter) in zip(piece.names, materials, strict=True))  # fmt: skip
     part = meshed.part_of(piece.measured(scales.length), source, regions)
     return part, "a mesh from a file is modelled as it is"
 

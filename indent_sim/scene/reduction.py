@@ -1,4 +1,4 @@
-"""Model only what the scene requires: which part of the body stands for the whole, and how it is held."""
+"""Reduction by symmetry: the part of the body that is modelled, its supports and its pins."""
 
 from __future__ import annotations
 

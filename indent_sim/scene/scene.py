@@ -1,4 +1,4 @@
-"""Config -> Scene: every "auto" becomes a number or a choice here, each with its reason."""
+"""Scene: physics, sizes, solver and plan; `resolve` makes it from a Config."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, sizing
-from indent_sim.scene.choices import Choice, blunted
+from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts
@@ -135,7 +135,7 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     nodes = candidates(sizes, given.part)
     solver = choices.solver(config, given, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
-    tip, tip_choice = _smooth(given, gap)
+    tip, tip_choice = choices.tip(given, gap)
     cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
@@ -152,16 +152,6 @@ def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
         return 0.0, []
     stiffness = WALL_STIFFNESS * given.material.constants.E / sizes.h_far
     return stiffness, [Choice("wall", stiffness * given.scales.stiffness, WALL_WHY)]
-
-
-def _smooth(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
-    """The tip, with a small radius where the gap needs a normal everywhere."""
-    blunt = None
-    if gap == "current":
-        blunt = blunted(given)
-    if blunt is None:
-        return given.tip, []
-    return blunt.tip, [Choice(blunt.key, blunt.radius * given.scales.length, blunt.why)]
 
 
 def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:

@@ -1,4 +1,4 @@
-"""Theory of a scene: what it knows of each tip, of the layer below, and of the half-space."""
+"""Theory of a scene: layer and half-space theory for its tip, and what the body has that theory has not."""
 
 from __future__ import annotations
 

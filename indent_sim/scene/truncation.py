@@ -1,4 +1,4 @@
-"""The half-space as a finite body: how large it must be, and how much too stiff it is then.
+"""Truncation of a half-space: the finite body that stands for it, and the error of the force.
 
 A body of width and height n a is too stiff by about 1/n (a: contact radius), which layer theory knows exactly for a
 cylinder between frictionless walls. Sizes that grow with the distance make n in the thousands cheap.
@@ -28,6 +28,7 @@ class Truncation:
     """The finite body, its size in contact radii, and a bound of the relative error of the force (> 0, too stiff)."""
 
     body: Cylinder | Box
+    layers: tuple[Layer, ...]
     ratio: float
     error: float
 
@@ -56,12 +57,10 @@ def truncate(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation
         error = _error(shape, modelled, deepest, ratio)
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
-    own = _finite(layers, size) if len(layers) > 1 else None
-    if tip.of_revolution:
-        return Truncation(Cylinder(size, size, base="fixed", sides="roller", layers=own), ratio, MARGIN * error)
-    # the cylinder of theory fits into this box, which is softer
-    walls = BoxSides("roller", "roller", "roller", "roller")
-    return Truncation(Box((2 * size, 2 * size, size), base="fixed", sides=walls, layers=own), ratio, MARGIN * error)
+    body: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
+    if not tip.of_revolution:  # the cylinder of theory fits into this box, which is softer
+        body = Box((2 * size, 2 * size, size), base="fixed", sides=BoxSides("roller", "roller", "roller", "roller"))
+    return Truncation(body, _finite(layers, size), ratio, MARGIN * error)
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:

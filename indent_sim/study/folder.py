@@ -16,8 +16,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from indent_sim import __version__
 from indent_sim.process.errors import UsageError
+from indent_sim.process.version import VERSION
 from indent_sim.results.folder import PROGRAM, REPORT, contents, discard, is_ours, read_report, write_atomically
 from indent_sim.results.folder import content as content_of
 from indent_sim.results.reader import read_run
@@ -78,7 +78,7 @@ class StudyFolder:
     def has_ended(self, name: str) -> bool:
         """Whether a run has ended, well or not, under this version of the program, and its result can be read."""
         report = read_report(self.run(name))
-        if report.get("status") not in LASTING or report.get("version") != __version__:
+        if report.get("status") not in LASTING or report.get("version") != VERSION:
             return False
         try:
             read_run(self.run(name))
@@ -91,7 +91,7 @@ class StudyFolder:
         report = read_report(self.run(name))
         if report.get("status") == "failed" and report.get("exit_code") == exit_code:
             return
-        identity = {"program": PROGRAM, "version": __version__, "status": "failed"}
+        identity = {"program": PROGRAM, "version": VERSION, "status": "failed"}
         self.run(name).mkdir(exist_ok=True)
         said = identity | {"exit_code": exit_code, "reason": reason, "rows": 0}
         write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
@@ -108,7 +108,7 @@ class StudyFolder:
 
     def write_record(self, **entries: Any) -> None:
         """study.json: that this folder is a study, and what it says of itself."""
-        self.write(RECORD, to_json({"program": PROGRAM, "version": __version__, **entries}) + "\n")
+        self.write(RECORD, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n")
 
     @property
     def _runs(self) -> Path:

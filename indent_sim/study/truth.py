@@ -1,4 +1,4 @@
-"""What the results of a study are compared with: theory, its finest run, a number, or another result."""
+"""References of a study: theory, its finest run, a number, or another result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A verdict on every row of a study with a tolerance: right, or said to be off, or refused, or wrong in silence."""
+"""Verdicts on the rows of a study with a tolerance: right, flagged, refused or wrong."""
 
 from __future__ import annotations
 

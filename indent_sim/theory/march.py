@@ -1,4 +1,4 @@
-"""A layer theory's contacts: at one depth after another, and under a force."""
+"""LayerContact: the contact of a layer theory at one depth after another, and under a force."""
 
 from __future__ import annotations
 

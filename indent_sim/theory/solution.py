@@ -1,4 +1,4 @@
-"""What a theory returns, and the limits of what it may be asked."""
+"""Solution of a theory at one depth, and checks of its parameters."""
 
 from __future__ import annotations
 

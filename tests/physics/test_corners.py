@@ -14,7 +14,7 @@ from indent_sim.config.file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.run.chain import simulate, states
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory import layer, strip
+from indent_sim.theory import layer, profiles, strip
 from indent_sim.theory.solution import Solution
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
@@ -78,7 +78,7 @@ class Case:
             return 0.001 * min(1.0, a)
         own = dict(self.indenter)
         module: Any = layer if self.shape == "cylinder" else strip
-        tip = getattr(tips_of(module), own.pop("shape"))(*own.values())
+        tip = getattr(profiles, own.pop("shape"))(*own.values())
 
         def excess(delta: float) -> float:
             try:
@@ -89,12 +89,6 @@ class Case:
 
         scale = a * 0.05
         return float(brentq(excess, 1e-4 * scale, 10 * scale, xtol=1e-12, rtol=1e-12))
-
-
-def tips_of(module: Any) -> Any:
-    from indent_sim.theory import profiles
-
-    return profiles if module is layer else strip
 
 
 def drawn(count: int, seed: int) -> list[Case]:

@@ -1,4 +1,4 @@
-"""Contact on a condensed body: the enforcement laws of `enforce`, on a small dense compliance.
+"""Contact on a condensed body: the laws of `model.contact`, on a small dense compliance.
 
 With nodal forces F (pushing down) the gap at a quadrature point is g = f - delta + N C F, and every law with a
 stiffness is one equation in F alone,

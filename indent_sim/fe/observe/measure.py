@@ -1,4 +1,4 @@
-"""What is read off a solution: contact radius, peak pressure, penetration and the surface table."""
+"""Measurements of a solution: contact radius, peak pressure, penetration and the surface table."""
 
 from __future__ import annotations
 

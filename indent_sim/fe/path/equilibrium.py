@@ -1,4 +1,4 @@
-"""What a load path is walked on: a body that finds its equilibrium at a depth, and can be put back."""
+"""Equilibrium: the interface of a body that finds its state at a depth and can be put back, for `Walk`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The last words of a load path that ends early: where, why, and what may help."""
+"""Failure of a load path: where it ended, why, and what may help."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
 
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
-STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out (test_extremes.py)
+STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
 START = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
 CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer

@@ -1,4 +1,4 @@
-"""What all pictures share: the canvas, its axes and units, saving, and whose a file is."""
+"""Canvas of all pictures: style, axes and units, saving, and whose a file is."""
 
 from __future__ import annotations
 

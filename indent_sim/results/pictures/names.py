@@ -1,4 +1,4 @@
-"""Names of several results in one picture: what differs between them."""
+"""Names of several results in one picture: titles, or the settings that differ."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from indent_sim.config.file import from_mapping
-from indent_sim.model.body import Cylinder, Strip, StripSides
+from indent_sim.model.body import Cylinder, Layer, Strip, StripSides
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
 from indent_sim.scene.scene import Scene, resolve
@@ -50,7 +50,7 @@ def test_theory_sees_the_tip_end_where_it_ends(tip: Indenter) -> None:
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
 def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
     """The two entries of one tip: Sneddon's integral against the formula."""
-    theory, closed = half_space_theory(tip, GEL, 1.0), half_space_force(tip, 0.01, GEL.E_star)
+    theory, closed = half_space_theory(tip, [Layer(None, GEL)]), half_space_force(tip, 0.01, GEL.E_star)
     assert theory and closed and (solution := theory.at(0.01))
     assert solution.force == pytest.approx(closed[1], rel=1e-6)  # the layer adds about a/h = 1e-7
 
@@ -59,14 +59,14 @@ def test_layer_and_closed_form_agree_on_a_half_space(tip: Indenter) -> None:
 @pytest.mark.parametrize("tip", SHARP.values(), ids=SHARP)
 @pytest.mark.parametrize("delta", [1e-4, 0.05])
 def test_the_depth_of_a_force_is_that_depth(tip: Indenter, body: Cylinder | Strip, delta: float) -> None:
-    theory = layer_theory(body, GEL, tip, body.center)
+    theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)
     assert theory and theory.exact and (solution := theory.at(delta))
     # both are searched to 1e-11 of the contact's size
     assert theory.depth(solution.force, 0.9) == pytest.approx(delta, rel=1e-9)
 
 
 def test_the_deepest_point_and_the_end_of_theory() -> None:
-    theory = layer_theory(CYLINDER, GEL, Sphere(0.05), CYLINDER.center)
+    theory = layer_theory(CYLINDER, [Layer(CYLINDER.height, GEL)], Sphere(0.05), CYLINDER.center)
     assert theory
     assert theory.depth(1e9, 0.9) is None or theory.at(0.9)  # the contact would be wider than the ball
     assert theory.depth(1e-6, 1e-6) == 1e-6
@@ -74,7 +74,7 @@ def test_the_deepest_point_and_the_end_of_theory() -> None:
 
 def test_plane_strain_knows_sharp_tips_alone() -> None:
     for name in ("blunt_cone", "rounded_punch", "profile"):  # a pyramid over a strip is no scene
-        assert layer_theory(STRIP, GEL, OTHERS[name], STRIP.center) is None
+        assert layer_theory(STRIP, [Layer(STRIP.height, GEL)], OTHERS[name], STRIP.center) is None
     for tip in (Cone(60.0, 0.1), FlatPunch(0.3, 0.05), Pyramid(60.0, faces=3)):
         assert half_space_force(tip, 0.1, 1.0) is None
 

@@ -95,11 +95,27 @@ def test_limits(base):
     thick = layer.indent(PARABOLOID, 0.01, E=1.0, nu=0.3, h=1e7, base=base)
     assert thick.force == pytest.approx(hs.paraboloid_force(0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
     assert thick.a == pytest.approx(0.1, rel=1e-7)
-    assert thick.pressure(0.05) == pytest.approx(hs.paraboloid_pressure(0.05, 0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
     infinite = layer.indent(SPHERE, 0.2, nu=0.3, base=base, **UNIT).force
     far = layer.indent(SPHERE, 0.2, nu=0.3, base=base, wall=50.0, **UNIT).force
     assert far == pytest.approx(infinite, rel=1e-12 if base == "fixed" else 1e-3)
     assert layer.indent(SPHERE, 0.2, nu=0.3, base=base, wall=math.inf, **UNIT).force == infinite
+
+
+@pytest.mark.parametrize(
+    ("tip", "a", "pressure"),
+    [
+        (PARABOLOID, 0.1, lambda r, a: 2.0 / math.pi * np.sqrt(a**2 - r**2)),
+        (profiles.cone(60.0), 2.0 / math.pi * 0.01 * 3.0**0.5, lambda r, a: np.arccosh(a / r) / 2.0 / 3.0**0.5),
+        (profiles.flat_punch(0.1), 0.1, lambda r, a: 0.01 / math.pi / np.sqrt(a**2 - r**2)),
+    ],
+    ids=["paraboloid", "cone", "punch"],
+)
+def test_pressures_of_a_half_space(tip, a, pressure):
+    # a depth of 0.01 into E* = 1: Hertz 1882, Sneddon 1965; a layer of 1e7 is off by about a/h = 1e-8
+    s = layer.indent(tip, 0.01, E=1.0, nu=0.0, h=1e7)
+    assert s.a == pytest.approx(a, rel=1e-7)
+    r = np.array([0.1, 0.5, 0.99]) * a
+    assert s.pressure(r) == pytest.approx(pressure(r, a), rel=1e-6)
 
 
 def test_confined_layer_tends_to_uniaxial_compression():

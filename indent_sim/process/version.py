@@ -1,0 +1,3 @@
+"""The version of this program, as results and `--version` name it."""
+
+VERSION = "0.1.0"
