@@ -172,7 +172,7 @@ def _layers(config: Config) -> Iterator[ConfigError]:
             key = f"{key_of_layer(len(layers) - 1)}.thickness"
             yield ConfigError(key, problem, "leave it out, or add a layer below")
     yield from (ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without)
-    if layers and not without and not isinstance(config.body, HalfSpace):
+    if layers and not without and not isinstance(config.body, HalfSpace | MeshFromFile):
         yield from _height(sum(layer.thickness or 0.0 for layer in layers), config.body.height)
 
 
