@@ -60,9 +60,36 @@ class MeshedPart(Part):
         beyond = np.maximum(np.maximum(nearest - end, begin - distances.max(axis=1)), 0.0)
         return float(np.exp(np.log(sizes[beyond == beyond.min()]).mean()))
 
+    def sag(self, center: Point, radius: float) -> float:
+        """How far contact facets within a radius of the tip's axis are from the arc through their corners [length].
+
+        Facets of the size h that meet at the angle t follow a radius of h/t, and their middles are h t/8 inside it.
+        """
+        facets, corners = self.piece.grid.surfaces["top"], self.piece.corners("top")
+        normals = upward_normals(corners)
+        ridges = np.sort(np.concatenate([np.delete(facets, k, axis=1) for k in range(self.dim)]), axis=1)
+        order = np.lexsort(ridges.T)
+        same = (ridges[order][1:] == ridges[order][:-1]).all(axis=1)
+        one, other = order[:-1][same] % len(facets), order[1:][same] % len(facets)
+        near = np.linalg.norm(corners[..., :-1] - np.asarray(center[: self.dim - 1]), axis=-1).min(axis=1) <= radius
+        met = near[one] | near[other]
+        angles = np.arccos(np.clip((normals[one] * normals[other]).sum(axis=1), -1.0, 1.0))[met]
+        return float(angles.mean() * self.facet_near(center, 0.0, radius) / 8) if met.any() else 0.0
+
     def normal(self, surface: str) -> int | None:
         """The component of u that a roller holds on a surface; None where no one axis is normal to it."""
         return self.normals[surface]
+
+
+def upward_normals(corners: np.ndarray) -> np.ndarray:
+    """The unit normals of segments or triangles (k, n, n), on their upper side."""
+    edges = corners[:, 1:] - corners[:, :1]
+    if corners.shape[2] == 2:
+        normals = np.column_stack([-edges[:, 0, 1], edges[:, 0, 0]])
+    else:
+        normals = np.cross(edges[:, 0], edges[:, 1])
+    upper = np.where(normals[:, -1:] < 0, -1.0, 1.0)
+    return np.asarray(upper * normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
 def under_axis(piece: Piece, center: tuple[float, ...]) -> int:

@@ -13,7 +13,7 @@ from mesh_files import block, section, write
 from indent_sim.config.file import load, loads
 from indent_sim.mesh import file, inspection
 from indent_sim.mesh.grid import boundary_of
-from indent_sim.mesh.meshed import first_touch
+from indent_sim.mesh.meshed import MeshedPart, first_touch
 from indent_sim.mesh.piece import Piece, as_msh, halved
 from indent_sim.model.body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
@@ -164,6 +164,20 @@ def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
     high = scene(tmp_path, "high.msh")
     assert high.physics.part.extent == low.physics.part.extent == ((0.0, 2.0), (-1.0, 0.0))
     assert high.physics.deltas == low.physics.deltas and high.sizes == low.sizes
+
+
+def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> None:
+    """z = -x^2/4 in facets of h = 1/4: each sags by h^2/16 = 1/256, where a depth of 0.02 is what is asked for."""
+    body = section(1.0, 1.0, 4, 4)
+    body["points"][:, 1] -= body["points"][:, 0] ** 2 / 4 * (1 + body["points"][:, 1])
+    write(tmp_path / "part.msh", body)
+    found = scene(tmp_path)
+    part = found.physics.part
+    assert isinstance(part, MeshedPart)
+    assert part.sag((0.0, 0.0), 0.3) == pytest.approx(1 / 256, rel=0.05)  # but for the squares of slopes up to 0.2
+    assert any(doubt.key == "facets" for doubt in found.plan.doubts)
+    write(tmp_path / "part.msh", section())
+    assert not any(doubt.key == "facets" for doubt in scene(tmp_path).plan.doubts)
 
 
 # ---- what is refused -------------------------------------------------------------------------------------------------
