@@ -26,6 +26,7 @@ from indent_sim.scene.scene import Scene
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
 SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
 CORNERED = 1.2  # times as much where the mesh also shrinks towards corners: two errors that may cancel on one mesh
+LAYERED = 2.0  # times as much in a body of layers: a stiff one bends far beyond the contact, on elements of another rate
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
@@ -154,6 +155,7 @@ class ErrorBars:
         self._truncation = sum(doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation")
         self._sizes, self._scales = scene.sizes, scene.physics.scales
         self._uncornered = replace(scene.sizes, corners=())  # a wall beside the contact says nothing of its elements
+        self._is_layered = len(scene.physics.part.regions) > 1
         self._is_nitsche = isinstance(scene.physics.contact, Nitsche)
         self._is_rounded = getattr(scene.physics.indenter, "edge_radius", 0.0) > 0
         self._theory = scene.exact_theory
@@ -237,7 +239,7 @@ class ErrorBars:
         """
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
         errors = [self._error(state.a, ratio) for ratio in ratios]
-        safety = SAFETY[self._dim] * (CORNERED if self._sizes.h_corner else 1.0)
+        safety = SAFETY[self._dim] * (CORNERED if self._sizes.h_corner else 1.0) * (LAYERED if self._is_layered else 1.0)
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max(abs(errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
