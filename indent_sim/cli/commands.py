@@ -29,6 +29,7 @@ from indent_sim.process.errors import (
     printable,
 )
 from indent_sim.process.limits import require_room, spent
+from indent_sim.process.ranks import Alone
 from indent_sim.process.signals import check, stoppable
 from indent_sim.process.version import VERSION
 
@@ -196,8 +197,9 @@ def program() -> None:
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
-        _start_mesher()
-        comm = _world()
+        is_met = _starts_mesher(config, overrides)
+        require_room()
+        comm = _world() if is_met else Alone()
     with together(comm), stoppable(comm.rank):
         from indent_sim.config.file import load
         from indent_sim.process.ranks import on_root
@@ -331,18 +333,26 @@ def main() -> None:
 # ---- one run, on all ranks ---------------------------------------------------------------------------------
 
 
-def _start_mesher() -> None:
-    """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do."""
-    from indent_sim.process.ranks import is_first
+def _starts_mesher(config: Path, overrides: tuple[str, ...]) -> bool:
+    """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do.
 
+    Returns whether the others are to be met: not by a process without others whose scene theory solves. What is wrong
+    with the config is said later, by all ranks.
+    """
+    from indent_sim.config.file import load
+    from indent_sim.mesh import gmsh
+    from indent_sim.process.ranks import is_first, is_one_of_several
+    from indent_sim.scene.choices import needs_mesh
+
+    with suppress(IndentSimError):
+        if is_first() and not needs_mesh(load(config, overrides)):
+            return is_one_of_several()
     if is_first():
-        from indent_sim.mesh import gmsh
-
         gmsh.start()
+    return True
 
 
 def _world() -> Any:
-    require_room()
     from indent_sim.run.chain import mpi
 
     return mpi().COMM_WORLD

@@ -57,12 +57,14 @@ def conclusion(outcome: Outcome) -> list[str]:
     lines += _error(outcome.states)
     theory = report.get("theory") or {}
     if theory:
-        lines.append(_theory(theory))
+        lines.append(_theory(theory) if report.get("method") != "theory" else f"solved by theory: {theory['why']}")
     if closed := theory.get("half_space"):
         side = "below" if closed["deviation"] < 0 else "above"
         given, asked = _given_and_asked(theory)
         beside = f"{asked} {closed[asked]:.6g}, {abs(closed['deviation']):.2%} {side} this run"
         lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
+    if theory.get("formulas"):
+        lines.append(_formulas(theory))
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")
@@ -158,6 +160,13 @@ def _theory(theory: dict[str, Any]) -> str:
     given, asked = _given_and_asked(theory)
     beside = f"{asked} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
     return f"{theory['name']} at {given} {theory[given]:.6g}: {beside}"
+
+
+def _formulas(theory: dict[str, Any]) -> str:
+    """What the usual formulas for films and thin layers say, and how far that is from this run."""
+    given, asked = _given_and_asked(theory)
+    said = (f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})" for one in theory["formulas"])
+    return f"film formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}"
 
 
 def _given_and_asked(theory: dict[str, Any]) -> tuple[str, str]:

@@ -87,7 +87,7 @@ def common(kind: Any) -> Any:
     """The type that all fields of a dataclass share (the walls of a box), so that one value says them all."""
     if dataclasses.is_dataclass(kind):
         first, *others = hints(kind).values()  # type: ignore[arg-type]
-        return first if all(other == first for other in others) else None
+        return first if others and all(other == first for other in others) else None  # one field is a tag
     return kind
 
 

@@ -20,12 +20,12 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, HalfSpace, Layer, MeshFromFile
+from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, Endless, HalfSpace, Layer, Strip
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.tagged import TaggedBy
-from indent_sim.model.tips import FlatPunch, Indenter, Profile
+from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
@@ -38,6 +38,8 @@ MOST_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensi
 NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
+FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
+STEEPEST = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
 SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
@@ -69,7 +71,7 @@ class MeshSettings:
 class SolverSettings:
     """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
 
-    method: Literal["auto", "newton", "condensed"] = "auto"
+    method: Literal["auto", "theory", "condensed", "newton"] = "auto"
     rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
     max_iterations: PositiveInt = 50
     petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
@@ -80,7 +82,7 @@ class OutputSettings:
     """What is written and where."""
 
     directory: Annotated[str, MinLen(1)] | None = None
-    fields: When = "last"
+    fields: Literal["auto", "none", "last", "all"] = "auto"
     surface: When = "last"
     plot: bool = True
 
@@ -143,7 +145,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_layers, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
+        checks = (_cap, _layers, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -151,6 +153,23 @@ class Config(BaseModel):
 
 def _magnitudes(config: Config) -> list[ConfigError]:
     return limits.beyond({name: getattr(config, name) for name in sections()})
+
+
+def _cap(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with the two ways to say how high a cap is."""
+    body = config.body
+    if not isinstance(body, Cap):
+        return
+    if body.height and body.contact_angle:
+        yield ConfigError("body.contact_angle", "contradicts height: each alone says the cap's shape", "give one")
+    elif not body.height and not body.contact_angle:
+        yield ConfigError("body.height", "missing, and so is contact_angle", "give one of the two")
+    elif body.thickness < body.base_radius / FLATTEST:
+        problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} is all but flat"
+        yield ConfigError("body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder")
+    elif body.thickness > body.base_radius * STEEPEST:
+        problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} stands on a point"
+        yield ConfigError("body", problem, f"height at most {STEEPEST:g} base_radius, or a ball")
 
 
 def _layers(config: Config) -> Iterator[ConfigError]:
@@ -172,7 +191,7 @@ def _layers(config: Config) -> Iterator[ConfigError]:
             key = f"{key_of_layer(len(layers) - 1)}.thickness"
             yield ConfigError(key, problem, "leave it out, or add a layer below")
     yield from (ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without)
-    if layers and not without and not isinstance(config.body, HalfSpace | MeshFromFile):
+    if layers and not without and isinstance(config.body, Cylinder | Strip | Box):
         yield from _height(sum(layer.thickness or 0.0 for layer in layers), config.body.height)
 
 
@@ -217,8 +236,11 @@ def _path(config: Config) -> list[ConfigError]:
 
 def _axis(config: Config) -> list[ConfigError]:
     center, needed = config.center, len(config.body.center)
-    if isinstance(config.body, HalfSpace) and center is not None and any(center):
-        return [ConfigError("indenter.center", "a half-space is the same everywhere", "leave it out")]
+    if isinstance(config.body, Endless) and center is not None and any(center):
+        return [ConfigError("indenter.center", f"a {config.body.shape} is the same everywhere", "leave it out")]
+    if isinstance(config.body, Cap | Ball) and center is not None and any(center):
+        problem = f"over a {config.body.shape} the tip stands on the axis"
+        return [ConfigError("indenter.center", problem, "leave it out")]
     if center is None or len(center) == needed:
         return []
     form = "[x]" if needed == 1 else "[x, y]"
@@ -232,6 +254,12 @@ def _tip(config: Config) -> list[ConfigError]:
         return [ConfigError("indenter.shape", f"a {tip.shape} is no tip of revolution", "use body.kinematics: 3d")]
     if config.body.dim == 2 and not tip.of_revolution:
         return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
+    if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
+        problem = f"a {tip.shape} over a {config.body.shape}, which is modelled about its axis"
+        return [ConfigError("indenter.shape", problem, "use a tip of revolution, a cone of equal sections")]
+    if isinstance(tip, Plate) and isinstance(config.body, Cylinder | Strip | Box | Endless):
+        problem = "a plate on a flat top touches all of it at once"
+        return [ConfigError("indenter.shape", problem, "use a flat_punch, or body.shape cap or ball")]
     if isinstance(tip, FlatPunch) and tip.edge_radius >= tip.radius:
         problem = "must be smaller than the punch's radius"
         return [ConfigError("indenter.edge_radius", problem, f"below {tip.radius:g}")]

@@ -140,9 +140,14 @@ def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
     Lines across it are the interfaces between layers.
     """
     geo = gmsh.model.geo
-    corners = [_rounded(corner) for side in part.outline for corner in _corners(part, sizes, side)]
-    points = [geo.addPoint(*corner, 0.0) for corner in corners]
-    lines = [geo.addLine(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+    split = [(_rounded(corner), side) for side in part.outline for corner in _corners(part, sizes, side)]
+    corners = [corner for corner, _ in split]
+    middles = [_rounded(side.middle) for side in part.outline if side.middle]
+    places = {place: geo.addPoint(*place, 0.0) for place in dict.fromkeys([*corners, *middles])}
+    points = [places[corner] for corner in corners]
+    pairs = zip(points, points[1:] + points[:1], strict=True)
+    lines = [geo.addCircleArc(a, places[_rounded(side.middle)], b) if side.middle else geo.addLine(a, b)
+             for (a, b), (_, side) in zip(pairs, split, strict=True)]  # fmt: skip
     heights = [round(z, DIGITS) for z in part.interfaces]
     right = [next(k for k, corner in enumerate(corners) if corner[1] == z) for z in heights]
     left = [len(corners) - 1 - next(k for k, corner in enumerate(reversed(corners)) if corner[1] == z) for z in heights]
@@ -162,7 +167,9 @@ def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
 def _corners(part: Part, sizes: Sizes, side: Side) -> list[tuple[float, ...]]:
     """Where a side of a section begins, and where it is split."""
     if side.surface == "top":
-        return [side.start, *((x, side.start[1]) for x in reversed(_splits(part, sizes, side.end[0], side.start[0])))]
+        radius = part.dome
+        return [side.start, *((x, _rise(radius, x) if radius else side.start[1])
+                              for x in reversed(_splits(part, sizes, side.end[0], side.start[0])))]  # fmt: skip
     (x0, z0), (x1, z1) = side.start, side.end
     between = sorted((z for z in part.interfaces if min(z0, z1) < z < max(z0, z1)), reverse=z1 < z0)
     return [side.start, *((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z) for z in between)]
@@ -181,6 +188,11 @@ def _splits(part: Part, sizes: Sizes, x0: float, x1: float) -> list[float]:
         if kept[0] < x < kept[1] and all(abs(x - other) > apart for other in kept):
             kept.append(x)
     return sorted(kept[2:])
+
+
+def _rise(radius: float, r: float) -> float:
+    """z of a spherical top at the distance r from its axis [length]."""
+    return float(-r * r / (radius + np.sqrt(radius * radius - r * r)))
 
 
 def _draw_box(gmsh: Any, part: Part, sizes: Sizes) -> None:

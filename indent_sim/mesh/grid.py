@@ -60,7 +60,7 @@ def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:
     """Each surface and the distance of all points to it, flat ones first [length]."""
     ends = [] if part.dim == 2 else [("base", np.abs(points[:, 2] + part.height)), ("top", np.abs(points[:, 2]))]
     sides = sorted(part.outline, key=lambda side: side.middle is not None)
-    return ends + [(side.surface, np.abs(side.inwards(points[:, 0], points[:, 1]))) for side in sides]
+    return ends + [(side.surface, side.distance(points[:, 0], points[:, 1])) for side in sides]
 
 
 def boundary_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.model.algebra import sqrt
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
 
@@ -44,6 +45,27 @@ class Side:
             return self.radius - np.hypot(x - self.middle[0], y - self.middle[1])
         (x0, y0), (x1, y1) = self.start, self.end
         return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+
+    def distance(self, x: Any, y: Any) -> Any:
+        """Distance [length] of points to the arc, or to the line that a straight side is a part of."""
+        to_whole = np.abs(self.inwards(x, y))
+        if self.middle is None:
+            return to_whole
+        along = (np.arctan2(y - self.middle[1], x - self.middle[0]) - self._begin) % (2 * pi)
+        to_ends = [np.hypot(x - end[0], y - end[1]) for end in (self.start, self.end)]
+        return np.where(along <= self.turn, to_whole, np.minimum(*to_ends))
+
+    @property
+    def turn(self) -> float:
+        """Angle [radians] of an arc."""
+        assert self.middle is not None
+        return (atan2(self.end[1] - self.middle[1], self.end[0] - self.middle[0]) - self._begin) % (2 * pi)
+
+    @property
+    def _begin(self) -> float:
+        """Direction [radians] in which an arc begins, seen from its middle."""
+        assert self.middle is not None
+        return atan2(self.start[1] - self.middle[1], self.start[0] - self.middle[0])
 
 
 @dataclass(frozen=True)
@@ -113,6 +135,12 @@ class Part:
         radii = [side.radius for side in self.outline if side.middle is not None]
         return min(radii) if radii and self.dim == 3 else None
 
+    @property
+    def dome(self) -> float | None:
+        """Radius of a spherical top, whose apex is the origin [length]; None: the top is flat."""
+        radii = [side.radius for side in self.outline if side.surface == "top" and side.middle is not None]
+        return radii[0] if radii else None
+
     def distances(self, center: Point) -> dict[str, float]:
         """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror plane."""
         x, y = (*center, 0.0)[:2]
@@ -132,12 +160,21 @@ def polygon(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side
     return tuple(Side(surface, start, end) for surface, (start, end) in zip(surfaces, ends, strict=True))
 
 
+def on_dome(radius: Any, r: Any, z: Any) -> tuple[Any, Any]:
+    """The point of a spherical top nearest to a point (r, z) of its mesh, whose facets are chords [length].
+
+    The distance d from the centre (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all digits near the apex.
+    """
+    beyond = r * r + z * (z + 2 * radius)
+    d = sqrt(beyond + radius * radius)
+    share = beyond / (d * (d + radius))
+    return r - share * r, z - share * (z + radius)
+
+
 def _swept(side: Side) -> float:
     """Area that the side sweeps as seen from the origin: of its chord, and of the circle beyond it [length^2]."""
     (x0, y0), (x1, y1) = side.start, side.end
     chord = (x0 * y1 - x1 * y0) / 2
     if side.middle is None:
         return chord
-    begin, end = (atan2(y - side.middle[1], x - side.middle[0]) for x, y in (side.start, side.end))
-    turn = (end - begin) % (2 * pi)
-    return chord + side.radius**2 / 2 * (turn - sin(turn))
+    return chord + side.radius**2 / 2 * (side.turn - sin(side.turn))

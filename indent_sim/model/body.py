@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf, radians, tan
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Gt, Len
+from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.materials import Material
 from indent_sim.model.tagged import TaggedBy
@@ -20,6 +21,7 @@ MIDDLES = (np.arange(POINTS) + 0.5) / POINTS
 SHARES = np.linspace(0, 1, POINTS + 1)
 TOUCHING = 1e-9  # of a facet: so far outside a point still counts as on it
 TINY = 1e-300  # no length is 0
+ContactAngle = Annotated[float, Gt(0), Lt(180)]  # degrees
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
 
 
@@ -188,19 +190,101 @@ class Box:
         return along_x, along_y
 
 
+class _Endless:
+    """What bodies without sides have in common: every place is equal, and there is room beside any contact."""
+
+    dim: ClassVar[int] = 3
+    is_held: ClassVar[bool] = False
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """Where the tip stands."""
+        return (0.0, 0.0)
+
+    def rim_distance(self, center: tuple[float, ...]) -> float:
+        """There is no edge of the top surface."""
+        return inf
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """The top surface has no farthest point."""
+        return inf
+
+    def top(self) -> Points:
+        """No points: there is no mean over all of the top surface."""
+        return np.empty(0), np.empty(0)
+
+    def fixed_ends(self) -> Points:
+        """No points: there is no side."""
+        return np.empty(0), np.empty(0)
+
+
 @dataclass(frozen=True)
-class HalfSpace:
-    """z <= 0 without end. A simulation replaces it by a finite body that is large enough."""
+class HalfSpace(_Endless):
+    """z <= 0 without end: solved by theory, or on a finite body that is large enough."""
 
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
 
+    @property
+    def height(self) -> float:
+        """Thickness [length]: infinite."""
+        return inf
+
+
+@dataclass(frozen=True)
+class InfiniteLayer(_Endless):
+    """-height <= z <= 0 [length], infinitely wide: solved by theory, or on a finite body that is large enough."""
+
+    height: Length
+    shape: Literal["layer"] = "layer"
+    base: BaseSupport = "fixed"
+    layers: Layers | None = None
+
+
+@dataclass(frozen=True)
+class Dome:
+    """The piece of a ball below its apex at z = 0, down to the plane z = -height [length]; its base is there.
+
+    A whole ball (height = 2 radius) is held below its equator instead. pieces: see `Scales`.
+    """
+
+    radius: Length
+    height: Length
+    shape: Literal["cap", "ball"]
+    base: BaseSupport = "fixed"
+    pieces: int = 1
+
     dim: ClassVar[int] = 3
+    is_held: ClassVar[bool] = False  # bulges freely
+    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
 
     @property
-    def center(self) -> tuple[float, ...]:
-        """Where the tip stands; every place is equal."""
-        return (0.0, 0.0)
+    def foot(self) -> tuple[float, float]:
+        """(r, z) [length] of the edge between the curved surface and the base."""
+        depth = self.radius if self.height == 2 * self.radius else self.height
+        return float(depth * (2 * self.radius - depth)) ** 0.5, -depth
+
+    @property
+    def widest(self) -> float:
+        """The largest radius of a horizontal section [length]."""
+        return self.radius if self.height > self.radius else self.foot[0]
+
+    def rim_distance(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the body's outline as seen from above."""
+        return self.widest - float(sum(c * c for c in center) ** 0.5)
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farthest point of the outline as seen from above."""
+        return self.widest + float(sum(c * c for c in center) ** 0.5)
+
+    def top(self) -> Points:
+        """Points as seen from above, each standing for an equal area there."""
+        r, angle = self.widest * np.sqrt(MIDDLES)[:, None], 2 * np.pi * MIDDLES[None, :]
+        return r * np.cos(angle), r * np.sin(angle)
+
+    def fixed_ends(self) -> Points:
+        """No side is fixed."""
+        return np.empty(0), np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -302,6 +386,61 @@ def shares_of(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
     return np.column_stack([1 - others.sum(axis=1), others])
 
 
-Drawn = Cylinder | Strip | Box  # meshed here
-Body = Drawn | Meshed
-AnyBody = Drawn | HalfSpace | MeshFromFile
+@dataclass(frozen=True)
+class Cap:
+    """The part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
+
+    Either `height` or `contact_angle` [degrees], between base and surface inside the body: height = base_radius
+    tan(contact_angle/2). Beyond 90 degrees the body is wider than its base.
+    """
+
+    base_radius: Length
+    height: Length | None = None
+    contact_angle: ContactAngle | None = None
+    shape: Literal["cap"] = "cap"
+    base: BaseSupport = "fixed"
+
+    dim: ClassVar[int] = 3
+    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
+    layers: ClassVar[None] = None
+
+    @property
+    def thickness(self) -> float:
+        """The height, given or by the contact angle [length]."""
+        return self.height or self.base_radius * tan(radians(self.contact_angle or 90.0) / 2)
+
+    @property
+    def dome(self) -> Dome:
+        """The same body by the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
+        height = self.thickness
+        return Dome((self.base_radius**2 + height**2) / (2 * height), height, "cap", self.base)
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
+
+    base roller: the plane through its centre is a mirror plane, below which the same tip pushes up: `delta` is the
+    approach of the two. fixed: the lower half of its surface is bonded to something rigid.
+    """
+
+    radius: Length
+    shape: Literal["ball"] = "ball"
+    base: BaseSupport = "roller"
+
+    dim: ClassVar[int] = 3
+    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
+    layers: ClassVar[None] = None
+
+    @property
+    def dome(self) -> Dome:
+        """What is modelled of it: the half above the mirror plane, or all of it."""
+        if self.base == "roller":
+            return Dome(self.radius, self.radius, "ball", self.base, pieces=2)
+        return Dome(self.radius, 2 * self.radius, "ball", self.base)
+
+
+Endless = HalfSpace | InfiniteLayer
+Drawn = Cylinder | Strip | Box | Dome  # meshed here
+Body = Drawn | Meshed | Endless
+AnyBody = Cylinder | Strip | Box | Endless | Cap | Ball | MeshFromFile

@@ -16,6 +16,12 @@ class _Kinematics:
 
         return ufl.as_vector([v[0], v[2]])
 
+    def in_space(self, v: Any) -> Any:
+        """The 3-vector of a vector along the model's own axes."""
+        import ufl
+
+        return ufl.as_vector([v[0], 0, v[1]])
+
     def contact_area(self, a: float) -> float:
         """pi a^2 [length^2] of a contact of radius a."""
         return pi * a**2
@@ -101,6 +107,10 @@ class ThreeDimensional(_Kinematics):
     def horizontal(self, point: Any, center: Any) -> tuple[Any, Any]:
         """Horizontal position (x - c_x, y - c_y) relative to the tip's axis [length]."""
         return point[0] - center[0], point[1] - center[1]
+
+    def in_space(self, v: Any) -> Any:
+        """The 3-vector of a vector along the model's own axes."""
+        return v
 
     def in_plane(self, v: Any) -> Any:
         """The components of a 3-vector along the model's own axes."""

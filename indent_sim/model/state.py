@@ -68,7 +68,7 @@ class State:
         L, P, F = scales.length, scales.pressure, scales.force
         return replace(
             self,
-            delta=self.delta * L,
+            delta=self.delta * scales.depth,
             force=self.force * F,
             a=self.a * L,
             p_max=self.p_max * P,

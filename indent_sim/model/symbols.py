@@ -39,11 +39,13 @@ SCENE = (
 
 BODY = (
     Symbol("shape", "", "which body, or which tip; decides the other keys of its section", WORD),
-    Symbol("radius", "r_0", "radius of the cylinder, or of the flat punch", "length"),
+    Symbol("radius", "r_0", "radius of the cylinder, of the ball, or of the flat punch", "length"),
     Symbol("height", "h", "thickness of the body; it occupies -height <= z <= 0", "length"),
     Symbol("width", "w", "width of the strip; it occupies 0 <= x <= width, in plane strain", "length"),
+    Symbol("base_radius", "b", "radius of the flat side on which a cap stands", "length"),
+    Symbol("contact_angle", r"\theta", "of a cap, between base and curved surface; instead of `height`", "degrees"),
     Symbol("size", "(l_x, l_y, l_z)", "edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]", "length"),
-    Symbol("base", "", "support of the lower face; roller: slides, does not lift", WORD),
+    Symbol("base", "", "support of the lower face; roller: slides, does not lift; a ball's: docs/conventions.md", WORD),
     Symbol("sides", "", "support of the walls; roller: no normal displacement", WORD),
     Symbol("x_min", "", "support of the wall at x = 0", WORD),
     Symbol("x_max", "", "support of the wall at the largest x", WORD),
@@ -140,7 +142,13 @@ MESH = (
 )  # fmt: skip
 
 SOLVER = (
-    Symbol("solver.method", "", "how the equations are solved; auto: the program chooses", WORD),
+    Symbol(
+        "solver.method",
+        "",
+        "how the scene is solved: by exact theory without a mesh, or on a mesh whose body is condensed to its surface "
+        "or solved whole by Newton's method; auto: the program chooses and says why",
+        WORD,
+    ),
     Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
     Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
@@ -149,7 +157,13 @@ SOLVER = (
 OUTPUT = (
     Symbol("directory", "", "result folder, below the working directory; default: results/ and the name of the "
            "config", WORD),
-    Symbol("fields", "", "steps whose fields are written for ParaView; last: the deepest and the last", WORD),
+    Symbol(
+        "fields",
+        "",
+        "steps whose fields are written for ParaView; last: the deepest and the last; "
+        "auto: last where a mesh is solved, none with theory",
+        WORD,
+    ),
     Symbol("surface", "", "state of the contact surface, point by point", WORD),
     Symbol("output.surface", "", "steps whose contact surface is written to surface.csv; last: the deepest and the "
            "last", WORD),

@@ -184,6 +184,25 @@ class FlatPunch(_Tip):
 
 
 @dataclass(frozen=True)
+class Plate(_Tip):
+    """f = 0 everywhere: a rigid plane, for bodies whose top is curved."""
+
+    shape: Literal["plate"] = "plate"
+
+    def height(self, x: Any, y: Any) -> Any:
+        """f(x, y) = 0 [length]."""
+        return 0.0 * x
+
+    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+        """-depth: the distance to the plane."""
+        return 0.0 * x - depth
+
+    def radius_at(self, depth: float) -> float:
+        """A plane has no end [length]."""
+        return inf
+
+
+@dataclass(frozen=True)
 class Pyramid(_Tip):
     """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
 
@@ -352,7 +371,7 @@ def _largest(values: Sequence[Any]) -> Any:
     return values[0]
 
 
-Indenter = Paraboloid | Sphere | Cone | FlatPunch | Pyramid | Profile
+Indenter = Paraboloid | Sphere | Cone | FlatPunch | Plate | Pyramid | Profile
 
 
 def reach(tip: Indenter) -> float:

@@ -83,6 +83,12 @@ class Scales:
     length: float
     pressure: float
     dim: int = 3  # 2 in plane strain, where forces are per unit length
+    pieces: int = 1  # equal ones on top of each other, of which one is modelled: approach and energy are those of all
+
+    @property
+    def depth(self) -> float:
+        """Unit of the depth delta, the whole body's approach."""
+        return self.pieces * self.length
 
     @property
     def force(self) -> float:
@@ -104,12 +110,12 @@ class Scales:
 
     def of(self, control: str) -> float:
         """Unit of what a load path prescribes: depth or force."""
-        return self.length if control == "depth" else self.force
+        return self.depth if control == "depth" else self.force
 
     @property
     def energy(self) -> float:
         """Unit of energy."""
-        return self.pressure * self.length**self.dim
+        return self.pieces * self.pressure * self.length**self.dim
 
 
 def rounded(value: float) -> float:

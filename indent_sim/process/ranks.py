@@ -13,6 +13,16 @@ RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
 T = TypeVar("T")
 
 
+class Alone:
+    """The communicator of a process without others: what needs no MPI does not load it."""
+
+    rank, size = 0, 1
+
+    def bcast(self, value: Any, root: int = 0) -> Any:
+        """The value itself."""
+        return value
+
+
 def is_one_of_several() -> bool:
     """Whether this process was started as one of several ranks."""
     return any(os.environ.get(name, "1") not in ("", "0", "1") for name in SIZES)

@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NotRequired
 
@@ -17,7 +18,7 @@ from typing_extensions import TypedDict
 from indent_sim.model.state import COLUMNS, ERRORS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
-from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, number, state_of
+from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
 from indent_sim.results.xdmf import lost_fields
 
 COMPARED = ("delta", "force", "a")
@@ -46,8 +47,9 @@ def read(path: Path | str) -> Results:
     """Read a result folder or a force table; UsageError when there is none or it is damaged."""
     path = Path(path)
     columns = read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
-    surface = read_table(path / SURFACE, SURFACE_COLUMNS) if os.path.lexists(path / SURFACE) else {}
-    if surface:
+    surface = {}
+    if os.path.lexists(path / SURFACE):
+        surface = read_table(path / SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
     return Results(path, columns, checked_report(path), surface)
@@ -106,6 +108,13 @@ class _HalfSpace(TypedDict, total=False):
     deviation: Known
 
 
+class _Formula(TypedDict, total=False):
+    name: str
+    delta: Number
+    force: Number
+    deviation: Known
+
+
 class _Theory(TypedDict):
     name: str
     delta: Number
@@ -115,6 +124,7 @@ class _Theory(TypedDict):
     why: NotRequired[str]
     curve: NotRequired[_Curve]
     half_space: NotRequired[_HalfSpace | None]
+    formulas: NotRequired[list[_Formula]]
 
 
 class _Audit(TypedDict, total=False):
@@ -159,7 +169,10 @@ class _Report(TypedDict, total=False):
     resumed_after: list[Count]
 
 
-_SHAPE: TypeAdapter[Any] = TypeAdapter(_Report)
+@cache
+def _shape() -> TypeAdapter[Any]:
+    """What a run.json looks like; a run that reads none need not work it out."""
+    return TypeAdapter(_Report)
 
 
 def checked_report(folder: Path) -> dict[str, Any]:
@@ -168,7 +181,7 @@ def checked_report(folder: Path) -> dict[str, Any]:
     if not report and os.path.lexists(folder / REPORT):
         raise UsageError(f"{folder / REPORT} is damaged: no JSON object that says program: {PROGRAM}")
     try:
-        _SHAPE.validate_python(report, strict=True)
+        _shape().validate_python(report, strict=True)
         _check_theory(report.get("theory") or {})
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False, include_context=False)[0]
@@ -184,8 +197,9 @@ def _check_theory(theory: dict[str, Any]) -> None:
         raise ValueError("says no deviation")
     closed = theory.get("half_space")
     asked = "delta" if "delta_deviation" in theory else "force"
-    if closed and (closed.get(asked) is None or closed.get("deviation") is None or "name" not in closed):
-        raise ValueError("half_space lacks an entry")
+    for said in filter(None, [closed, *theory.get("formulas", [])]):
+        if said.get(asked) is None or said.get("deviation") is None or "name" not in said:
+            raise ValueError("a formula lacks an entry")
     if len({len(theory.get("curve", {}).get(name, ())) for name in ("delta", "force", "a")}) > 1:
         raise ValueError("the columns of its curve have different lengths")
 
@@ -295,7 +309,8 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
     try:
         refuse_links(folder)
         _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml)
-        return Earlier(*_rows(folder / TABLE), report)
+        unknown = ("energy",) if report.get("method") == "theory" else ()
+        return Earlier(*_rows(folder / TABLE, unknown), report)
     except (FileNotFoundError, UnicodeDecodeError) as error:
         raise UsageError(f"{folder} has {REPORT} but not all that belongs to it: {error}") from error
     except OSError as error:
@@ -329,7 +344,7 @@ def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
     )
 
 
-def _rows(path: Path) -> tuple[tuple[State, ...], tuple[str, ...], int]:
+def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     lines = content(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
         return (), COLUMNS, 0
@@ -339,7 +354,7 @@ def _rows(path: Path) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     states: list[State] = []
     size = len(lines[0]) + 1
     for line in lines[1:]:
-        state = state_of(names, line)
+        state = state_of(names, line, unknown)
         if state is None or state.step != len(states) + 1:
             break
         states.append(state)

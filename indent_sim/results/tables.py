@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections.abc import Collection
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ SURFACE = "surface.csv"
 
 INTEGERS = ("step", "newton_iterations")
 MAY_BE_EMPTY = {"p_max", *ERRORS}
+SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
 
@@ -33,8 +35,11 @@ def row(state: State, columns: tuple[str, ...]) -> bytes:
     return (",".join(cells) + "\n").encode()
 
 
-def state_of(names: tuple[str, ...], line: bytes) -> State | None:
-    """The state of a line of the force table; None when the line is torn, or holds what no solution is."""
+def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
+    """The state of a line of the force table; None when the line is torn, or holds what no solution is.
+
+    unknown: columns beyond MAY_BE_EMPTY of which this run says nothing.
+    """
     cells = line.decode("ascii", "replace").split(",")
     if len(cells) != len(names):
         return None
@@ -45,7 +50,8 @@ def state_of(names: tuple[str, ...], line: bytes) -> State | None:
         empty = {name for name, value in values.items() if math.isnan(value)}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
-    return State(**values) if empty <= MAY_BE_EMPTY and not any(map(math.isinf, values.values())) else None
+    is_result = empty <= MAY_BE_EMPTY.union(unknown) and not any(map(math.isinf, values.values()))
+    return State(**values) if is_result else None
 
 
 def number(cell: str) -> float:
@@ -66,11 +72,11 @@ def whole(cell: str) -> int:
 
 
 def surface_block(step: int, surface: Surface) -> bytes:
-    """The lines of a state in the surface table."""
+    """The lines of a state in the surface table; what is not a number is empty."""
     table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
-    return text.getvalue()
+    return text.getvalue().replace(b"nan", b"")
 
 
 def surface_blocks(path: Path) -> dict[int, bytes]:

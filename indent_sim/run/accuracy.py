@@ -11,7 +11,7 @@ from typing import Any
 from indent_sim.config.schema import Config
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_bars import FORCELESS, RATIOS, Budget, Companion, ErrorBars
+from indent_sim.run.error_bars import FORCELESS, RATIOS, Bars, Budget, Companion
 from indent_sim.scene.fineness import MOST, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene
 
@@ -33,7 +33,7 @@ class Attempt:
     missed: str = ""  # why it is not accurate enough; "" when it is
     following: Attempt | None = None  # what to try then; None: nothing may help
 
-    def judge(self, resolve: Resolve, states: Sequence[State], bars: ErrorBars) -> None:
+    def judge(self, resolve: Resolve, states: Sequence[State], bars: Bars) -> None:
         """Find whether an error bar is wider than the scene's accuracy allows, and what to try then."""
         found, worst = worst_of(states, bars.budgets)
         fineness = self.scene.plan.fineness
@@ -63,7 +63,7 @@ def attempts(resolve: Resolve, elements: float | None = None, tried: Sequence[fl
         attempt = attempt.following
 
 
-def unjudged(scene: Scene, states: Sequence[State], bars: ErrorBars) -> list[str]:
+def unjudged(scene: Scene, states: Sequence[State], bars: Bars) -> list[str]:
     """What to say of steps whose error bar is wider than the scene's accuracy allows, but that are not held to it."""
     floor, fineness = _floor(states), scene.plan.fineness
     if fineness is None:
@@ -109,9 +109,13 @@ def _finer(
         return None, f"the next mesh is beyond this machine ({limit.problem})"
 
 
-def entry(fineness: Fineness, tried: Sequence[float]) -> dict[str, Any]:
-    """What run.json says of the accuracy: what was asked for, the elements in a contact radius, now and before."""
-    return {"target": fineness.target, "elements": fineness.n, "tried": list(tried)}
+def entry(config: Config, fineness: Fineness | None, tried: Sequence[float]) -> dict[str, Any] | None:
+    """What run.json says of the accuracy: what was asked for, and of a mesh the elements in a contact radius, now and
+    before; None where nothing was asked for."""
+    target = target_of(config.accuracy)
+    if target is None or fineness is None:
+        return None if target is None else {"target": target}
+    return {"target": target, "elements": fineness.n, "tried": list(tried)}
 
 
 def refuse_other_bars(before: Mapping[str, Any], config: Config, with_bars: bool, folder: Path) -> None:

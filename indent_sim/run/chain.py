@@ -14,12 +14,13 @@ from indent_sim.model.state import ERRORS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
 from indent_sim.process.limits import spent
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
 from indent_sim.results.reader import checked_report, earlier_run, lost_files
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
+from indent_sim.run.by_theory import TheoryWalk
+from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
@@ -57,7 +58,7 @@ def simulate(
     """
     from indent_sim.config.file import located
 
-    comm = comm if comm is not None else mpi().COMM_SELF
+    comm = comm if comm is not None else Alone()
     target = Path(directory or config.output.directory or "results/run")
     try:
         outcome = Run(config, comm, target, progress, resume, error_bars).outcome()
@@ -97,21 +98,22 @@ class Run:
         from indent_sim.config.file import to_yaml
 
         config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
+        self.comm = communicator(self.comm, scene)
         resume = self._resume and not attempt.companions  # only the first one
-        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, config.output)):
+        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
                     errors=self._errors(scene), mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
                     "auto": left_open(config, decided)}  # fmt: skip
-            record.note(title=plan.title, units=plan.units, gap=physics.gap, method=physics.contact.method,
+            record.note(title=plan.title, units=plan.units, gap=physics.gap, method=scene.method,
                         control=physics.path.control, center=[c * physics.scales.length for c in physics.center],
                         plan=said, warnings=list(plan.warnings), ranks=self.comm.size,
                         memory_before_MB=round(memory(), 1))  # fmt: skip
             bars = self._bars(attempt) if self._with_bars else None
             if bars is not None:
-                record.note(error_budget=bars.budgets, accuracy=plan.fineness and entry(plan.fineness, attempt.tried))
+                record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
             simulation = Simulation(config, scene, record, self._clock, bars)
             states = simulation.follow(self.progress)
             simulation.release()
@@ -129,7 +131,9 @@ class Run:
         finds_depths = scene.physics.path.control == "force"
         return tuple(name for name in ERRORS if finds_depths or name != "delta_error")
 
-    def _bars(self, attempt: Attempt) -> ErrorBars:
+    def _bars(self, attempt: Attempt) -> Bars:
+        if not attempt.scene.is_meshed:
+            return TheoryBars(attempt.scene)
         with self._clock.stage("imports"):
             backend()
         with self._clock.stage("companions"):
@@ -157,7 +161,7 @@ def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: O
     if earlier is None:
         return None
     physics, steps = scene.physics, len(scene.physics.deltas)
-    depths = [delta * physics.scales.length for delta in physics.deltas]
+    depths = [delta * physics.scales.depth for delta in physics.deltas]
     earlier.check(depths if physics.path.control == "depth" else None, steps, target)
     if not earlier.finished(steps):
         return None
@@ -172,8 +176,13 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
 
     For notebooks and tests; a State that is not converged is the last one.
     """
+    comm = communicator(comm if comm is not None else Alone(), scene)
+    if not scene.is_meshed:
+        walk = TheoryWalk(scene, comm)
+        yield from (state.in_units(scene.physics.scales)
+                    for state in walk.states(scene.physics.path, lambda step: with_surface))  # fmt: skip
+        return
     fe = backend()
-    comm = comm if comm is not None else mpi().COMM_SELF
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
     for state in fe.walk(scene, mesh).states(scene.physics.path, lambda step: with_surface):
         yield state.in_units(scene.physics.scales)
@@ -205,12 +214,11 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        L = self.scene.physics.scales.length
         changes: dict[str, Any] = {}
         if indenter is not None:
             changes["indenter"] = self.scene.physics.scales.scaled(indenter)
         if deltas is not None:
-            values = tuple(delta / L for delta in deltas)
+            values = tuple(delta / self.scene.physics.scales.depth for delta in deltas)
             changes |= {"deltas": values, "path": LoadPath("depth", values)}
         if forces is not None:
             begin = max(*self.scene.physics.deltas, 1e-3 * self.scene.physics.body.height)  # of the search
@@ -238,6 +246,11 @@ def warm_up() -> None:
     """Load what every run needs, so that the first of many costs no more than the others."""
     gmsh.start()
     backend()
+
+
+def communicator(comm: Any, scene: Scene) -> Any:
+    """The communicator that solves a scene: a mesh is one of MPI, on this process alone as elsewhere."""
+    return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, Alone) else comm
 
 
 def mpi() -> Any:

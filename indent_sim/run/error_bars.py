@@ -26,7 +26,7 @@ from indent_sim.scene.scene import Scene
 RATIOS = (1.6, 2.56)  # of the sizes of the two companions to those of the run
 SAFETY = {2: 3.0, 3: 2.2}  # by dim: the contact edge crosses many elements in three dimensions, and jumps less
 CORNERED = 1.2  # times as much where the mesh also shrinks towards corners: two errors that may cancel on one mesh
-LAYERED = 2.0  # times as much in a body of layers: a stiff one bends far beyond the contact, on elements of another rate
+LAYERED = 2.0  # times as much in a body of layers: a stiff one bends far beyond the contact, where elements are large
 HASTE = 1.0  # added to the rate for what two coarser meshes say
 LEAST_GAIN = 0.25  # of a coarser mesh's error over the finer one's, less one, where both are too coarse to say
 ALIKE = 0.2  # of a step's force: what a step beside it must have to say something of it
@@ -239,7 +239,8 @@ class ErrorBars:
         """
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
         errors = [self._error(state.a, ratio) for ratio in ratios]
-        safety = SAFETY[self._dim] * (CORNERED if self._sizes.h_corner else 1.0) * (LAYERED if self._is_layered else 1.0)
+        safety = SAFETY[self._dim] * (CORNERED if self._sizes.h_corner else 1.0)
+        safety *= LAYERED if self._is_layered else 1.0
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max(abs(errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
@@ -284,7 +285,7 @@ class ErrorBars:
         """|F - F_theory| where theory is exact for the body [force]; 0 where it is not, or ends before this depth."""
         if self._theory is None or state.delta <= 0:
             return 0.0
-        solution = self._theory.at(state.delta / self._scales.length)
+        solution = self._theory.at(state.delta / self._scales.depth)
         return abs(state.force - solution.force * self._scales.force) if solution else 0.0
 
     def _enforcement(self, step: int) -> float:
@@ -300,6 +301,28 @@ class ErrorBars:
             return 0.0
         inverse = 2 - own.force / low if low else -1.0
         return abs(1 / inverse - 1) / self._stiffer if inverse > 0 else float("inf")
+
+
+class TheoryBars:
+    """The error bars of a scene that theory solves: its own stated error, of every number."""
+
+    companions: Sequence[Companion] = ()
+
+    def __init__(self, scene: Scene):
+        assert scene.plan.theory is not None
+        self.budgets: list[Budget] = []
+        self._error, self._finds_depths = scene.plan.theory.error, scene.physics.path.control == "force"
+
+    def judged(self, state: State) -> State:
+        """The state with its error bars."""
+        error = self._error
+        self.budgets.append(Budget(state.step, 0.0, 0.0, 0.0, theory=error * abs(state.force)))
+        return replace(state, force_error=error * abs(state.force), a_error=error * state.a,
+                       p_max_error=error * state.p_max,
+                       delta_error=error * abs(state.delta) if self._finds_depths else None)  # fmt: skip
+
+
+Bars = ErrorBars | TheoryBars
 
 
 def _spread(fine: Curve, coarse: Curve, state: State, name: str) -> list[float]:

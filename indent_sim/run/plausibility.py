@@ -18,6 +18,7 @@ from indent_sim.model.state import State
 from indent_sim.scene.doubts import force_doubt, penalty_loss
 from indent_sim.scene.given import end_of_sides
 from indent_sim.scene.scene import Scene
+from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.solution import Solution
 
 NOISE = 1e-6  # of the largest force so far: what round-off and the supports' tolerance may leave of none
@@ -41,13 +42,14 @@ def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
     The states are in the user's units.
     """
-    rules = ALWAYS if _is_first_touch(scene, state) else ALWAYS + PRESSED
+    rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + PRESSED
     return next((said for rule in rules if (said := rule(scene, state, earlier))), None)
 
 
 def _is_not_a_number(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp tip."""
-    wrong = [name for name in ("delta", "force", "a", "energy") if not isfinite(getattr(state, name))]
+    names = ("delta", "force", "a", *(("energy",) if scene.is_meshed else ()))
+    wrong = [name for name in names if not isfinite(getattr(state, name))]
     return f"{', '.join(wrong)} is not a number" if wrong else None
 
 
@@ -86,7 +88,7 @@ def _is_wider_than_its_tip(scene: Scene, state: State, earlier: Sequence[State])
 
 def _stands_on_a_side(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """delta <= f at the top of a fixed side, which no force moves."""
-    end = end_of_sides(scene.physics.body, scene.physics.indenter, scene.physics.center) * scene.physics.scales.length
+    end = end_of_sides(scene.physics.body, scene.physics.indenter, scene.physics.center) * scene.physics.scales.depth
     if state.delta <= end * (1 + SAME):
         return None
     return f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
@@ -136,7 +138,7 @@ def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
 
 def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
-    delta, unit = state.delta / scene.physics.scales.length, scene.physics.scales.force
+    delta, unit = state.delta / scene.physics.scales.depth, scene.physics.scales.force
     solution = scene.plan.theory.at(delta) if scene.plan.theory else None
     if scene.plan.theory is None or solution is None or solution.force <= 0:
         return None
@@ -159,17 +161,17 @@ PRESSED: tuple[Rule, ...] = (_touches_nothing, _stands_still, _energy_is_not_its
 
 def _is_first_touch(scene: Scene, state: State) -> bool:
     """Whether E* radius_at(depth) depth, of the order of the force, is next to none beside that of the whole path."""
-    depth, deepest = state.delta / scene.physics.scales.length, max(scene.physics.deltas)
+    depth, deepest = state.delta / scene.physics.scales.depth, max(scene.physics.deltas)
     if depth <= 0 or deepest <= depth:
         return depth <= 0
-    radius_at = scene.physics.indenter.radius_at
+    radius_at = relative_tip(scene.physics.indenter, scene.physics.body).radius_at
     return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 
 
 def _noise(scene: Scene, state: State, earlier: Sequence[State]) -> float:
     """A force that is none [force]: beside those so far, or beside one that presses an element in as deep."""
     scales, h = scene.physics.scales, scene.sizes.h_contact
-    pressed = scene.physics.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.length * scales.force
+    pressed = scene.physics.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.depth * scales.force
     return NOISE * max(pressed, *(abs(other.force) for other in earlier), 0.0)
 
 

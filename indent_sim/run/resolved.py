@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 from indent_sim.config.file import to_mapping
-from indent_sim.config.schema import Config
+from indent_sim.config.schema import Config, When
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.piece import as_msh
 from indent_sim.model.body import MeshFromFile
@@ -20,14 +20,29 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
     decided: dict[str, Any] = {
-        **_materials(config, scene),
         "center": config.center or config.body.center,
-        "contact": _contact(config, scene),
-        "mesh": _mesh(config, scene),
         "accuracy": None,
         "solver": _decided(config.solver, method=scene.solver.method),
+        "output": dataclasses.replace(config.output, fields=fields_of(config, scene)),
+        "contact": _decided(config.contact, gap=scene.physics.gap),
     }
-    return config.model_copy(update=decided)
+    return config.model_copy(update=decided | (_of_mesh(config, scene) if scene.is_meshed else {}))
+
+
+def fields_of(config: Config, scene: Scene) -> When:
+    """The steps whose fields are written: where the config does not say, those of a mesh."""
+    wanted = config.output.fields
+    if wanted != "auto":
+        return wanted
+    return "last" if scene.is_meshed else "none"
+
+
+def _of_mesh(config: Config, scene: Scene) -> dict[str, Any]:
+    return {
+        **_materials(config, scene),
+        "contact": _contact(config, scene),
+        "mesh": _mesh(config, scene),
+    }
 
 
 def mesh_text(config: Config) -> str:

@@ -14,9 +14,11 @@ from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
-from indent_sim.run.error_bars import ErrorBars
+from indent_sim.run.by_theory import TheoryWalk
+from indent_sim.run.error_bars import Bars
 from indent_sim.run.plausibility import contradiction
 from indent_sim.run.record import Record
+from indent_sim.run.resolved import fields_of
 from indent_sim.run.summary import summary
 from indent_sim.scene.scene import Scene
 
@@ -36,7 +38,7 @@ Progress = Callable[[State, int, int], None]
 class Simulation:
     """A scene on its way through mesh, problem and load path; every converged state is on disk before the next."""
 
-    def __init__(self, config: Config, scene: Scene, record: Record, clock: Clock, bars: ErrorBars | None):
+    def __init__(self, config: Config, scene: Scene, record: Record, clock: Clock, bars: Bars | None):
         self.bars = bars
         self.output = config.output
         self.scene = scene
@@ -44,12 +46,18 @@ class Simulation:
         self.clock = clock
         earlier = record.earlier
         self.states: list[State] = [self._judged(state) for state in earlier.states] if earlier else []
+        self._keep_fields = fields_of(config, scene)
         self._kept_steps = scene.physics.path.kept
         self._worst_audit = earlier.worst_audit if earlier else 0.0
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._assemble()
 
     def _assemble(self) -> None:
+        if not self.scene.is_meshed:
+            spent = self.states[-1].wall_s if self.states else 0.0
+            self._walk: Any = TheoryWalk(self.scene, self.record.comm, self.clock.started - spent)
+            self._fields = self._mesh = None
+            return
         record, scene, clock = self.record, self.scene, self.clock
         part, L = scene.physics.part, scene.physics.scales.length
         answer: Any = on_root(record.comm, gmsh.begin, part, scene.sizes)  # it is meshed while the libraries load
@@ -70,11 +78,11 @@ class Simulation:
         if earlier not in (None, mesh.hash):
             record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
         self._take_up()
-        wanted = self.output.fields != "none" and len(self.states) < len(scene.physics.deltas)
+        wanted = self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
             points, cells = (grid.points * L, grid.cells) if grid is not None else (None, None)
-            record.open_fields(points, cells, self.output.fields)
+            record.open_fields(points, cells, self._keep_fields)
 
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
@@ -91,7 +99,7 @@ class Simulation:
         """The depths of the rows that are there, in the scene's units."""
         if self.scene.physics.path.control == "depth":
             return self.scene.physics.deltas[: len(self.states)]
-        return tuple(state.delta / self.scene.physics.scales.length for state in self.states)
+        return tuple(state.delta / self.scene.physics.scales.depth for state in self.states)
 
     def _save_checkpoint(self, now: bool = False) -> None:
         """Keep the last equilibria; at most once a second and for a twentieth of the time, unless it must be `now`."""
@@ -119,20 +127,22 @@ class Simulation:
             # a signal reaches the ranks one by one: only a failure is known to all of them
             if isinstance(end, NotConverged) or self.record.comm.size == 1:
                 self._save_checkpoint(now=True)
-                if self.states and self.output.fields == "last":
+                if self.states and self._keep_fields == "last":
                     self._write_fields(self.states[-1])
             raise
         finally:
-            self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, self._worst_audit))
+            worst = self._worst_audit if self.scene.is_meshed else None
+            self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, worst))
         return self.states
 
     def release(self) -> None:
         """Give the memory of the solution back (collective); a process may have many runs before it."""
         self._walk = self._fields = None
-        backend().release(self._mesh)
+        if self._mesh is not None:
+            backend().release(self._mesh)
 
     def _wants_surface(self, step: int) -> bool:
-        total = len(self.scene.physics.deltas)
+        total = len(self.scene.physics.deltas) if self.scene.is_meshed else MANY_STEPS + 1
         return self.output.surface == "all" or (
             self.output.surface == "last" and (total <= MANY_STEPS or step in self._kept_steps)
         )
@@ -150,13 +160,14 @@ class Simulation:
 
     def _keep(self, state: State, last: bool) -> None:
         """Audit a converged state and write it down."""
-        self._audit(state)
+        if self.scene.is_meshed:
+            self._audit(state)
         state = self._judged(state)
         self._refuse_impossible(state)
         if state.newton_iterations > 0:  # out of contact nothing is solved, and no option asked for
             self._walk.equilibrium.refuse_unused_options()
         with self.clock.stage("write"):
-            if self.output.fields == "all" or state.step in self._kept_steps:
+            if self._keep_fields == "all" or state.step in self._kept_steps:
                 self._write_fields(state)
             self.record.append(state)
             self.states.append(state)

@@ -9,14 +9,14 @@ import numpy as np
 from indent_sim.model.state import State
 from indent_sim.process.usage import peak_memory
 from indent_sim.scene.scene import Scene
-from indent_sim.scene.theories import Theory, half_space_depth, half_space_force
+from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import Solution
 
 POINTS = 50  # of the theory curve that is kept for the plot
 
 
 def summary(
-    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float
+    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float | None
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
@@ -35,8 +35,8 @@ def summary(
 
 def energy_balance(states: list[State]) -> float | None:
     """Relative difference between int F ddelta (trapezoid rule) and the energy; reported, not judged: on a coarse
-    path the rule itself is wrong by far more than the solution."""
-    if len(states) < 2 or states[-1].energy == 0:
+    path the rule itself is wrong by far more than the solution. None where there is no energy."""
+    if len(states) < 2 or states[-1].energy == 0 or states[-1].energy != states[-1].energy:
         return None
     delta = np.array([0.0, *(state.delta for state in states)])
     force = np.array([0.0, *(state.force for state in states)])
@@ -55,36 +55,50 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     if theory is None or not pushed:
         return None
     deepest = max(pushed, key=lambda state: state.delta)
-    L, F = scene.physics.scales.length, scene.physics.scales.force
+    L, F, D = scene.physics.scales.length, scene.physics.scales.force, scene.physics.scales.depth
     solution = _theory_beside(scene, theory, deepest)
     if solution is None:
         return None
-    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)]
+    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)] if scene.is_meshed else []  # else: the rows
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
     if scene.physics.path.control == "force":
-        found = {"delta_deviation": deepest.delta / (solution.delta * L) - 1}
+        found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
     curve = theory.curve(depths) or []
     return {
         "name": theory.name,
         "exact": not scene.differences,
         "why": "; ".join(scene.differences) or theory.why,
-        "delta": solution.delta * L,
+        "delta": solution.delta * D,
         "force": solution.force * F,
         "a": solution.a * L,
         **found,
         "a_deviation": deepest.a / (solution.a * L) - 1,
         "half_space": _half_space(scene, deepest),
+        "formulas": _formulas(scene, theory, deepest),
         "curve": {
-            "delta": [s.delta * L for s in curve],
+            "delta": [s.delta * D for s in curve],
             "force": [s.force * F for s in curve],
             "a": [s.a * L for s in curve],
         },
     }
 
 
+def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
+    """What the usual formulas for films and thin layers say at the state's depth, or at its force, beside the run."""
+    D, F = scene.physics.scales.depth, scene.physics.scales.force
+    is_forced = scene.physics.path.control == "force"
+    name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
+    said = {formula: theory.formula_at(formula, state.delta / D, force) for formula in theory.formulas}
+    return [
+        {"name": formula, name: value * unit, "deviation": value * unit / getattr(state, name) - 1}
+        for formula, value in said.items()
+        if value is not None and getattr(state, name) != 0
+    ]
+
+
 def _theory_beside(scene: Scene, theory: Theory, state: State) -> Solution | None:
     """Theory at the state's depth, or, where forces are prescribed, at its force."""
-    delta, height = state.delta / scene.physics.scales.length, scene.physics.body.height
+    delta, height = state.delta / scene.physics.scales.depth, scene.physics.body.height
     if scene.physics.path.control == "depth":
         return theory.at(delta)
     found = theory.depth(state.force / scene.physics.scales.force, height)
@@ -95,11 +109,12 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     """The half-space formula's force at the state's depth, or depth at its force, and how that differs from the run."""
     if scene.physics.scales.dim == 2:
         return None
-    L, F, E_star = scene.physics.scales.length, scene.physics.scales.force, scene.physics.material.E_star
+    D, F, E_star = scene.physics.scales.depth, scene.physics.scales.force, scene.physics.material.E_star
+    tip = relative_tip(scene.physics.indenter, scene.physics.body)
     if scene.physics.path.control == "force":
-        closed, name, unit = half_space_depth(scene.physics.indenter, state.force / F, E_star), "delta", L
+        closed, name, unit = half_space_depth(tip, state.force / F, E_star), "delta", D
     else:
-        closed, name, unit = half_space_force(scene.physics.indenter, state.delta / L, E_star), "force", F
+        closed, name, unit = half_space_force(tip, state.delta / D, E_star), "force", F
     if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import Endless, HalfSpace, Meshed
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -17,15 +18,17 @@ from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
 from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
-from indent_sim.scene.fineness import Fineness
+from indent_sim.scene.expected import infinite_pressure
+from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
-from indent_sim.scene.theories import layer_theory
+from indent_sim.scene.theories import layer_theory, shape_of
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
 FORCE_WHY = "forces are given: each depth is found from the curve force(depth), which has one depth for a force"
+THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
@@ -169,6 +172,8 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
     if wanted == "auto":
         wanted = "newton" if obstacles else "condensed"
         why = obstacles[0] if obstacles else "linear body, reference gap: one factorisation serves every step"
+        if given.truncation and (unlike := against_theory(config, given)) != why:
+            why = f"{why}; not theory: {unlike}"
         return Choice("solver.method", wanted, why)
     return Choice("solver.method", wanted, "as given")
 
@@ -187,6 +192,77 @@ def _mesh_of_file(config: Config, part: MeshedPart, given: Given, sizes: Sizes, 
         *([Choice("accuracy", fineness.target, why)] if fineness else []),
         Choice("mesh.refinements", sizes.refinements or 0, "each halves every edge" if fineness else why),
         Choice("mesh.h_contact", sizes.h_contact * L, f"the facets' own; {per_radius}"),
+    ]
+
+
+def theory(config: Config, given: Given) -> Choice | None:
+    """That theory solves the scene, and why; None where a mesh does. ConfigError where theory is asked for in vain."""
+    wanted = config.solver.method
+    if wanted != "theory" and not (wanted == "auto" and isinstance(config.body, Endless)):
+        return None
+    obstacle = against_theory(config, given)
+    if wanted == "theory" and obstacle:
+        raise ConfigError("solver.method", f"'theory' does not fit this scene: {obstacle}", "use 'auto'")
+    if obstacle or given.theory is None:
+        return None
+    why = f"{given.theory.why}: exact but for {given.theory.error:.0e} of the force, nothing is meshed"
+    return Choice("solver.method", "theory", f"as given; {why}" if wanted == "theory" else why)
+
+
+def against_theory(config: Config, given: Given) -> str:
+    """Why theory cannot give what a scene asks for; empty where it can."""
+    if unlike := unlike_theory(config):
+        return unlike
+    known, target = given.theory, target_of(config.accuracy)
+    if isinstance(given.body, Meshed):
+        return "theory does not know a body meshed elsewhere"
+    if known is None:
+        return "theory knows no layers with nu < 0" if shape_of(given.tip) else "theory does not know this tip"
+    if not known.exact:
+        return known.why
+    if target is not None and target < known.error:
+        return f"theory is good to {known.error:.0e} of the force, and accuracy asks for {target:g}"
+    if not known.reaches(given.path, given.deepest):
+        return "theory ends before the deepest contact: at a wall, at the tip's end, or at 100 thicknesses"
+    return ""
+
+
+def unlike_theory(config: Config) -> str:
+    """What a config asks for that no theory has, as far as it can be told at a look; empty where there is nothing."""
+    materials = [layer.material for layer in config.layers if layer.material]
+    solver = dataclasses.replace(config.solver, method="auto")
+    reasons = (
+        (not all(material.small_strain for material in materials), "the material is not linear"),
+        (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
+        (config.contact.gap == "current", "theory tests the gap at the undeformed point"),
+        (not isinstance(config.contact, AutoContact), f"contact.method: {config.contact.method} is for a mesh"),
+        (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
+        (solver != type(solver)(), "rtol, max_iterations and petsc of solver are for a mesh"),
+        (any(material.formulation != "auto" for material in materials), "material.formulation is for a mesh"),
+        (config.output.fields in ("last", "all"), f"output.fields: {config.output.fields} asks for a mesh"),
+    )
+    return next((why for applies, why in reasons if applies), "")
+
+
+def needs_mesh(config: Config) -> bool:
+    """Whether a config cannot do without a mesh, as far as it can be told at a look."""
+    is_for_theory = isinstance(config.body, Endless) or config.solver.method == "theory"
+    return config.solver.method in ("condensed", "newton") or not is_for_theory or bool(unlike_theory(config))
+
+
+def by_theory(config: Config, given: Given) -> list[Choice]:
+    """What theory solves, and what of it is written."""
+    part, target = given.part, target_of(config.accuracy)
+    peak = infinite_pressure(given.tip, given.a) if given.deepest > 0 else ""
+    good = "theory is better than that"
+    return [
+        Choice("kinematics", part.kinematics.name, given.part_why),
+        Choice("strain", "small", "the material is linear elastic"),
+        *([Choice("control", "force", THEORY_FORCE_WHY)] if given.path.control == "force" else []),
+        Choice("contact.gap", "reference", "theory tests the gap at the undeformed point"),
+        *([Choice("p_max", "empty", peak)] if peak else []),
+        *([Choice("accuracy", target, good)] if target is not None else []),
+        Choice("output.fields", "none", "there is no mesh to write them on"),
     ]
 
 
@@ -231,6 +307,7 @@ def tip(given: Given, gap: str) -> tuple[Indenter, list[Choice]]:
 
 def _force(given: Given, tip: Indenter) -> float | None:
     """Layer theory's force of a tip at the deepest point."""
+    assert not isinstance(given.body, HalfSpace)  # on which gap: current is solved on a finite body
     theory = layer_theory(given.body, given.layers, tip, given.center)
     with contextlib.suppress(ArithmeticError):
         solution = theory.at(given.deepest) if theory and given.deepest > 0 else None

@@ -22,6 +22,7 @@ VERTICES = {2: 0.55, 3: 0.25}  # per cell
 FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
 CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
+THEORY, PER_ROW = 0.5, 0.005  # s: of a run without a mesh, and of each of its rows
 START = 1.05  # s: imports, gmsh, writing
 COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
 PROCESS = 1.7e8  # bytes

@@ -44,19 +44,29 @@ class Doubt:
     force_error: float = 0.0
 
 
+NO_CONTACT = Doubt("no_contact", "the tip never reaches the body: every depth is <= 0")
+
+
 def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt, ...]:
     """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
     if given.deepest <= 0:
-        return (Doubt("no_contact", "the tip never reaches the body: every depth is <= 0"),)
-    of_model = (*_of_model(given), *_of_tip(given, gap))
+        return (NO_CONTACT,)
+    of_model = of_theory(given, gap)
     of_mesh = (*_of_mesh(given, sizes), *_of_facets(given, sizes))
     return (*of_model, *_of_contact(given, law, gap, sizes), *of_mesh, *_of_truncation(given))
+
+
+def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
+    """All that speaks against the model, whatever solves it."""
+    if given.deepest <= 0:
+        return (NO_CONTACT,)
+    return (*_of_model(given), *_of_tip(given, gap))
 
 
 def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
-    nu, (strain, formula) = material.constants.nu, characteristic_strain(tip, delta, a)
+    nu, (strain, formula) = material.constants.nu, characteristic_strain(given.relative, delta, a)
     if given.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
@@ -69,10 +79,10 @@ def _of_model(given: Given) -> Iterator[Doubt]:
         yield Doubt("rim", "the contact comes close to the edge of the body")
     if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
-    for words in stability.instabilities(material, stability.largest_strain(tip, a, delta, body.height)):
+    for words in stability.instabilities(material, stability.largest_strain(given.relative, a, delta, body.height)):
         yield Doubt("stability", words)
     solution = given.solution(delta) if body.dim == 3 else None
-    closed = half_space_force(tip, delta, material.E_star)
+    closed = half_space_force(given.relative, delta, material.E_star)
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
         cause = "for a contact this large the body is not thick enough"
         why = f"does not apply: {'the body is layered' if len(given.layers) > 1 else cause}"

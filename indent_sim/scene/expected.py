@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
+from indent_sim.model.body import Body, Dome
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import Indenter
@@ -53,20 +53,28 @@ def _depths_at(forces: Sequence[float], theory: Theory | None, tip: Indenter, E_
 
 def prediction_of(path: LoadPath, theory: Theory | None, tip: Indenter, material: Material, delta: float, a: float,
                   scales: Scales) -> dict[str, float]:  # fmt: skip
-    """Expected contact radius, and force (or depth, if forces are prescribed) by layer theory and by the half-space
-    formula, in the user's units."""
-    prediction = {"a": a * scales.length}
+    """Expected contact radius, and force (or depth, if forces are prescribed) by layer theory and by the formulas for
+    the half-space and for films, in the user's units."""
+    asked, unit = ("delta", scales.depth) if path.control == "force" else ("force", scales.force)
+    found: dict[str, float | None] = {}
     if path.control == "force":
+        largest: float | None = max(path.values)
+        found[asked] = delta
         closed = half_space_depth(tip, max(path.values), material.E_star) if scales.dim == 3 else None
-        half_space = {"delta_half_space": closed[1] * scales.length} if closed else {}
-        return prediction | {"delta": delta * scales.length} | half_space
-    solution = theory.at(delta) if theory and delta > 0 else None
-    if solution:
-        prediction["force"] = solution.force * scales.force
-    closed = half_space_force(tip, delta, material.E_star) if scales.dim == 3 else None
-    if closed:
-        prediction["force_half_space"] = closed[1] * scales.force
-    return prediction
+    else:
+        largest, solution = None, theory.at(delta) if theory and delta > 0 else None
+        found[asked] = solution.force if solution else None
+        closed = half_space_force(tip, delta, material.E_star) if scales.dim == 3 else None
+    found[f"{asked}_half_space"] = closed[1] if closed else None
+    for name in theory.formulas if theory and delta > 0 else ():
+        found[f"{asked}_{name}"] = theory.formula_at(name, delta, largest)  # type: ignore[union-attr]
+    return {"a": a * scales.length} | {name: value * unit for name, value in found.items() if value is not None}
+
+
+def infinite_pressure(tip: Indenter, a: float) -> str:
+    """Why the pressure of a contact of radius a [length] has no largest value; empty where it has one."""
+    where = next((r for r, width in tip.creases() if width == 0 and r <= a), None)
+    return "" if where is None else f"the pressure at the tip's sharp {'edge' if where else 'apex'} is infinite"
 
 
 def peakless(body: Body, tip: Indenter, center: tuple[float, ...], sizes: Sizes, a: float) -> str:
@@ -77,7 +85,7 @@ def peakless(body: Body, tip: Indenter, center: tuple[float, ...], sizes: Sizes,
     """
     for r, width in tip.creases() if a > 0 else []:
         size = float(sizes.at(np.array(r), np.array(0.0)))
-        is_touched = r <= a + size or tip.height(r, 0.0) <= 0
+        is_touched = r <= a + size or (tip.height(r, 0.0) <= 0 and not isinstance(body, Dome))
         if is_touched and width < size and r < body.reach(center) * (1 - SAME_PLACE):
             where = "apex" if r == 0 else "edge"
             kind = f"sharp {where}" if width == 0 else f"{where} (rounded by less than an element)"

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from math import inf, isfinite, log2
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from indent_sim.mesh import file, inspection, meshed
 from indent_sim.mesh.part import Part, Region
 from indent_sim.mesh.piece import Piece
-from indent_sim.model.body import Body, Drawn, HalfSpace, Layer, Meshed, MeshFromFile
+from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, Layer, Meshed, MeshFromFile
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -22,7 +23,7 @@ from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, half_space_theory, layer_theory
+from indent_sim.scene.theories import Theory, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
@@ -39,10 +40,11 @@ class Given:
 
     scales: Scales
     body: Body
-    truncation: Truncation | None  # of a half-space, for which the body stands
+    truncation: Truncation | None  # of a body without end, for which this one stands
     layers: tuple[Layer, ...]  # from the top, each with its thickness and material
     material: Material  # of the first
     tip: Indenter
+    relative: Indenter  # the tip over a flat body, see `relative_tip`
     center: tuple[float, ...]
     path: LoadPath
     part: Part
@@ -77,34 +79,67 @@ class Given:
 
 
 def given_by(config: Config) -> Given:
-    """The scene without units; ConfigError for one that cannot exist."""
-    whole, layers, truncation, piece = _finite(config)
+    """The scene without units, its body as given; ConfigError for one that cannot exist."""
+    body = config.body
+    if isinstance(body, MeshFromFile):
+        meshed_body, piece = _from_file(config, body)
+        return _given(config, meshed_body, meshed_body.layers, piece=piece)
+    layers = _layers(config)
+    if isinstance(body, Cap | Ball):
+        dome = body.dome
+        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers))
+    return _given(config, body, layers)
+
+
+def on_finite_body(config: Config, given: Given) -> Given:
+    """The scene on a body that can be meshed: one large enough stands for a body without end."""
+    if not isinstance(config.body, Endless):
+        return given
+    found = truncate(config.body, config.indenter, _layers(config), given.deepest * given.scales.length)
+    return _given(config, found.body, found.layers, found)
+
+
+def _given(
+    config: Config, whole: Body, layers: tuple[Layer, ...], truncation: Truncation | None = None,
+    piece: Piece | None = None,
+) -> Given:  # fmt: skip
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
-    _check_scene(whole, config.indenter, center, path)
+    pieces = whole.pieces if isinstance(whole, Dome) else 1
+    _check_scene(whole, config.indenter, center, path, pieces)
     _check_room(whole, layers, config.indenter, center, path)
     _check_ends(whole, config.indenter, center, path)
-    scales = Scales(whole.height, material.constants.E, whole.dim)
+    scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    if isinstance(body, Meshed):
-        part, part_why = _meshed(config, piece, scales)
-    else:
-        part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
-    theory = half_space_theory(tip, layers) if truncation else layer_theory(body, layers, tip, center)
+    part, part_why = _modelled(config, body, center, tip, layers, piece, scales)
+    asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
+    theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
     return Given(
-        scales, body, truncation, layers, material, tip, center, path, part, part_why, theory=theory,
-        deltas=depths_of(path, theory, tip, material, body.height, scales),
-        radius=cache(partial(_expected_radius, theory, tip, body, center)),
+        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why, theory=theory,
+        deltas=depths_of(path, theory, relative, material, body.height, scales),
+        radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
 
 
+def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
+    """The body's height; of a half-space about the contact radius, a power of two, which costs no digit."""
+    if isfinite(body.height):
+        return body.height
+    deepest = max(path.values)
+    depth = expected_depth(tip, layers, deepest) if path.control == "force" else abs(deepest) or 1.0
+    return float(2.0 ** round(log2(tip.radius_at(depth))))
+
+
 def _layers(config: Config) -> tuple[Layer, ...]:
-    """The layers from the top, each with the two constants of its material."""
-    return tuple(replace(layer, material=_material_of(layer).canonical()) for layer in config.layers)
+    """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
+    return tuple(
+        replace(layer, thickness=layer.thickness or inf, material=_material_of(layer).canonical())
+        for layer in config.layers
+    )
 
 
 def _material_of(layer: Layer) -> Material:
@@ -134,22 +169,6 @@ def _formulation(key: str, material: Material) -> str:
     return chosen
 
 
-def _finite(config: Config) -> tuple[Body, tuple[Layer, ...], Truncation | None, Piece | None]:
-    """The body as given, or the one that stands for a half-space, or what its file has, and its layers."""
-    if isinstance(config.body, MeshFromFile):
-        body, piece = _from_file(config, config.body)
-        return body, body.layers, None, piece
-    layers = _layers(config)
-    if not isinstance(config.body, HalfSpace):
-        return config.body, layers, None, None
-    path = config.loading.path()
-    delta = max(path.values)
-    if path.control == "force":
-        delta = expected_depth(config.indenter, layers, delta)
-    truncation = truncate(config.indenter, layers, delta)
-    return truncation.body, truncation.layers, truncation, None
-
-
 def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, Piece]:
     """The body that a file has, lowered so that the tip first touches it at z = 0."""
     piece, center = piece_of(config, source), config.center or source.center
@@ -175,18 +194,22 @@ def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
     return [(key, material.canonical()) for key, material in found if material is not None]
 
 
-def _meshed(config: Config, piece: Piece | None, scales: Scales) -> tuple[Part, str]:
-    """The part that a piece is, in the scene's units."""
-    source = config.body
-    assert piece is not None and isinstance(source, MeshFromFile)
+def _modelled(
+    config: Config, body: Body, center: tuple[float, ...], tip: Indenter, layers: tuple[Layer, ...],
+    piece: Piece | None, scales: Scales,
+) -> tuple[Part, str]:  # fmt: skip
+    """The part of the body that is modelled, and why."""
+    if not isinstance(body, Meshed):
+        return reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
+    assert piece is not None and isinstance(config.body, MeshFromFile)
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
                     for name, (key, matter) in zip(piece.names, materials, strict=True))  # fmt: skip
-    part = meshed.part_of(piece.measured(scales.length), source, regions)
+    part = meshed.part_of(piece.measured(scales.length), config.body, regions)
     return part, "a mesh from a file is modelled as it is"
 
 
-def _rounded_body(body: Drawn) -> Drawn:
+def _rounded_body(body: Drawn | Endless) -> Drawn | Endless:
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
@@ -195,19 +218,22 @@ def _rounded_body(body: Drawn) -> Drawn:
     return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
 
 
-def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.center)
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
         raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
                           f"at most {width / 2:g}")  # fmt: skip
-    if path.control == "depth" and max(path.values) >= body.height:
-        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {body.height:g}",
-                          f"stay below {body.height:g}")  # fmt: skip
+    thickness = pieces * body.height
+    if path.control == "depth" and max(path.values) >= thickness:
+        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {thickness:g}",
+                          f"stay below {thickness:g}")  # fmt: skip
 
 
-def _check_room(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_room(
+    body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath
+) -> None:
     delta, room = max(path.values), deepest(body, layers, tip, center)
     if path.control == "depth" and delta >= room:
         raise ConfigError(
@@ -230,15 +256,16 @@ def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: Load
 
 
 def _expected_radius(
-    theory: Theory | None, tip: Indenter, body: Body, center: tuple[float, ...], delta: float
+    theory: Theory | None, tips: Sequence[Indenter], body: Body, center: tuple[float, ...], delta: float
 ) -> float:
-    """Contact radius at the deepest point: layer theory, else the tip's section there; within the body."""
+    """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
-        return 0.2 * rim
+        return 0.2 * rim if isfinite(rim) else 1.0
+    if isinstance(body, Meshed):
+        return min(_overlap(tips[0], body, center, delta), rim)
     solution = theory.at(delta) if theory else None
-    section = tip.radius_at(delta) if not isinstance(body, Meshed) else _overlap(tip, body, center, delta)
-    return min(solution.a if solution else section, rim)
+    return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 
 
 def _overlap(tip: Indenter, body: Meshed, center: tuple[float, ...], delta: float) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
-from math import isclose
+from math import inf, isclose
 
 from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
-from indent_sim.model.body import Box, Cylinder, Drawn, Strip
+from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Strip
 from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
@@ -18,15 +18,19 @@ SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
 TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
 
 
-def reduce(body: Drawn, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
+def reduce(body: Drawn | Endless, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
     """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`.
 
     Raises ConfigError when the scene does not have the symmetry that is asked for.
     """
+    if isinstance(body, Endless):
+        return _endless(body, regions), "tip of revolution on a body that is the same everywhere"
     if isinstance(body, Cylinder):
         part, why = _cylinder(body, center, wanted, tip, regions)
     elif isinstance(body, Strip):
         part, why = _strip(body, center, wanted, regions)
+    elif isinstance(body, Dome):
+        part, why = _dome(body, wanted, regions)
     else:
         part, why = _box(body, center, wanted, tip, regions)
     return replace(part, pins=_pins(part)), why
@@ -49,13 +53,21 @@ def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions
         raise _refuse(wanted, obstacle or "a cylinder is not infinitely long", "use 'auto', 'half' or 'full'")
     supports = {"base": body.base, "r_max": body.sides}
     if wanted in ("auto", "axisymmetric") and not obstacle:
-        section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, body.radius), (-body.height, 0.0))
-        part = Part(Axisymmetric(), "axisymmetric", 1, section, body.height, regions, {**supports, "r_min": "roller"})
-        return part, "tip of revolution on the axis of a cylinder"
+        return _section(body.radius, body.height, regions, supports), "tip of revolution on the axis of a cylinder"
     cuts = _cuts(wanted, [axis for axis in "xy" if on_axis[axis] and _mirrors(tip, axis)])
     part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts), _sector(body.radius, cuts), body.height,
                 regions, _mirrored(supports, cuts))  # fmt: skip
     return part, f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
+
+
+def _endless(body: Endless, regions: Regions) -> Part:
+    """What theory sees of a body without end: a section whose walls are at infinity. Nothing meshes it."""
+    return _section(inf, body.height, regions, {"base": getattr(body, "base", "free")})
+
+
+def _section(radius: float, height: float, regions: Regions, supports: Mapping[str, str]) -> Part:
+    section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
+    return Part(Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"})
 
 
 def _sector(radius: float, cuts: list[str]) -> tuple[Side, ...]:
@@ -99,6 +111,25 @@ def _box(body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions)
                 _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), body.height, regions,
                 _mirrored({"base": body.base, **vars(sides)}, cuts))  # fmt: skip
     return part, f"tip and sides: {_about(cuts)}"
+
+
+def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:
+    if wanted not in ("auto", "axisymmetric"):
+        raise _refuse(wanted, f"a {body.shape} is modelled about its axis", "use 'auto'")
+    part = Part(Axisymmetric(), "axisymmetric", 1, _round_section(body), body.height, regions,
+                {"base": body.base, "r_min": "roller"})  # fmt: skip
+    mirrored = "; half of the ball, which the plane through its centre mirrors, and half of the approach"
+    return part, f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}"
+
+
+def _round_section(body: Dome) -> tuple[Side, ...]:
+    """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most, and the axis."""
+    R, foot, apex, nadir = body.radius, body.foot, (0.0, 0.0), (0.0, -body.height)
+    middle, is_whole = (0.0, -R), foot[1] > nadir[1]
+    around = [foot, *([(R, -R)] if foot[1] < -R else []), apex]
+    base = Side("base", nadir, foot, middle=middle if is_whole else None)
+    curved = (Side("top", start, end, middle=middle) for start, end in pairwise(around))
+    return base, *curved, Side("r_min", apex, nadir)
 
 
 def _rectangle(surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]) -> tuple[Side, ...]:

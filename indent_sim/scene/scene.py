@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body
-from indent_sim.model.contact import ContactLaw
+from indent_sim.model.contact import ActiveSet, ContactLaw
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -18,12 +18,12 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
-from indent_sim.scene.cost import Cost, Work, candidates
+from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import Doubt, doubts
+from indent_sim.scene.doubts import Doubt, doubts, of_theory
 from indent_sim.scene.expected import peakless, prediction_of
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Given, given_by
+from indent_sim.scene.given import Given, given_by, on_finite_body
 from indent_sim.scene.sizing import AT_END
 from indent_sim.scene.theories import Theory
 
@@ -89,6 +89,16 @@ class Scene:
     solver: SolverSettings
     plan: Plan
 
+    @property
+    def is_meshed(self) -> bool:
+        """Whether a mesh is solved; where theory is, `sizes` are distances between points of the surface."""
+        return self.solver.method != "theory"
+
+    @property
+    def method(self) -> str:
+        """The contact method, or theory."""
+        return self.physics.contact.method if self.is_meshed else "theory"
+
     def with_physics(self, **changes: Any) -> Scene:
         """The same simulation of something else: another tip, path or contact law on the same elements."""
         return dataclasses.replace(self, physics=dataclasses.replace(self.physics, **changes))
@@ -128,6 +138,23 @@ def resolve(config: Config, per_radius: float | None = None) -> Scene:
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
     given = given_by(config)
+    if by_theory := choices.theory(config, given):
+        return _by_theory(config, given, by_theory)
+    return _meshed(config, on_finite_body(config, given), per_radius)
+
+
+def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
+    """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
+    physics = Physics(given.scales, given.body, given.part, 0.0, given.tip, given.center, ActiveSet(), "reference",
+                      given.path, given.deltas)  # fmt: skip
+    chosen = (solver, *choices.by_theory(config, given))
+    predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
+    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted)
+    settings = dataclasses.replace(config.solver, method="theory")
+    return Scene(physics, sizing.surface_points(given), settings, plan)
+
+
+def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     fineness = sizing.fineness(config, given, per_radius)
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
@@ -177,11 +204,14 @@ def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost
     return found
 
 
+def _expected(given: Given) -> dict[str, float]:
+    return prediction_of(given.path, given.theory, given.relative, given.material, given.deepest, given.a, given.scales)
+
+
 def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:
     """What to expect of the results and of the run, in the user's units."""
-    expected = prediction_of(given.path, given.theory, given.tip, given.material, given.deepest, given.a, given.scales)
     truncation = {"truncation_error": given.truncation.error} if given.truncation else {}
     error = sum(doubt.force_error for doubt in doubted) if given.deltas[-1] > 0 else 0.0
     effort = {"cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6),
               "seconds": float(f"{cost.seconds:.2g}")}  # fmt: skip
-    return expected | truncation | ({"force_error": error} if error else {}) | effort
+    return _expected(given) | truncation | ({"force_error": error} if error else {}) | effort

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, log2
+from math import ceil, inf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
+POINTS = 40  # of theory's surface in every contact radius
 GRADING = 0.2  # growth of the size per unit distance
 PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon encloses 0.3 % less than the circle, which
 # an incompressible body between roller walls feels as much
@@ -65,6 +66,14 @@ KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt be
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
 RULE = 0.25  # and from what share on they rule how the force converges
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
+
+
+def surface_points(given: Given) -> Sizes:
+    """The distances between the points at which theory's surface is written: as many in every contact radius."""
+    inside = [given.radius(delta) for delta in given.deltas if delta > 0] or [given.a]
+    a, h = rounded(max(inside)), rounded(max(inside) / POINTS)
+    on_axis = rounded(max(min(inside), SMALLEST * a) / POINTS)
+    return Sizes(h, inf, a, GRADING, h_axis=on_axis if on_axis < h else None, a=a, axis=given.center)
 
 
 def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness | None:
@@ -113,6 +122,8 @@ def _edge(given: Given, gap: str) -> float | None:
     """
     tip, a = given.tip, given.a
     if isinstance(tip, FlatPunch):
+        if given.part.dome and a < AT_END * tip.radius:
+            return None  # the curved top ends the contact
         return (a if tip.edge_radius else tip.radius) if _is_sharp(tip) else None
     return reach(tip) if gap == "reference" and a >= AT_END * reach(tip) else None
 
@@ -124,7 +135,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     edge = rounded(edge) if edge is not None else None
     if isinstance(part, MeshedPart):
         return _of_file(part, given, edge, wanted.refinements if wanted else mesh.refinements or 0)
-    height, width, bend, keenness = part.height, part.width, part.bend, _keenness(given, edge)
+    height, width, bend, keenness = part.height, part.width, part.bend or part.dome, _keenness(given, edge)
     settled = _settled(mesh, given.scales, height, edge)
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
@@ -132,7 +143,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
     found = _at_corners(plain, given, settled, wanted)
-    if edge is not None and part.dim == 3 and bend is None:
+    if edge is not None and part.dim == 3 and part.bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
     _refuse_lost(found.finest * given.scales.length, least * given.scales.length)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from functools import partial
+from math import inf, nan
 from typing import Any
 
 import numpy as np
 
-from indent_sim.model.body import Body, Meshed
+from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
+from indent_sim.model.loading import LoadPath
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere
 from indent_sim.theory import half_space, profiles
+from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.march import LayerContact
 from indent_sim.theory.roots import increasing_root
@@ -22,19 +25,27 @@ from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
 
 MOST_KEPT = 100  # solutions that a theory remembers
+OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
+CONTRAST, STEEP = 1e4, 2.5  # between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
+
+Formula = Callable[[float], float]
 
 
 @dataclass(frozen=True)
 class Theory:
     """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
 
-    `why` says what the finite body has that the theory has not. A depth is worked out once and remembered.
+    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `formulas`: force
+    [pressure length^2] at a depth [length] by the usual formulas for such a body. A depth is worked out once and
+    remembered.
     """
 
     name: str
     exact: bool
     why: str
     contact: LayerContact = field(repr=False)
+    error: float = OWN_ERROR
+    formulas: Mapping[str, Formula] = field(default_factory=dict, repr=False)
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
@@ -59,6 +70,18 @@ class Theory:
             return min(self.contact.depth(force), deepest)
         last = self.at(deepest)
         return deepest if last and last.force <= force else None
+
+    def reaches(self, path: LoadPath, deepest: float) -> bool:
+        """Whether theory goes as far as a path, whose deepest contact is to be expected at this depth."""
+        if path.control == "force":
+            return max(path.values) <= 0 or self.depth(max(path.values), inf) is not None
+        return deepest <= 0 or self.at(deepest) is not None
+
+    def formula_at(self, name: str, delta: float, force: float | None = None) -> float | None:
+        """Force at a depth by a usual formula or, where a force is given, its depth, near this one; None: no such."""
+        formula = self.formulas[name]
+        found = formula(delta) if force is None else _depth_at(formula, force, delta)
+        return found if found is not None and np.isfinite(found) else None
 
 
 @dataclass(frozen=True)
@@ -96,6 +119,7 @@ TIPS: dict[type, KnownTip] = {
                    lambda tip, delta, E_star: half_space.cone_force(delta, tip.half_angle, E_star)),
     FlatPunch: KnownTip(lambda tip: profiles.flat_punch(tip.radius, tip.edge_radius), "Sneddon (flat punch)",
                         lambda tip, delta, E_star: half_space.flat_punch_force(delta, tip.radius, E_star)),
+    Plate: KnownTip(lambda tip: profiles.plane()),
     Pyramid: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid),
     Profile: KnownTip(_of_points),
 }  # fmt: skip
@@ -109,37 +133,77 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
     return None
 
 
-def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
+def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
+    """The theory of a tip on a body, or None where there is none."""
+    if isinstance(body, HalfSpace):
+        return half_space_theory(tip, layers)
+    return layer_theory(body, layers, tip, center)
+
+
+def layer_theory(
+    body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
+) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
     if isinstance(body, Meshed):
         return None
+    assert not isinstance(body, HalfSpace)
+    if isinstance(body, Dome):
+        return _dome_theory(body, layers, tip)
     shape, is_plane = shape_of(tip), body.dim == 2
     stack = stack_of(layers, body.base)
     if shape is None or stack is None or (is_plane and shape.f is None):
         return None
     wall, exact, why = _wall(body, center)
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
-    return _theory("layer theory", exact, why, layers, tip, contact)
+    formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
+    return _theory("layer theory", exact, why, layers, tip, contact, formulas)
 
 
-def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer]) -> Theory | None:
-    """Theory of a tip on a half-space, homogeneous or the substrate of layers."""
-    shape, stack = shape_of(tip), stack_of(layers, None)
+def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
+    """Theory of a flat body under the curvatures of tip and dome: a layer as high as a cap, a half-space for a ball."""
+    is_cap = body.shape == "cap"
+    shape, stack = shape_of(tip), stack_of(layers, body.base if is_cap else None)
+    if shape is None or stack is None:
+        return None
+    contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
+    why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
+    return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
+
+
+def relative_tip(tip: Indenter, body: Body) -> Indenter:
+    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the body's, 1/R + 1/radius.
+
+    A sharp tip is its own: beside its apex the body is flat.
+    """
+    if not isinstance(body, Dome):
+        return tip
+    match tip:
+        case Paraboloid(R=R) | Sphere(R=R):
+            return Paraboloid(1 / (1 / R + 1 / body.radius))
+        case Plate() | FlatPunch():
+            return Paraboloid(body.radius)
+    return tip
+
+
+def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 1.0) -> Theory | None:
+    """Theory of a tip on a half-space, homogeneous or below layers; `size`: about a contact radius [length]."""
+    shape, stack = shape_of(tip), stack_of(layers, None, size)
     if shape is None or stack is None:
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
-    return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack))
+    formulas = _film_formulas(layers, tip)
+    return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
 
 
-def stack_of(layers: Sequence[BodyLayer], base: str | None) -> Stack | None:
+def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
     """The layers as theory knows them, on a rigid base, or the last one a half-space where base is None.
 
     None where theory does not know a material (nu < 0). A homogeneous half-space feels E and nu only as E*.
     """
-    plies = [Ply(layer.thickness or inf, *layer.material.constants) for layer in layers if layer.material]
+    plies = [_ply(layer) for layer in layers]
     if base is None and len(plies) == 1:
         E_star = plies[0].E / (1 - plies[0].nu ** 2)
-        return Stack((Ply(1.0, E_star, 0.0), Ply(inf, E_star, 0.0)), None)
+        return Stack((Ply(size, E_star, 0.0), Ply(inf, E_star, 0.0)), None)
     if any(ply.nu < 0 for ply in plies):
         return None
     if base is None:
@@ -148,17 +212,55 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None) -> Stack | None:
 
 
 def _theory(
-    name: str, exact: bool, why: str, layers: Sequence[BodyLayer], tip: Indenter, contact: LayerContact
-) -> Theory:
+    name: str, exact: bool, why: str, layers: Sequence[BodyLayer], tip: Indenter, contact: LayerContact,
+    formulas: Mapping[str, Formula],
+) -> Theory:  # fmt: skip
     if not tip.of_revolution:
         exact, why = False, "theory's tip is the cone of equal sections"
     if not all(layer.material and layer.material.small_strain for layer in layers):
         exact, why = False, "theory is that of small strain"
-    return Theory(name, exact, why, contact)
+    moduli = [layer.material.constants.E for layer in layers if layer.material]
+    error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / CONTRAST) ** STEEP
+    return Theory(name, exact, why, contact, error, formulas)
+
+
+def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Formula]:
+    """Dimitriadis, for a paraboloid or a sphere on a single layer."""
+    if len(layers) > 1 or not isinstance(tip, Paraboloid | Sphere):
+        return {}
+    ply = _ply(layers[0])
+    return {"Dimitriadis": lambda delta: dimitriadis_force(delta, tip.R, ply, base)}
+
+
+def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Formula]:
+    """Gao and Perriot-Barthel, for one film on a half-space.
+
+    They give the modulus of the half-space that stands for both under a contact radius, which a tip has on a
+    half-space of any modulus.
+    """
+    alone = half_space_theory(tip, layers[:1]) if len(layers) == 2 else None
+    if alone is None:
+        return {}
+    film, substrate = map(_ply, layers)
+
+    def force(modulus: Callable[[Ply, Ply, float], float], delta: float) -> float:
+        found = alone.at(delta)
+        if found is None:
+            return nan
+        return found.force * modulus(film, substrate, found.a) / half_space.E_star(film.E, film.nu)
+
+    return {"Gao": partial(force, gao_modulus), "Perriot-Barthel": partial(force, perriot_barthel_modulus)}
+
+
+def _ply(layer: BodyLayer) -> Ply:
+    assert layer.material is not None
+    return Ply(layer.thickness or inf, *layer.material.constants)
 
 
 def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, str]:
     """Radius of the roller wall, if the body has the one that theory knows, and what is different otherwise."""
+    if isinstance(body, Endless):
+        return None, True, "the infinitely wide layer itself"
     on_axis = np.allclose(center, body.center, rtol=2e-11, atol=1e-12 * body.height)  # it is rounded to 12 digits
     match body.shape:
         case "cylinder" if on_axis and body.sides == "roller":

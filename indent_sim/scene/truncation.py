@@ -1,7 +1,8 @@
-"""Truncation of a half-space: the finite body that stands for it, and the error of the force.
+"""Truncation of bodies without end: the finite body that stands for one, and the error of the force.
 
-A body of width and height n a is too stiff by about 1/n (a: contact radius), which layer theory knows exactly for a
-cylinder between frictionless walls. Sizes that grow with the distance make n in the thousands cheap.
+For a half-space, a body of width and height n a is too stiff by about 1/n (a: contact radius); for a layer, the error
+of a wall fades with its distance in heights. Layer theory knows both exactly for a cylinder between frictionless walls.
+Sizes that grow with the distance make n in the thousands cheap.
 """
 
 from __future__ import annotations
@@ -9,17 +10,21 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
-from indent_sim.model.body import Box, BoxSides, Cylinder, Layer
+from indent_sim.model.body import Box, BoxSides, Cylinder, Endless, HalfSpace, InfiniteLayer, Layer
 from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
 from indent_sim.scene.theories import half_space_theory, section_depth, shape_of, stack_of
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer as LayerContact
-from indent_sim.theory.solution import Solution
+from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
 ACCURACY = 1e-3  # wanted of the force
 SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
+WALLS = BoxSides("roller", "roller", "roller", "roller")
+NEAREST, FARTHER = 2.0, 1.5  # heights from a layer's contact to the first wall that is tried, and times to the next
+LEAST = 1e-6  # of the force: an error of truncation that is less is stated as this
 MARGIN = 1.5  # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
 
 
@@ -29,25 +34,61 @@ class Truncation:
 
     body: Cylinder | Box
     layers: tuple[Layer, ...]
+    stands_for: str
     ratio: float
     error: float
 
     @property
     def why(self) -> str:
         """The reason in words."""
+        size = "wide and high" if self.stands_for == "half-space" else "wide"
         return (
-            f"stands for the half-space: {self.ratio:.3g} contact radii wide and high, "
-            f"too stiff by at most {self.error:.2%} of the force ({MARGIN:g} times layer theory's error)"
+            f"stands for the {self.stands_for}: {self.ratio:.3g} contact radii {size}, "
+            f"too stiff by at most {100 * self.error:.2g} % of the force ({MARGIN:g} times layer theory's error)"
         )
 
 
-def truncate(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
-    """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of the half-space's."""
+def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
+    """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of that of the body without end."""
+    if isinstance(body, HalfSpace):
+        return _truncated_half_space(tip, layers, delta)
+    return _truncated_layer(body, tip, layers, delta)
+
+
+def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
+    """A wall at the distance where theory with and without it differ by no more than is allowed.
+
+    A contact wider than theory allows feels a wall no farther beyond its edge than the widest that theory knows.
+    """
+    known, depth, height = shape_of(tip), abs(delta) or body.height, body.height
+    stack = stack_of([replace(layer, material=_compressible(layer.material)) for layer in layers], body.base)
+    assert stack is not None
+    contact = LayerContact.on(known, stack) if known else None
+    deepest = _solved(contact, depth) if contact else None
+    radius = deepest.a if deepest else tip.radius_at(depth)
+    if deepest is None or contact is None:
+        punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
+        contact = LayerContact.on(punch, stack)
+        deepest = contact.curve([depth])[0]
+    beyond, error = NEAREST * height, inf
+    while error > SHARE * ACCURACY:
+        beyond *= FARTHER
+        walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
+        error = abs(walled.force / deepest.force - 1) if walled else inf
+    width, error = float(f"{radius + beyond:.6g}"), MARGIN * max(error, LEAST)
+    finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
+    if not tip.of_revolution:
+        finite = Box((2 * width, 2 * width, height), base=body.base, sides=WALLS)
+    return Truncation(finite, tuple(layers), "infinitely wide layer", width / radius, error)
+
+
+def _truncated_half_space(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
     known, depth = shape_of(tip), abs(delta) or 1.0
     # what theory does not know, or ends in, is no wider in contact than a punch of its radius
     shapes = [*([known] if known else []), profiles.flat_punch(tip.radius_at(depth))]
     modelled = [replace(layer, material=_compressible(layer.material)) for layer in layers]
-    contacts = ((shape, _deep(shape, modelled, depth)) for shape in shapes)
+    endless = stack_of(modelled, None, tip.radius_at(depth))
+    contacts = ((shape, _solved(LayerContact.on(shape, endless), depth)) for shape in shapes)  # type: ignore[arg-type]
     shape, deepest = next((shape, found) for shape, found in contacts if found)
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
     target, ratio = SHARE * ACCURACY, max(100.0, 10 * above / deepest.a)
@@ -57,17 +98,18 @@ def truncate(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation
         error = _error(shape, modelled, deepest, ratio)
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
-    body: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
+    finite: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
     if not tip.of_revolution:  # the cylinder of theory fits into this box, which is softer
-        body = Box((2 * size, 2 * size, size), base="fixed", sides=BoxSides("roller", "roller", "roller", "roller"))
-    return Truncation(body, _finite(layers, size), ratio, MARGIN * error)
+        finite = Box((2 * size, 2 * size, size), base="fixed", sides=WALLS)
+    return Truncation(finite, _finite(layers, size), "half-space", ratio, MARGIN * error)
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
     """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
     material = layers[0].material
     assert material is not None
-    start, theory = section_depth(tip, force, material.E_star, 3), half_space_theory(tip, layers)
+    start = section_depth(tip, force, material.E_star, 3)
+    theory = half_space_theory(tip, layers, max(start, tip.radius_at(start)))
     return (theory and theory.depth(force, 1e6 * start)) or start
 
 
@@ -84,9 +126,10 @@ def _finite(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
     return (*layers[:-1], replace(layers[-1], thickness=size - above))
 
 
-def _deep(shape: profiles.Tip, layers: Sequence[Layer], delta: float) -> Solution | None:
+def _solved(contact: LayerContact, delta: float) -> Solution | None:
+    """The contact at a depth; None where theory ends."""
     with contextlib.suppress(ValueError):
-        return LayerContact.on(shape, stack_of(layers, None)).curve([delta])[0]  # type: ignore[arg-type]
+        return contact.curve([delta])[0]
     return None
 
 

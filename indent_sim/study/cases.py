@@ -46,7 +46,7 @@ class Case:
     @property
     def depth(self) -> float:
         """The last depth, to expect where forces are prescribed, in the user's units."""
-        return self.scene.physics.deltas[-1] * self.scene.physics.scales.length
+        return self.scene.physics.deltas[-1] * self.scene.physics.scales.depth
 
     @property
     def stiffness(self) -> float | None:

@@ -69,8 +69,8 @@ def carry_out(
     study = file.read(path)
     cases, refusals = (case_list.of(study), []) if study.tolerance is None else case_list.sorted_out(study)
     against = Comparison(study, cases)
-    directory = output or study.directory
-    with folder.opened(directory, resume=resume, shared=shard is not None) as place, Worker() as worker:
+    directory, meshes = output or study.directory, any(case.scene.is_meshed for case in cases)
+    with folder.opened(directory, resume=resume, shared=shard is not None) as place, Worker(meshes) as worker:
         place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
         conduct = _Conduct(place, worker, tell)
         if shard is not None:

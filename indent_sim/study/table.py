@@ -60,7 +60,7 @@ def write(table: Sequence[Row]) -> str:
 def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None) -> Row:
     named = {"index": case.index + 1, "run": case.id} | {key: case.values.get(key) for key in keys}
     row: Row = named | dict.fromkeys(COLUMNS) | {"status": "pending"}
-    row |= {"method": case.scene.physics.contact.method, "stiffness": case.stiffness}
+    row |= {"method": case.scene.method, "stiffness": case.stiffness}
     if found is None:
         return row
     report = found.report

@@ -144,11 +144,12 @@ def of_theory(case: Case) -> Answer | None:
     curve = (scene.plan.theory.curve(depths) if scene.plan.theory else None) if depths else []
     if curve is None:
         return None
-    L, P, F = scene.physics.scales.length, scene.physics.scales.pressure, scene.physics.scales.force
+    scales = scene.physics.scales
+    L, D, P, F = scales.length, scales.depth, scales.pressure, scales.force
     open_depths = sorted({delta for delta in scene.physics.deltas if delta <= 0})
     columns = np.array(
-        [(s.delta * L, s.force * F, s.a * L, _peak(s) * P) for s in curve]
-        + [(delta * L, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
+        [(s.delta * D, s.force * F, s.a * L, _peak(s) * P) for s in curve]
+        + [(delta * D, 0.0, 0.0, 0.0) for delta in open_depths]  # out of contact: nothing
     )
     return Answer(*columns.T)
 
@@ -171,7 +172,8 @@ def _peak(solution: Any) -> float:
 def _fineness(case: Case, done: Mapping[str, Results]) -> tuple[Any, ...]:
     """Sorts cases from coarse to fine, and among equal meshes one whose enforcement costs no accuracy last."""
     sizes, exact = case.scene.sizes, case.scene.physics.contact.method == "augmented_lagrangian"
-    return done[case.id].report.get("dofs", 0), -sizes.h_contact, exact, -case.index
+    dofs = done[case.id].report.get("dofs", 0) if case.scene.is_meshed else math.inf
+    return dofs, -sizes.h_contact, exact, -case.index
 
 
 def _error(where: Place, problem: str, remedy: str = "") -> ConfigError:

@@ -40,9 +40,10 @@ Ending = tuple[int, str]  # exit code and reason
 
 
 class Worker:
-    """Does runs in a process of its own; a context manager."""
+    """Does runs in a process of its own, which has loaded what solves a mesh where `meshes`; a context manager."""
 
-    def __init__(self) -> None:
+    def __init__(self, meshes: bool = True) -> None:
+        self._meshes = meshes
         self._process: Any = None
         self._pipe: Any = None
         self._done = 0
@@ -71,7 +72,8 @@ class Worker:
         self._stop()
         context = multiprocessing.get_context("fork")
         self._pipe, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other, self._pipe, os.getpid()), daemon=True)
+        args = (other, self._pipe, os.getpid(), self._meshes)
+        self._process = context.Process(target=_serve, args=args, daemon=True)
         self._process.start()
         other.close()
         self._done = 0
@@ -94,7 +96,7 @@ class Worker:
         return 128 - code, f"the process of the run died of signal {-code}"
 
 
-def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
+def _serve(pipe: Connection, parents: Connection, parent: int, meshes: bool) -> None:
     """Do the runs that arrive until the parent is gone."""
     gc.freeze()  # meshes and matrices that the parent has let go of are its own to destroy
     parents.close()
@@ -103,7 +105,8 @@ def _serve(pipe: Connection, parents: Connection, parent: int) -> None:
     die_with(parent)
     for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
         del os.environ[name]
-    _warm_up()
+    if meshes:
+        _warm_up()
     with suppress(EOFError, OSError):
         while True:
             pipe.send(_ending(*pipe.recv()))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,6 +36,27 @@ class Tip:
     reach: float = math.inf
     breaks: tuple[float, ...] = ()
     corner: float = 0.0
+
+
+def plane() -> Tip:
+    """f = g = 0 without end: a tip for curved bodies alone, see `over_dome`."""
+    return Tip(lambda x: 0.0 * x, lambda x: 0.0 * x)
+
+
+def over_dome(tip: Tip, radius: float) -> Tip:
+    """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g + x^2/radius.
+
+    What a flat punch touches then grows with the load, up to its edge.
+    """
+    require_positive(radius=radius)
+    f = tip.f
+    return replace(
+        tip,
+        g=lambda x: tip.g(x) + x * x / radius,
+        f=f and (lambda x: f(x) + x * x / (2.0 * radius)),
+        edge=None,
+        reach=min(tip.reach, tip.edge or math.inf),
+    )
 
 
 def paraboloid(R: float) -> Tip:

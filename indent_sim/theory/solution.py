@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+COARSE, FINE, CLOSER, STILL = 101, 11, 12, 1e-10  # points of a search for the largest pressure, rounds, and their end
 MAX_SLENDERNESS = 100.0  # largest a/h; the dense matrices of the layer theories grow with it
 
 
@@ -56,3 +57,23 @@ def require_positive(**values: float) -> None:
     for name, value in values.items():
         if not (value > 0.0 and math.isfinite(value)):
             raise ValueError(f"{name} must be a finite number > 0, got {value!r}")
+
+
+def largest_pressure(solution: Solution) -> float:
+    """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
+
+    The surroundings of the largest of some points are looked at closer and closer; towards an infinite pressure it
+    does not stop growing.
+    """
+    if solution.force <= 0.0:
+        return 0.0
+    r, largest = np.linspace(0.0, solution.a, COARSE), 0.0
+    for _ in range(CLOSER):
+        with np.errstate(all="ignore"):
+            p = np.asarray(solution.pressure(r), dtype=float)
+        before, largest = largest, float(p.max())
+        if abs(largest - before) <= STILL * largest < math.inf:
+            return largest
+        k = int(np.argmax(p))
+        r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], FINE)
+    return math.nan

@@ -178,12 +178,16 @@ def rms(divisions: list[float], config: Config) -> float:
 
 
 OTHERS: dict[str, dict[str, Any]] = {
-    "half-space": {"body": {"shape": "half_space"}},
+    "half-space": {"body": {"shape": "half_space"}, "solver": {"method": "condensed"}},
     "half-space, cone, nearly incompressible": {
         "body": {"shape": "half_space"}, "indenter": {"shape": "cone", "half_angle": 80},
-        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4999},
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}, "solver": {"method": "condensed"},
     },
-    "half-space, punch": {"body": {"shape": "half_space"}, "indenter": {"shape": "flat_punch", "radius": 0.5}},
+    "half-space, punch": {
+        "body": {"shape": "half_space"}, "indenter": {"shape": "flat_punch", "radius": 0.5},
+        "solver": {"method": "condensed"},
+    },
+    "infinitely wide layer": {"body": {"shape": "layer", "height": 0.5}, "solver": {"method": "condensed"}},
     "penalty": {"contact": {"method": "penalty"}},
     "active set": {"contact": {"method": "active_set"}},
     "Nitsche": {"contact": {"method": "nitsche"}},

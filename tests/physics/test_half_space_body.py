@@ -21,9 +21,10 @@ TIPS: dict[str, tuple[dict[str, Any], float, float]] = {  # tip, depth, what the
 
 
 def over(tip: dict[str, Any], delta: float, nu: float = 0.3, **sections: Any) -> Scene:
-    """A tip on a half-space."""
+    """A tip on a half-space, which a finite body stands for."""
     material = {"model": "linear_elastic", "E": 2.0, "nu": nu}
-    return scene(HALF_SPACE, indenter=tip, material=material, loading={"delta": delta, "steps": 1}, **sections)
+    return scene(HALF_SPACE, "solver.method=condensed", indenter=tip, material=material,
+                 loading={"delta": delta, "steps": 1}, **sections)  # fmt: skip
 
 
 @pytest.mark.parametrize(("tip", "delta", "tolerance"), TIPS.values(), ids=TIPS)
@@ -46,7 +47,7 @@ def test_stated_error_covers_the_true_one(nu: float) -> None:
     true = force(dataclasses.replace(base, sizes=sizes)) / base.plan.prediction["force_half_space"] - 1
     stated = base.plan.prediction["truncation_error"]
     assert 0.3 * stated < true < stated < 1e-3
-    assert any(c.key == "body" and f"{stated:.2%}" in c.why for c in base.plan.choices)
+    assert any(c.key == "body" and f"{100 * stated:.2g} %" in c.why for c in base.plan.choices)
 
 
 def test_its_theory_is_the_half_space() -> None:
@@ -69,7 +70,7 @@ def test_any_unit_of_length(scale: float) -> None:
 
 def test_no_depth_at_all() -> None:
     """Out of contact there is no force, and still a body."""
-    base = scene(HALF_SPACE, loading={"deltas": [-0.01]})
+    base = scene(HALF_SPACE, "solver.method=condensed", loading={"deltas": [-0.01]})
     assert force(base) == 0
 
 
@@ -87,3 +88,17 @@ def test_three_dimensions_on_request() -> None:
 def test_a_place_on_it_is_refused() -> None:
     with pytest.raises(ConfigError, match="same everywhere"):
         over({"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}, 0.01)
+
+
+@pytest.mark.parametrize("loading", [{"delta": 100.0, "steps": 1}, {"force": 1e5, "steps": 1}])
+def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
+    """In nanometres a contact radius is a number above 100: the same body, ten thousand times as large."""
+    found, small = (scene({"shape": "half_space"}, indenter={"shape": "paraboloid", "R": 1e4 * unit}, loading=given)
+                    for unit, given in ((1.0, loading), (1e-4, scaled_down(loading))))  # fmt: skip
+    assert found.sizes == small.sizes
+
+
+def scaled_down(loading: dict[str, float]) -> dict[str, float]:
+    """The same path with lengths in units ten thousand times as large; forces go as their square."""
+    by = {"delta": 1e-4, "force": 1e-8}
+    return {key: value * by.get(key, 1) for key, value in loading.items()}

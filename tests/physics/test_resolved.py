@@ -30,7 +30,8 @@ SCENES: dict[str, dict[str, Any]] = {
         "contact": {"method": "active_set"},
         "mesh": {"h_contact": 0.9},
     },
-    "half-space": {"body": {"shape": "half_space"}},
+    "half-space": {"body": {"shape": "half_space"}, "solver": {"method": "condensed"}},
+    "layer": {"body": {"shape": "layer", "height": 7.3}, "solver": {"method": "newton"}},
     "off the axis": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
         "indenter": BALL | {"center": [1.3, 0.4]},

@@ -14,7 +14,7 @@ import pytest
 from scenes import BOX, PARABOLOID, STRIP, force, grid_of, scene, solve
 
 from indent_sim.mesh import gmsh
-from indent_sim.mesh.grid import Grid, named_surfaces
+from indent_sim.mesh.grid import Grid, named_surfaces, regions_of_cells
 from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 
@@ -35,9 +35,11 @@ def mirrored(grid: Grid, axis: int, plane: float) -> Grid:
 
 def on_grid(base: Scene, grid: Grid, monkeypatch: pytest.MonkeyPatch) -> list[State]:
     """The states of a scene on a given grid."""
-    named = named_surfaces(grid.points, grid.cells, base.physics.part, base.sizes.finest)
+    part = base.physics.part
+    named = named_surfaces(grid.points, grid.cells, part, base.sizes.finest)
+    regions = regions_of_cells(grid.points, grid.cells, part)
     with monkeypatch.context() as patch:
-        patch.setattr(gmsh, "build", lambda part, sizes: dataclasses.replace(grid, surfaces=named))
+        patch.setattr(gmsh, "build", lambda part, sizes: dataclasses.replace(grid, surfaces=named, regions=regions))
         return solve(base)
 
 

@@ -18,6 +18,7 @@ from mpi4py import MPI
 
 from indent_sim.config.file import load
 from indent_sim.run.chain import simulate
+from indent_sim.scene.scene import resolve
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 EXPECTED = json.loads(Path(__file__).with_name("expected.json").read_text())["scenes"]
@@ -71,6 +72,14 @@ def test_scene_gives_its_force(name: str, tmp_path: Path) -> None:
     found = deviations(name, tmp_path / "result", *settings.overrides)
     assert abs(found[-1]) <= settings.last
     assert np.abs(found).max() <= settings.any
+
+
+@pytest.mark.parametrize("name", [name for name in SCENES if not resolve(load(CONFIGS / name)).is_meshed])
+def test_a_mesh_gives_the_force_of_theory(name: str, tmp_path: Path) -> None:
+    """What theory solves is expected from theory: a mesh is the independent answer, with `auto`'s 0.3 %."""
+    assert np.abs(deviations(name, tmp_path / "theory")).max() <= 1e-8  # which theory states of itself
+    found = deviations(name, tmp_path / "mesh", "solver.method=condensed")
+    assert abs(found[-1]) <= Run().last and np.abs(found).max() <= Run().any
 
 
 @pytest.mark.verify

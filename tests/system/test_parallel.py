@@ -48,6 +48,13 @@ SCENES: dict[str, dict[str, Any]] = {
         "loading": {"delta": 0.01},
     },
     "box": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"delta": 0.04, "steps": 2}},
+    "ball": {
+        "body": {"shape": "ball", "radius": 1.0},
+        "indenter": {"shape": "plate"},
+        "contact": {"method": "auto", "gap": "current"},
+        "mesh": {"h_contact": 0.03},
+        "loading": {"delta": 0.02, "steps": 2},
+    },
     "forces": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"forces": [0.005, 0.01, 0.0]}},
     "forces_newton": {
         "body": CYLINDER,

@@ -165,7 +165,6 @@ def test_the_longest_chain_of_rooms_is_seven() -> None:
         here = place(module_of(path), 1)
         there = {place(module, 1) for module in imports(path) if module.startswith("indent_sim.")}
         used.setdefault(here, set()).update(there - {here, ""})
-    used["mesh"] -= {"scene"}
 
     def length(room: str) -> int:
         return 1 + max((length(other) for other in used.get(room, ())), default=0)

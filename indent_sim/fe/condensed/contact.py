@@ -31,10 +31,11 @@ from indent_sim.fe.observe.surface import (
     pressure_functions,
     shapes,
     split_quadrature,
+    undeformed,
 )
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.mixing import Mixing
-from indent_sim.fe.solve.newton import softer
+from indent_sim.fe.solve.newton import softening
 from indent_sim.scene.scene import Scene
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
@@ -77,7 +78,7 @@ class CondensedContact:
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
         trace, scene = self.compliance.trace, self.scene
-        x = np.moveaxis(trace.positions(points), -1, 0)
+        x = np.moveaxis(undeformed(scene.physics.part, trace, points), -1, 0)
         horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
         return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[-1]
 
@@ -134,7 +135,7 @@ class CondensedContact:
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
         first = [unit / epsilon_n, 1.0] if is_other else [1.0]
-        for factors in (first, softer(self.law, self.scene)):
+        for factors in (first, softening(self.law, self.scene)):
             self.F = start
             if all(self._newton(delta, factor * epsilon_n, with_multiplier) for factor in factors):
                 return True

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
-from indent_sim.fe.observe.surface import Trace, lattice, quadrature_points
+from indent_sim.fe.observe.surface import Trace, lattice, quadrature_points, undeformed
 from indent_sim.model.state import Surface
 from indent_sim.model.tips import gap_current, gap_reference
 from indent_sim.scene.scene import Scene
@@ -64,7 +64,7 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
     """Evaluate the contact fields at points (n, facet dim) of every contact facet of this rank."""
     scene, trace = body.scene, body.trace
     nodal = body.nodal_displacement()
-    X, u = trace.positions(points), trace.values(nodal, points)
+    X, u = undeformed(scene.physics.part, trace, points), trace.values(nodal, points)
     gap = _gap(body, X, u)
     p_hat = body.multiplier_at(points) - _edge_stiffness(body) * gap
     pressure = np.where(p_hat > 0, np.maximum(body.pressure_at(points), 0.0), 0.0)
@@ -161,7 +161,7 @@ def penetration(body: Observed) -> float:
     """The largest <-g> at the contact quadrature points and the nodes [length]."""
     points = np.vstack([quadrature_points(body.trace.dim), body.trace.node_points()])
     u = body.trace.values(body.nodal_displacement(), points)
-    gap = _gap(body, body.trace.positions(points), u)
+    gap = _gap(body, undeformed(body.scene.physics.part, body.trace, points), u)
     return body.comm.allreduce(float((-gap).max(initial=0.0)), op=MPI.MAX)
 
 

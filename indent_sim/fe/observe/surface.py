@@ -15,6 +15,7 @@ import numpy as np
 from dolfinx import fem
 
 from indent_sim.fe import compat
+from indent_sim.mesh.part import Part, on_dome
 
 QUADRATURE_DEGREE = {2: 20, 3: 10}  # by dimension: 11 points an edge, 25 a triangle, for the kink at the contact edge
 SUBDIVISIONS = {2: 32, 3: 8}  # of a facet edge, to find the contact edge inside it
@@ -152,6 +153,12 @@ class Trace:
         corners = np.vstack([np.zeros(self.dim - 1), np.eye(self.dim - 1)])
         pairs = [(0, 1)] if self.dim == 2 else [(1, 2), (0, 2), (0, 1)]
         return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in pairs)])
+
+
+def undeformed(part: Part, trace: Trace, points: np.ndarray) -> np.ndarray:
+    """Places (facets, points, dim) of the contact surface before it moved: on the sphere, not on a chord of it."""
+    X = trace.positions(points)
+    return X if part.dome is None else np.stack(on_dome(part.dome, X[..., 0], X[..., 1]), axis=-1)
 
 
 def adjacent_cells(mesh: Any, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

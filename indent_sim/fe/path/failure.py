@@ -22,8 +22,8 @@ def failed_state(scene: Scene, step: int, value: float, iterations: int, last: P
 
     last: force and depth of the last equilibrium; crushed: where its J is smallest.
     """
-    nan, L, F = float("nan"), scene.physics.scales.length, scene.physics.scales.force
-    wanted, place, delta = f"delta = {value * L:.6g}", f"delta = {last[1] * L:.6g}", value
+    nan, D, F = float("nan"), scene.physics.scales.depth, scene.physics.scales.force
+    wanted, place, delta = f"delta = {value * D:.6g}", f"delta = {last[1] * D:.6g}", value
     if scene.physics.path.control == "force":
         wanted, place, delta = f"force = {value * F:.6g}", f"{place}, force = {last[0] * F:.6g}", last[1]
     reason = (

@@ -151,7 +151,7 @@ class Newton:
         if reason != reasons.DIVERGED_MAX_IT and not is_thrown_out:
             return False
         start, solved = problem.x.copy(), False
-        for factor in softer(problem.law, problem.scene):
+        for factor in softening(problem.law, problem.scene):
             problem.soften(factor)
             solved = self._solve()
             if not solved:
@@ -193,7 +193,7 @@ def is_stiff(law: Any, scene: Any) -> bool:
     return getattr(law, "stiffness", 0.0) > STIFF * scene.physics.material.E_star / scene.sizes.h_contact
 
 
-def softer(law: Any, scene: Any) -> list[float]:
+def softening(law: Any, scene: Any) -> list[float]:
     """Factors for the stiffness of a contact law, by decades from a soft contact to its own; none if it has none."""
     stiffness = getattr(law, "stiffness", None)
     if stiffness is None:

@@ -9,6 +9,7 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe.body import Body, symbolic
+from indent_sim.mesh.part import on_dome
 from indent_sim.model.tips import gap_current, gap_reference
 
 
@@ -23,10 +24,11 @@ class Gap:
         tip = symbolic(scene.physics.indenter, body.mesh)
         center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
         self._delta, self._dim = ufl.variable(delta), dim
-        self._x = None if scene.physics.gap == "reference" else ufl.variable(body.X + u)
+        X = _undeformed(body)
+        self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
         if self._x is None:
-            horizontal = scene.physics.part.kinematics.horizontal(body.X, center)
-            self.g = gap_reference(tip, *horizontal, body.X[dim - 1] + u[dim - 1], self._delta)
+            horizontal = scene.physics.part.kinematics.horizontal(X, center)
+            self.g = gap_reference(tip, *horizontal, X[dim - 1] + u[dim - 1], self._delta)
             self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
         else:
             horizontal = scene.physics.part.kinematics.horizontal(self._x, center)
@@ -44,3 +46,9 @@ class Gap:
         if self._x is None:
             return ufl.as_matrix(np.zeros((self._dim,) * 2).tolist())
         return ufl.diff(self.normal, self._x)
+
+
+def _undeformed(body: Body) -> Any:
+    """The place X of a point of the contact surface before it moved: on the sphere where the mesh has a chord of it."""
+    radius = body.scene.physics.part.dome
+    return body.X if radius is None else ufl.as_vector(on_dome(fem.Constant(body.mesh, radius), *body.X))

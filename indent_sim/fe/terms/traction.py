@@ -43,8 +43,9 @@ class Traction:
             case "unknown" | "frozen":
                 return self.field.lam
             case "stress":
-                in_plane = self.body.scene.physics.part.kinematics.in_plane
-                return ufl.dot(in_plane(strain.nominal_stress[:, 2]), self._gap.normal)
+                kinematics = self.body.scene.physics.part.kinematics
+                N = kinematics.in_space(ufl.FacetNormal(self.body.mesh))
+                return ufl.dot(kinematics.in_plane(strain.nominal_stress * N), self._gap.normal)
         return ufl.as_ufl(0.0)
 
     @cached_property

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 MANY_RUNS = 10  # from which their colours are those of a map, in their order
 LEGEND_LINES = 30  # in a column
 ESTIMATED = "estimated error"
+SAYABLE = 5e-5  # relative error that is not 0.00 %
 PANELS, LETTER = 9.2, 0.07  # inches: width of all panels, and of a letter in the legend beside them
 
 
@@ -151,7 +152,11 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
 
 def _of_last(half: np.ndarray, y: np.ndarray) -> str:
     """The last error in words: a thin band cannot be read off."""
-    return f", \N{PLUS-MINUS SIGN}{abs(half[-1] / y[-1]):.2%} at the last step" if y[-1] != 0 else ""
+    if y[-1] == 0:
+        return ""
+    last = abs(half[-1] / y[-1])
+    said = f"{last:.2%}" if last >= SAYABLE else f"{100 * last:.0e}%"
+    return f", \N{PLUS-MINUS SIGN}{said} at the last step"
 
 
 def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None) -> None:

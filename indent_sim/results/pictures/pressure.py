@@ -35,7 +35,8 @@ MARGIN = 0.1  # contact radii around what is pressed
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     """The contact pressure of a step, around the tip: a profile along a line or a map."""
     surface = results.surface
-    x, y, p = (surface[name][surface["step"] == step] for name in ("x", "y", "pressure"))
+    known = (surface["step"] == step) & np.isfinite(surface["pressure"])  # not where it is infinite
+    x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
     center, a = _tip(results, x, y, p), _contact_radius(results, step, x, y)
     inside = np.hypot(x - center[0], y - center[1]) <= a
     pressed = p > PRESSED * np.median(p[inside]) if inside.any() else inside

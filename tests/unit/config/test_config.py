@@ -63,7 +63,7 @@ def test_defaults():
     assert config.loading.path().values == pytest.approx([0.001 * i for i in range(1, 11)])
     assert config.loading.path().control == "depth"
     assert (config.mesh.h_contact, config.mesh.order, config.mesh.symmetry) == ("auto", 2, "auto")
-    assert (config.output.fields, config.output.plot, config.output.directory) == ("last", True, None)
+    assert (config.output.fields, config.output.plot, config.output.directory) == ("auto", True, None)
     assert config.center is None
 
 
@@ -81,7 +81,15 @@ def test_contact_without_a_method_is_auto():
     assert loads(SCENE + "contact: {gap: current}\n").contact == AutoContact(gap="current")
 
 
-@pytest.mark.parametrize("text", [SCENE, BOX])
+ROUND = """\
+body: {shape: cap, base_radius: 2.0, contact_angle: 50.0, base: roller}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: plate}
+loading: {delta: 0.1, steps: 2}
+"""
+
+
+@pytest.mark.parametrize("text", [SCENE, BOX, ROUND])
 def test_yaml_written_is_yaml_read(text):
     config = loads(text)
     assert loads(to_yaml(config)) == config

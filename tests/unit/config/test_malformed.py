@@ -61,6 +61,11 @@ def body(lines: str) -> str:
     return edited("shape: box\n  size: [1.0, 1.0, 1.0]\n  base: fixed\n  sides: free", lines)
 
 
+def round_body(lines: str, over: str = "shape: plate") -> str:
+    """The scene with a body about an axis and a tip on it."""
+    return body(lines).replace("shape: paraboloid\n  R: 1.0\n  center: [0.5, 0.5]", over)
+
+
 def choices(section: str, parameter: str = "") -> list[str]:
     """What a section may choose, or those of them that have this parameter."""
     kinds = kinds_of(hints(Config)[section], tags()[section])
@@ -123,7 +128,7 @@ MALFORMED = [
     (edited("sides: free", "sides: rollers"), 7, "body.sides", "did you mean 'roller'?"),
     (edited("sides: free", "sides: {x_min: rolls}"), 7, "body.sides.x_min", "must be free, roller or fixed"),
     (edited("h_contact: 0.01", "h_contact: Auto"), 23, "mesh.h_contact", "a number > 0 or auto, got 'Auto'"),
-    (edited("fields: last", "fields: true"), 29, "output.fields", "must be none, last or all, got true"),
+    (edited("fields: last", "fields: true"), 29, "output.fields", "must be auto, none, last or all, got true"),
     # types
     (edited("R: 1.0", "R: '1.0'"), 14, "indenter.R", "must be a number > 0, got '1.0'"),
     (edited("R: 1.0", "R: 1.0 mm"), 14, "indenter.R", "must be a number > 0, got '1.0 mm'"),
@@ -194,9 +199,30 @@ MALFORMED = [
     (tip("shape: profile\n  points: [[0, 1], [1, 2]]"), 14, "indenter.points", "the apex [0, 0]"),
     (tip("shape: profile\n  points: [[0, 0], [1, 1], [1, 2]]"), 14, "indenter.points", "r must increase"),
     (tip("shape: profile\n  points: [[0, 0], [1, 1], [2, 1.5]]"), 14, "indenter.points", "must be convex"),
-    (body("shape: half_space"), 12, "indenter.center", "a half-space is the same everywhere"),
+    (body("shape: half_space"), 12, "indenter.center", "a half_space is the same everywhere"),
     (body("shape: half_space\n  base: fixed"), 5, "body.base", "'half_space' has no parameter 'base'"),
-    (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder)"),
+    (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder and ball)"),
+    # bodies about an axis
+    (round_body("shape: cap\n  base_radius: 2.0"), 3, "body.height", "missing, and so is contact_angle"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  contact_angle: 50.0"), 7, "body.contact_angle",
+     "contradicts height"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 180.0"), 6, "body.contact_angle",
+     "must be > 0 and < 180"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 178.0"), 3, "body", "stands on a point"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "all but flat"),
+    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  base: free"), 7, "body.base", "'free'"),
+    (round_body("shape: cap\n  height: 1.0"), 3, "body.base_radius", "missing"),
+    (round_body("shape: ball\n  radius: 1.0\n  height: 1.0"), 6, "body.height", "'ball' has no parameter 'height'"),
+    (round_body("shape: ball\n  radius: -1.0"), 5, "body.radius", "must be > 0"),
+    (round_body("shape: ball\n  radius: 1.0\n  layers: [{thickness: 1.0}]"), 6, "body.layers",
+     "'ball' has no parameter 'layers'"),
+    (round_body("shape: ball\n  radius: 1.0", "shape: plate\n  center: [0.1, 0.0]"), 12, "indenter.center",
+     "stands on the axis"),
+    (round_body("shape: ball\n  radius: 1.0", "shape: pyramid\n  half_angle: 65.0"), 11, "indenter.shape",
+     "modelled about its axis"),
+    (round_body("shape: ball\n  radius: 1.0", "shape: plate\n  R: 1.0"), 12, "indenter.R",
+     "'plate' has no parameter"),
+    (tip("shape: plate"), 13, "indenter.shape", "touches all of it at once"),
     (edited("center: [0.5, 0.5]", "center: [0.5]"), 15, "indenter.center", "stands at [x, y], got 1"),
     (edited("center: [0.5, 0.5]", "center: [0.5, a]"), 15, "indenter.center[1]", "must be a number, got 'a'"),
 ]

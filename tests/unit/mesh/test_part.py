@@ -9,7 +9,7 @@ import pytest
 from scenes import BOX, CYLINDER, STRIP, scene
 
 from indent_sim.mesh.grid import named_surfaces
-from indent_sim.mesh.part import Part, Region, Side, polygon
+from indent_sim.mesh.part import Part, Region, Side, on_dome, polygon
 from indent_sim.model.kinematics import PlaneStrain
 from indent_sim.model.materials import LinearElastic
 
@@ -67,3 +67,56 @@ def test_a_chord_between_points_of_an_arc_is_no_surface() -> None:
     found = named_surfaces(points, np.array([[0, 1, 2], [0, 2, 3]]), part, finest=0.5)
     assert {frozenset(facet) for facet in found["top"].tolist()} == {frozenset({k, k + 1}) for k in range(3)}
     assert part.area == pytest.approx(pi / 2, rel=1e-12)
+
+
+QUARTER = Side("top", (1.0, -1.0), (0.0, 0.0), middle=(0.0, -1.0))  # of the circle about (0, -1)
+
+
+def test_an_arc_is_no_further_than_its_ends() -> None:
+    """Points of its circle beyond them are as far as the nearer end; rounding at the ends themselves."""
+    angle = np.radians([0.0, 30.0, 90.0, 120.0, -90.0])
+    away = QUARTER.distance(np.cos(angle), -1 + np.sin(angle))
+    assert away == pytest.approx([0, 0, 0, 2 * np.sin(np.radians(15)), sqrt(2)], abs=1e-15)
+    assert QUARTER.distance(np.array([0.5]), np.array([-1.0])) == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(("body", "volume"), [
+    ({"shape": "ball", "radius": 1.0}, 2 / 3 * pi), ({"shape": "ball", "radius": 1.0, "base": "fixed"}, 4 / 3 * pi),
+    ({"shape": "cap", "base_radius": 2.0, "height": 1.0}, pi / 6 * 13),
+    ({"shape": "cap", "base_radius": 1.0, "height": 1.5}, pi / 4 * 5.25),
+])  # fmt: skip
+def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: float) -> None:
+    """pi h (3 b^2 + h^2)/6, from the outline's points by Pappus' rule; arcs by 2000 chords: 1e-6."""
+    part = scene(body, mesh={"h_contact": 0.2}).physics.part
+    scale = {"ball": 2.0 if body.get("base") else 1.0, "cap": body.get("height", 0.0)}[body["shape"]]
+    total = 0.0
+    for side in part.outline:
+        share = np.linspace(0, 1, 2001)
+        if side.middle is None:
+            r, z = (a + (b - a) * share for a, b in zip(side.start, side.end, strict=True))
+        else:
+            begin = np.arctan2(side.start[1] - side.middle[1], side.start[0] - side.middle[0])
+            r = side.middle[0] + side.radius * np.cos(begin + side.turn * share)
+            z = side.middle[1] + side.radius * np.sin(begin + side.turn * share)
+        total += float(np.sum((r[1:] ** 2 + r[1:] * r[:-1] + r[:-1] ** 2) / 3 * np.diff(z)) * pi)
+    assert total * scale**3 == pytest.approx(volume, rel=1e-6)
+
+
+def test_the_halves_of_a_ball_are_two_surfaces() -> None:
+    """Both are arcs of one circle: each facet is on the one whose ends are around it."""
+    part = scene({"shape": "ball", "radius": 1.0, "base": "fixed"}).physics.part
+    angle = np.radians([-90.0, -45.0, 0.0, 45.0, 90.0])
+    points = np.vstack([[0.0, -0.5], np.column_stack([0.5 * np.cos(angle), -0.5 + 0.5 * np.sin(angle)])])
+    found = named_surfaces(points, np.array([[0, k, k + 1] for k in range(1, 5)]), part, finest=0.1)
+    assert {name: {frozenset(facet) for facet in found[name].tolist()} for name in ("top", "base")} == {
+        "top": {frozenset({3, 4}), frozenset({4, 5})}, "base": {frozenset({1, 2}), frozenset({2, 3})}}  # fmt: skip
+
+
+@pytest.mark.parametrize("radius", [1.0, 1e6])
+def test_a_chord_is_lifted_to_the_sphere(radius: float) -> None:
+    """Along the radius: -r^2/(radius + root) there, to rounding of the height itself beside a far larger ball."""
+    r = np.array([1e-6, 1e-3, 0.1, 0.6])
+    z = -r * r / (radius + np.sqrt(radius**2 - r * r))
+    on_r, on_z = on_dome(radius, r, z * (1 + 0.1 * np.arange(4)))
+    assert on_z == pytest.approx(-on_r * on_r / (radius + np.sqrt(radius**2 - on_r * on_r)), rel=1e-9)
+    assert on_dome(radius, r, z)[1] == pytest.approx(z, rel=1e-12)

@@ -9,7 +9,7 @@ import pytest
 import ufl
 from pytest import approx
 
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere
 from indent_sim.scene.theories import shape_of
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
@@ -228,3 +228,11 @@ def test_a_paraboloid_through_points() -> None:
     at = np.linspace(0, 1, 333)
     difference = on_axis_plane(tip, at) - at**2 / 2
     assert difference.min() > -1e-15 and difference.max() < 1.01 / 40**2 / 8
+
+
+def test_a_plate_is_a_plane() -> None:
+    """Its gap is the height below it, whatever the place."""
+    x, y = POINTS
+    assert np.all(np.asarray(Plate().height(x, y)) == 0.0)
+    assert np.array_equal(Plate().gap_current(x, y, x), -x)
+    assert Plate().radius_at(0.1) == np.inf and Plate().creases() == []

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BOX, CYLINDER, STRIP, WALLED, scene
+from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene
 
 from indent_sim.config.file import from_mapping
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_bars import coarser
 from indent_sim.run.resolved import resolved
+from indent_sim.scene.corners import corners
 from indent_sim.scene.scene import resolve
 
 SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}
@@ -103,3 +105,16 @@ def test_gmsh_is_told_the_same_sizes(body: dict[str, Any]) -> None:
     x, y = draw.uniform(*base.physics.part.extent[0], 200), draw.uniform(*base.physics.part.extent[1], 200)
     found = eval(formula, {"Abs": np.abs, "Sqrt": np.sqrt, "x": x, "y": y})
     assert found == pytest.approx(base.sizes.at(np.abs(x - base.physics.center[0]), -y), rel=1e-9)
+
+
+def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
+    """Whatever nu and the support; an edge of at most a right angle counts where it is bonded and nu > 0."""
+    found = {}
+    for angle, base, nu in product((60, 150), ("fixed", "roller"), (0.0, 0.3)):
+        body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
+        part = scene(body, material=ELASTIC | {"nu": nu}).physics.part
+        found[angle, base, nu] = corners(part, (0.0, 0.0), 0.1, nu, sharp=False)
+    notches = set(product((150,), ("fixed", "roller"), (0.0, 0.3)))
+    assert {key for key, corner in found.items() if corner} == notches | {(60, "fixed", 0.3)}
+    (notch,) = found[150, "roller", 0.0]
+    assert (notch.r, notch.depth) == (pytest.approx(1 / np.tan(np.radians(75))), 1.0)  # in heights

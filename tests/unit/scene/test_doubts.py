@@ -16,12 +16,15 @@ SCENES: dict[str, dict[str, Any]] = {
     "coarse": {"mesh": {"h_contact": 0.1}},
     "several": {"contact": {"method": "active_set", "gap": "current"}},
     "unloading": {"loading": {"deltas": [0.02, 0.001]}, "mesh": {"h_contact": 0.02}},
-    "half_space": {"body": {"shape": "half_space"}},
+    "half_space": {"body": {"shape": "half_space"}, "solver": {"method": "condensed"}},
+    "layer": {"body": {"shape": "layer", "height": 1.0}, "solver": {"method": "condensed"}},
+    "theory": {"body": {"shape": "half_space"}},
     "corners": {"body": {"shape": "box", "size": [0.6, 0.6, 1.0]}, "mesh": {"h_contact": 0.1},
                 "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.49}},
 }  # fmt: skip
 NUMBERS = {"plain": set(), "penalty": {"penalty"}, "coarse": {"elements"}, "several": {"several_equilibria"},
-           "unloading": {"elements"}, "half_space": {"truncation"}, "corners": {"corners", "elements"}}  # fmt: skip
+           "unloading": {"elements"}, "half_space": {"truncation"}, "layer": {"truncation"},
+           "theory": set(), "corners": {"corners", "elements"}}  # fmt: skip
 
 
 def scene(**sections: Any) -> Scene:
@@ -54,7 +57,7 @@ def test_without_contact_only_that_is_said() -> None:
 
 
 def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
-    found = scene(body={"shape": "half_space"})
+    found = scene(**SCENES["half_space"])
     bars = ErrorBars(found, [Companion(1.6, [], found)])
     (doubt,) = (doubt for doubt in found.plan.doubts if doubt.key == "truncation")
     assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]

@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 from indent_sim.config.file import from_mapping
-from indent_sim.model.body import Cylinder, Layer, Strip, StripSides
+from indent_sim.model.body import Cylinder, Dome, Layer, Strip, StripSides
 from indent_sim.model.materials import LinearElastic
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere, reach
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.scene.theories import TIPS, half_space_force, half_space_theory, layer_theory, shape_of
+from indent_sim.scene.theories import (
+    TIPS,
+    half_space_force,
+    half_space_theory,
+    layer_theory,
+    relative_tip,
+    shape_of,
+)
 from indent_sim.theory.march import LayerContact
 
 GEL = LinearElastic(E=1.0, nu=0.3)
@@ -103,3 +110,23 @@ def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, se
     before = asked.total()
     assert np.all(np.array([solution.force for solution in found.plan.theory.curve(found.physics.deltas) or []]) > 0)
     assert asked.total() == before
+
+
+@pytest.mark.parametrize(("tip", "R"), [(Paraboloid(1.0), 2 / 3), (Sphere(1.0), 2 / 3), (Plate(), 2.0),
+                                        (FlatPunch(0.1), 2.0)])  # fmt: skip
+def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
+    """1/R of the tip and 1/2 of the body; a sharp tip, and any over a flat top, is its own."""
+    dome = Dome(2.0, 1.0, "cap")
+    assert relative_tip(tip, dome) == Paraboloid(pytest.approx(R))  # type: ignore[arg-type]
+    assert relative_tip(tip, CYLINDER) is tip and relative_tip(Cone(70.0), dome) == Cone(70.0)
+
+
+@pytest.mark.parametrize("shape", ["cap", "ball"])
+def test_theory_of_a_round_body_is_never_exact(shape: Any) -> None:
+    """A layer for a cap, a half-space for a ball; a contact of 1e-3 feels as much of the layer: Hertz to 0.2 %."""
+    body = Dome(1e3, 1.0, "cap") if shape == "cap" else Dome(1.0, 2.0, "ball")
+    tip: Indenter = Paraboloid(1.0)
+    theory = layer_theory(body, [Layer(body.height, GEL)], tip, body.center)
+    closed = half_space_force(relative_tip(tip, body), 1e-6, GEL.E_star)
+    assert theory and not theory.exact and closed and (solution := theory.at(1e-6))
+    assert solution.force == pytest.approx(closed[1], rel=2e-3)

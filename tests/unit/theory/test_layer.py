@@ -265,3 +265,14 @@ def test_nonsense_is_refused(change):
 def test_impossible_tips_are_refused(make):
     with pytest.raises(ValueError):
         make()
+
+
+def test_curvatures_of_tip_and_body_add():
+    """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up to its edge."""
+    stack = Stack((Ply(1.0, 1.0, 0.3),), "fixed")
+    known = layer.Layer.on(PARABOLOID, stack).curve([0.01])[0]
+    for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.plane(), 1.0), (PUNCH, 1.0)):
+        found = layer.Layer.on(profiles.over_dome(tip, dome), stack).curve([0.01])[0]
+        assert (found.force, found.a) == pytest.approx((known.force, known.a), rel=1e-12)
+    with pytest.raises(ValueError):
+        layer.Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
