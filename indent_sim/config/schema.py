@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, Endless, HalfSpace, Layer, Strip
+from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, Endless, HalfSpace, Layer, MeshFromFile, Strip
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material

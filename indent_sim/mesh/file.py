@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from io import StringIO
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -132,12 +133,30 @@ def _refuse_references(path: Path, file: str) -> None:
     for item in items:
         if item.get("Format", "XML") == "XML":
             continue
-        name = (item.text or "").strip().partition(":")[0]
+        name, _, inside = (item.text or "").strip().partition(":")
         beside = path.parent / name
         if item.get("Format") != "HDF" or "/" in name or "\\" in name or beside.is_symlink():
             raise refused(f"'{file}' takes its numbers from '{name}'", "one HDF5 file beside it is followed, no other")
         if not beside.is_file() or beside.stat().st_size > MOST_BYTES:
             raise refused(f"'{file}' takes its numbers from '{name}', which is missing or too long")
+        _refuse_elsewhere(beside, inside, file)
+
+
+def _refuse_elsewhere(path: Path, inside: str, file: str) -> None:
+    """An HDF5 file may keep a dataset's numbers in any file at all, or unfold a few bytes to fill the memory."""
+    import h5py
+
+    try:
+        with h5py.File(path) as store:
+            links = accumulate(inside.strip("/").split("/"), "{}/{}".format)
+            leads_out = any(isinstance(store.get(link, getlink=True), h5py.ExternalLink) for link in links)
+            found = None if leads_out else store[inside]
+            if leads_out or not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
+                raise refused(f"'{file}' takes its numbers from '{inside}', which are not in '{path.name}' itself")
+            if found.nbytes > MOST_BYTES:
+                raise refused(f"'{file}' takes its numbers from '{inside}', which is longer than {MOST_BYTES} bytes")
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise refused(f"'{file}' is not a mesh that can be read: {error}") from None
 
 
 def _refuse_includes(path: Path, file: str) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from mesh_files import block, section, write
@@ -320,6 +321,28 @@ def test_an_xdmf_file_takes_numbers_from_beside_it_alone(tmp_path: Path, form: s
     text = text.replace("part.h5:/data0", where).replace('Format="HDF"', f'Format="{form}"', 1)
     (tmp_path / "part.xdmf").write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match="takes its numbers from"):
+        scene(tmp_path, "part.xdmf")
+
+
+def external_numbers(store: h5py.File) -> None:
+    store.create_dataset("data0", (4, 2), "f8", external=[("/etc/passwd", 0, 64)])
+
+
+def external_link(store: h5py.File) -> None:
+    store["data0"] = h5py.ExternalLink("../other.h5", "/data0")
+
+
+def unfolding_numbers(store: h5py.File) -> None:
+    store.create_dataset("data0", (2**40, 2), "f8", chunks=(2**16, 2), compression="gzip")
+
+
+@pytest.mark.parametrize("kept", [external_numbers, external_link, unfolding_numbers])
+def test_an_hdf5_file_has_its_numbers_itself(tmp_path: Path, kept: Callable[[h5py.File], None]) -> None:
+    write(tmp_path / "part.xdmf", section())
+    with h5py.File(tmp_path / "part.h5", "a") as store:
+        del store["data0"]
+        kept(store)
+    with pytest.raises(ConfigError, match="takes its numbers from '/data0'"):
         scene(tmp_path, "part.xdmf")
 
 
