@@ -304,7 +304,10 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """The error bars of a scene that theory solves: its own stated error, of every number."""
+    """The error bars of a scene that theory solves: its own stated error, of every number.
+
+    Where its tip would have to pull, contact radius and pressure are not known at all.
+    """
 
     companions: Sequence[Companion] = ()
 
@@ -312,13 +315,14 @@ class TheoryBars:
         assert scene.plan.theory is not None
         self.budgets: list[Budget] = []
         self._error, self._finds_depths = scene.plan.theory.error, scene.physics.path.control == "force"
+        self._of_contact = 1.0 if scene.plan.theory.pull else self._error
 
     def judged(self, state: State) -> State:
         """The state with its error bars."""
         error = self._error
         self.budgets.append(Budget(state.step, 0.0, 0.0, 0.0, theory=error * abs(state.force)))
-        return replace(state, force_error=error * abs(state.force), a_error=error * state.a,
-                       p_max_error=error * state.p_max,
+        return replace(state, force_error=error * abs(state.force), a_error=self._of_contact * state.a,
+                       p_max_error=self._of_contact * state.p_max,
                        delta_error=error * abs(state.delta) if self._finds_depths else None)  # fmt: skip
 
 
