@@ -216,11 +216,12 @@ class ErrorBars:
         n = self._elements(state.a)
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
         errors = [trend.fading(n / ratio) for ratio in ratios]
+        safety = trend.safety * (LAYERED if self._is_layered and name == "p_max" else 1.0)
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max(abs(errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
             if k == 0 or n >= TELLTALE * ratios[k + 1]:
-                said += [trend.safety / share * found for found in _spread(fine, coarse, state, name)]
+                said += [safety / share * found for found in _spread(fine, coarse, state, name)]
         return float("nan") if any(map(isnan, said)) else max(said)
 
     def _soft_difference(self, step: int, name: str) -> float:
