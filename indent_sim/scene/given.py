@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import inf, isfinite, log2
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
+D = TypeVar("D")
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -158,6 +159,14 @@ def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
                  in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
 
 
+def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
+    """The regions of inclusions, lengths rounded likewise."""
+    own = [inclusion.material.canonical() for inclusion in config.body.inclusions or ()]
+    for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
+        matter, name = scales.scaled(material), f"inclusions[{k}]"
+        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
+
+
 def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
@@ -200,7 +209,8 @@ def _modelled(
 ) -> tuple[Part, str]:  # fmt: skip
     """The part of the body that is modelled, and why."""
     if not isinstance(body, Meshed):
-        return reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
+        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
+        return reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
     assert piece is not None and isinstance(config.body, MeshFromFile)
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
@@ -209,13 +219,16 @@ def _modelled(
     return part, "a mesh from a file is modelled as it is"
 
 
-def _rounded_body(body: Drawn | Endless) -> Drawn | Endless:
+def _to_digits(body: D) -> D:
+    """A body, or an inclusion, with its own lengths rounded."""
+
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
         return rounded(value) if isinstance(value, float) else value
 
-    return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
+    fields = dataclasses.fields(body)  # type: ignore[arg-type]
+    return replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
 
 
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
