@@ -238,7 +238,7 @@ def _inclusions(config: Config) -> Iterator[ConfigError]:
 def _misshapen(body: AnyBody, inclusion: Inclusion) -> str:
     """Why a body of this kind has no such inclusion."""
     if isinstance(body, Strip) and inclusion.center[1]:
-        return f"a strip is the same all along y, and the centre is at y = {inclusion.center[1]:g}: it must be 0"
+        return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}: it must be 0"
     if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
         why = "a box is no body of revolution" if isinstance(inclusion, BoxInclusion) else "it is off the axis"
         return f"a {body.shape} is modelled about its axis: {why}"
@@ -268,7 +268,7 @@ def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
 
 
 def _faces(config: Config) -> list[tuple[str, float]]:
-    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion centred on it."""
+    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion centered on it."""
     body = config.body
     depths = list(accumulate(layer.thickness or inf for layer in config.layers))
     if isinstance(body, Cap | Ball):

@@ -72,7 +72,7 @@ class _Inclusion(ABC):
         return len(axes) > (2 if dim == 2 else 1)
 
     def half(self, axis: int) -> float:
-        """How far it reaches from its centre along an axis [length]."""
+        """How far it reaches from its center along an axis [length]."""
         return next(half for axes, half in self.spans if axis in axes)
 
     def is_about(self, center: tuple[float, ...]) -> bool:
@@ -584,8 +584,8 @@ class Cap:
 class Ball:
     """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
-    base roller: the plane through its centre is a mirror plane, below which the same tip pushes up: `delta` is the
-    approach of the two, and an inclusion is above that plane, and mirrored, or centred on it. fixed: the lower half of
+    base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
+    approach of the two, and an inclusion is above that plane, and mirrored, or centered on it. fixed: the lower half of
     its surface is bonded to something rigid.
     """
 
