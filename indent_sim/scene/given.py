@@ -296,7 +296,9 @@ def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[fl
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    if any(_material_of(layer).constants.nu < 0.5 for layer in layers) or not body.is_held:
+    matter = [_material_of(layer) for layer in layers]
+    matter += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
+    if any(material.constants.nu < 0.5 for material in matter) or not body.is_held:
         return float("inf")
     x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]
