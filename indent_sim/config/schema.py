@@ -227,22 +227,24 @@ def _inclusions(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("mesh.h_inclusions", problem, "give one for each, or leave it out")
     faces = _faces(config) if inclusions else []
     for k, inclusion in enumerate(inclusions):
-        found = _misshapen(config.body, inclusion) or _beside(config.body, inclusion) or _across(faces, inclusion)
         near = [m for m in range(k) if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))]
-        if found or near:
+        found = _beside(config.body, inclusion) or _across(faces, inclusion)
+        if foreign := _foreign(config.body, inclusion):
+            yield ConfigError(key_of_inclusion(k), *foreign)
+        elif found or near:
             problem = found or f"overlaps or touches {key_of_inclusion(near[0])}"
             remedy = f"move it, or make it smaller: {_apart(inclusion):.3g} must be left between it and any surface"
             yield ConfigError(key_of_inclusion(k), problem, remedy)
 
 
-def _misshapen(body: AnyBody, inclusion: Inclusion) -> str:
-    """Why a body of this kind has no such inclusion."""
+def _foreign(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+    """Why a body of this kind has no such inclusion, and what it may have."""
     if isinstance(body, Strip) and inclusion.center[1]:
-        return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}: it must be 0"
+        return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
     if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
         why = "a box is no body of revolution" if isinstance(inclusion, BoxInclusion) else "it is off the axis"
-        return f"a {body.shape} is modelled about its axis: {why}"
-    return ""
+        return f"a {body.shape} is modelled about its axis: {why}", "use a ball or a cylinder at x = y = 0"
+    return None
 
 
 def _beside(body: AnyBody, inclusion: Inclusion) -> str:

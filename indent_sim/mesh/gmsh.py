@@ -14,7 +14,7 @@ import numpy as np
 from indent_sim.mesh.grid import DIGITS, Grid, named_surfaces, regions_of_cells
 from indent_sim.mesh.meshed import MeshedPart, refined
 from indent_sim.mesh.part import Part, Side
-from indent_sim.mesh.sizes import Sizes, size_formula
+from indent_sim.mesh.sizes import Sizes, formula_around, size_formula
 from indent_sim.model.body import BallInclusion, CylinderInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked import Crash, Forked
@@ -270,10 +270,20 @@ def _rounded(point: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _prescribe_sizes(gmsh: Any, sizes: Sizes, dim: int) -> None:
+    """The smallest of what contact and inclusions want, each a field of its own: a minimum doubles a formula."""
     field = gmsh.model.mesh.field
-    tag = field.add("MathEval")
-    field.setString(tag, "F", size_formula(sizes, dim))
-    field.setAsBackgroundMesh(tag)
+
+    def wanted(formula: str) -> int:
+        tag: int = field.add("MathEval")
+        field.setString(tag, "F", formula)
+        return tag
+
+    tags = [wanted(size_formula(sizes, dim))]
+    tags += [wanted(formula_around(*one, sizes.grading, dim)) for one in sizes.inclusions]
+    least = tags[0] if len(tags) == 1 else field.add("Min")
+    if len(tags) > 1:
+        field.setNumbers(least, "FieldsList", tags)
+    field.setAsBackgroundMesh(least)
 
 
 def _shake(part: Part, sizes: Sizes) -> float:

@@ -99,19 +99,17 @@ def size_formula(sizes: Sizes, dim: int) -> str:
     for at, below, smallest in sizes.points:
         around = f"Sqrt(({r}-{number(at)})^2+({depth}-{number(below)})^2)"
         size = _smaller(size, f"{number(smallest)}+{number(sizes.grading)}*{around}")
-    for inclusion, inside in sizes.inclusions:
-        size = _smaller(size, f"{number(inside)}+{number(sizes.grading)}*{_distance(inclusion, dim)}")
     return _smaller(size, number(sizes.h_far))
 
 
-def _distance(inclusion: Inclusion, dim: int) -> str:
-    """`Inclusion.distance` of (x, y[, z])."""
+def formula_around(inclusion: Inclusion, inside: float, grading: float, dim: int) -> str:
+    """The element size that an inclusion wants: the one inside it, growing with `Inclusion.distance`."""
     number, names = "{:.12g}".format, ("x", "0", "y") if dim == 2 else ("x", "y", "z")
     beyond = []
     for axes, half in inclusion.spans:
         squares = "+".join(f"({names[axis]}-({number(inclusion.center[axis])}))^2" for axis in axes)
         beyond.append(f"{_positive(f'(Sqrt({squares})-{number(half)})')}^2")
-    return f"Sqrt({'+'.join(beyond)})"
+    return f"{number(inside)}+{number(grading)}*Sqrt({'+'.join(beyond)})"
 
 
 def _positive(a: str) -> str:

@@ -91,7 +91,7 @@ class _Inclusion(ABC):
 
     def farthest(self, point: Sequence[Any], axes: Sequence[int] = ALL) -> float:
         """Distance [length] from a point to its farthest point along some axes."""
-        if any(set(own) - set(axes) for own, _ in self.spans):  # a ball seen along fewer axes than it has
+        if any(set(own) > set(axes) for own, _ in self.spans):  # a ball seen along fewer axes than it has
             return float(self._off(point, axes) + self.half(axes[0]))
         return float(self._norm([self._off(point, own) + half for own, half in self._along(axes)]))
 
