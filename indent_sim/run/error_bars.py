@@ -106,6 +106,8 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     larger = replace(
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
         patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
+        inclusions=tuple((inclusion, min(ratio ** (RATE / 2) * h, inclusion.thinnest))
+                         for inclusion, h in sizes.inclusions),
     )  # fmt: skip
     return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=larger)
 

@@ -21,7 +21,7 @@ from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.expected import infinite_pressure
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
-from indent_sim.scene.theories import layer_theory, shape_of
+from indent_sim.scene.theories import NO_INCLUSIONS, layer_theory, shape_of
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -233,6 +233,7 @@ def unlike_theory(config: Config) -> str:
     solver = dataclasses.replace(config.solver, method="auto")
     reasons = (
         (not all(material.small_strain for material in materials), "the material is not linear"),
+        (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (config.contact.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(config.contact, AutoContact), f"contact.method: {config.contact.method} is for a mesh"),
@@ -286,6 +287,10 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
     if sizes.h_corner is not None:
         choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
+    if sizes.inclusions:
+        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
+        why = "as given" if wanted.h_inclusions else "by what the force feels of each; sizes grow from this around them"
+        choices.append(Choice("mesh.h_inclusions", inside, why))
     return choices
 
 

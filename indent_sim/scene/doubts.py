@@ -74,7 +74,7 @@ def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
 def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
-    nu, (strain, formula) = material.constants.nu, characteristic_strain(given.relative, delta, a)
+    strain, formula = characteristic_strain(given.relative, delta, a)
     if given.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
@@ -85,7 +85,8 @@ def _of_model(given: Given) -> Iterator[Doubt]:
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(given.center):
         yield Doubt("rim", "the contact comes close to the edge of the body")
-    if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
+    locked = [region.material.constants.nu for region in given.part.regions if region.formulation == "displacement"]
+    if (nu := max(locked, default=0.0)) >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
     for words in stability.instabilities(material, stability.largest_strain(given.relative, a, delta, body.height)):
         yield Doubt("stability", words)

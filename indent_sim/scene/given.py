@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import inf, isfinite, log2
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
+D = TypeVar("D")
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -159,6 +160,14 @@ def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
                  in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
 
 
+def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
+    """The regions of inclusions, lengths rounded likewise."""
+    own = [inclusion.material.canonical() for inclusion in config.body.inclusions or ()]
+    for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
+        matter, name = scales.scaled(material), f"inclusions[{k}]"
+        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
+
+
 def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
@@ -201,7 +210,8 @@ def _modelled(
 ) -> tuple[Part, str]:  # fmt: skip
     """The part of the body that is modelled, and why."""
     if not isinstance(body, Meshed):
-        return reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
+        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
+        return reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
     assert piece is not None and isinstance(config.body, MeshFromFile)
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
@@ -210,13 +220,16 @@ def _modelled(
     return part, "a mesh from a file is modelled as it is"
 
 
-def _rounded_body(body: Drawn | Endless) -> Drawn | Endless:
+def _to_digits(body: D) -> D:
+    """A body, or an inclusion, with its own lengths rounded."""
+
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
         return rounded(value) if isinstance(value, float) else value
 
-    return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
+    fields = dataclasses.fields(body)  # type: ignore[arg-type]
+    return replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
 
 
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
@@ -284,7 +297,9 @@ def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[fl
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    if any(_material_of(layer).constants.nu < 0.5 for layer in layers) or not body.is_held:
+    matter = [_material_of(layer) for layer in layers]
+    matter += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
+    if any(material.constants.nu < 0.5 for material in matter) or not body.is_held:
         return float("inf")
     x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]

@@ -200,6 +200,8 @@ def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost
     available = machine_memory()
     if found.memory > available:
         key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
+        if cost_of(dataclasses.replace(sizes, inclusions=()), given.part, work).memory <= available:
+            key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
         raise ConfigError(key, f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
                           f"machine has {available / 1e9:.3g} GB", f"use a larger {name}, or symmetry")  # fmt: skip
     return found

@@ -26,6 +26,7 @@ from indent_sim.theory.strip import Strip
 
 MOST_KEPT = 100  # solutions that a theory remembers
 OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
+NO_INCLUSIONS = "theory's body has no inclusions"
 CONTRAST, STEEP = 1e4, 2.5  # between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
 
 SAMPLED = 10  # depths of a path at which it is asked whether theory's tip would have to pull
@@ -150,10 +151,11 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
 
 
 def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The theory of a tip on a body, or None where there is none."""
-    if isinstance(body, HalfSpace):
-        return half_space_theory(tip, layers)
-    return layer_theory(body, layers, tip, center)
+    """The theory of a tip on a body, its inclusions left out, or None where there is none."""
+    found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    if found is None or not body.inclusions:
+        return found
+    return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
 
 
 def layer_theory(
