@@ -8,9 +8,9 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, cast, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema
 
@@ -22,6 +22,8 @@ from indent_sim.config.key_types import (
     field_names,
     hints,
     kinds_of,
+    listed,
+    members,
     tag_of,
     words_of,
 )
@@ -108,7 +110,7 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        if words_of(hints(kind)[name]) and dataclasses.is_dataclass(core(hints(kind)[name])) and section:
+        if dataclasses.is_dataclass(core(hints(kind)[name])) and words_of(hints(kind)[name]) and section:
             _allow_one_word(entry, hints(kind)[name])
     tag = schema.tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
@@ -154,13 +156,23 @@ def _kind_markdown(section: str, kind: type) -> str:
 
 def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
     """The row of a key, and those of the keys inside where it is a section or a list of them."""
-    hint = hints(kind)[name]
-    is_list = get_origin(core(hint)) is tuple
-    parts = get_args(core(hint)) if is_list else () if words_of(hint) or tag_of(hint) else (hint,)
-    items = [core(part) for part in parts if dataclasses.is_dataclass(core(part))]
-    within = f"{outside}{name}[]." if is_list else f"{outside}{name}."
-    inside = [row for item in items for key in field_names(item) for row in _key_rows(section, item, key, within)]
-    return [_key_row(section, kind, name, outside), *inside]
+    hint = cast(type, core(hints(kind)[name]))
+    own = _key_row(section, kind, name, outside)
+    if dataclasses.is_dataclass(hint) and not words_of(hint):
+        return [own, *(row for key in field_names(hint)
+                       for row in _key_rows(section, hint, key, f"{outside}{name}."))]  # fmt: skip
+    items = get_args(hint)[0] if get_origin(hint) is tuple else None
+    return [own, *_item_rows(name, items)]
+
+
+def _item_rows(name: str, item: Any) -> Iterator[list[str]]:
+    """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
+    tag, kinds = tag_of(item), [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))]
+    if tag:
+        yield [f"`{name}[].{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
+    owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
+    for key, kind in owners.items():
+        yield from _key_rows(name, kind, key, f"{name}[].")
 
 
 def _key_row(section: str, kind: type, name: str, outside: str = "") -> list[str]:

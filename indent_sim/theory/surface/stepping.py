@@ -88,8 +88,8 @@ def layer_surface(contact: Layer, a: float) -> Surface:
     return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h)
 
 
-class _Contact:
-    """One compliance M and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0."""
+class SurfaceContact:
+    """One compliance M of a surface and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0."""
 
     def __init__(self, surface: Surface, M: np.ndarray):
         self.surface, self.M = surface, M
@@ -142,7 +142,7 @@ class StepByStep:
         self._g, self._tau = np.array(modulus.fractions), np.array(modulus.times)
         self._h = np.zeros((len(self._g), n))  # stress left in each exponential
         self._phi = np.zeros(n)
-        self._contacts: dict[float, _Contact] = {}
+        self._contacts: dict[float, SurfaceContact] = {}
 
     def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
         """One Response at every time, straight lines between them, and one about `every` so long between; two equal
@@ -188,20 +188,20 @@ class StepByStep:
         self._phi = phi
         return Response(t, delta, float(self.surface.areas @ p), contact.radius, np.nan)
 
-    def _contact(self, alpha: float) -> _Contact:
+    def _contact(self, alpha: float) -> SurfaceContact:
         """The contact of a step; steps of one length have one, which is factored once."""
         key = round(alpha, 14)
         if key not in self._contacts:
             areas, c = self.surface.areas, 0.0 if self.of_force else self.compliance
-            self._contacts = {key: _Contact(self.surface, self.surface.A / alpha + c * np.outer(areas, areas))}
+            self._contacts = {key: SurfaceContact(self.surface, self.surface.A / alpha + c * np.outer(areas, areas))}
         return self._contacts[key]
 
-    def _pushed(self, contact: _Contact, o: np.ndarray, z: float) -> tuple[float, np.ndarray]:
+    def _pushed(self, contact: SurfaceContact, o: np.ndarray, z: float) -> tuple[float, np.ndarray]:
         """Depth and pressures at the base's way z."""
         p = contact.pressures(o - z * self.surface.areas)
         return z - self.compliance * float(self.surface.areas @ p), p
 
-    def _pressed(self, contact: _Contact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
+    def _pressed(self, contact: SurfaceContact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
         """Depth and pressures under a force: Newton on F(delta), which is convex; at first touch for none."""
         areas = self.surface.areas
         delta = float((o / areas).min()) if self._phi.any() else 0.0
