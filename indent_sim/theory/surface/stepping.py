@@ -29,6 +29,7 @@ from indent_sim.theory.surface.relaxation import Prony, Response
 PLACES = 200  # of a contact radius, on a body that theory knows
 BEYOND = 1.25  # of the widest contact that is expected: places beyond are there
 FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that a piece of the history has at least
+MOST = 2000  # steps of a history, about, but for one in each of its pieces
 RESOLVED = 20.0  # first steps in the shortest relaxation time
 TOUCHES = 60  # corrections of a contact that is no disc
 SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
@@ -142,11 +143,13 @@ class StepByStep:
         self._g, self._tau = np.array(modulus.fractions), np.array(modulus.times)
         self._h = np.zeros((len(self._g), n))  # stress left in each exponential
         self._phi = np.zeros(n)
+        self._longest = 0.0
         self._contacts: dict[float, SurfaceContact] = {}
 
     def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
         """One Response at every time, straight lines between them, and one about `every` so long between; two equal
         times are a jump."""
+        self._longest = (times[-1] - times[0]) / MOST
         yield self._step(times[0], 0.0, values[0])
         for (t0, v0), (t1, v1) in pairwise(zip(times, values, strict=True)):
             if t1 == t0:
@@ -162,7 +165,7 @@ class StepByStep:
     def _ladder(self, begin: float, end: float) -> list[tuple[float, float]]:
         """The steps of a piece: short ones first, where relaxation may be quick, doubling to its longest."""
         span = end - begin
-        longest = span / EVEN
+        longest = min(max(span / EVEN, self._longest), span)
         dt = min(longest, min(self._tau, default=span) / RESOLVED)
         dt = longest / 2.0 ** np.ceil(np.log2(longest / dt))
         ends, t = [begin], begin
