@@ -31,6 +31,7 @@ BEYOND = 1.25  # of the widest contact that is expected: places beyond are there
 FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that a piece of the history has at least
 MOST = 2000  # steps of a history, about, but for one in each of its pieces
 RESOLVED = 20.0  # first steps in the shortest relaxation time
+OUTGROWN = "the contact outgrows the surface that is known: the tip comes deeper than its history says"
 TOUCHES = 60  # corrections of a contact that is no disc
 SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
 
@@ -110,7 +111,9 @@ class SurfaceContact:
         """Those of a contact on the first places: the last of n pressures has the sign of y_n, L y = -o."""
         y = solve_triangular(self.L, -o, lower=True)
         outside = np.flatnonzero(y <= 0.0)
-        n = int(outside[0]) if len(outside) else len(y)
+        if not len(outside):
+            raise ValueError(OUTGROWN)
+        n = int(outside[0])
         p = np.zeros(len(o))
         p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0  # type: ignore[index]
         gap = o[n:] + self.M[n:, :n] @ p[:n]
@@ -129,6 +132,8 @@ class SurfaceContact:
             p[on] = np.linalg.solve(self.M[np.ix_(on, on)], -o[on])
             active = np.where(active, p, -(o + self.M @ p)) > 0.0
         self._active, p = active, np.maximum(p, 0.0)
+        if active.all():
+            raise ValueError(OUTGROWN)
         self.radius = self.surface.radius(p)
         return p
 
