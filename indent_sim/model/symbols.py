@@ -220,6 +220,7 @@ SURFACE = (
     Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
     Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
     Symbol("u", "u", "displacement", "length"),
+    Symbol("z", "z", "height of the undeformed point: 0 on a flat top", "length"),
     Symbol("u_x", "u_x", "displacement along x; along the radius in an axisymmetric scene", "length"),
     Symbol("u_y", "u_y", "displacement along y", "length"),
     Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),

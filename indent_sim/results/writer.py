@@ -24,7 +24,7 @@ from indent_sim.results import checkpoint
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
-from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, drop_later_blocks, row, surface_block, surface_blocks
+from indent_sim.results.tables import SURFACE, SURFACE_HEADER, drop_later_blocks, row, surface_block, surface_blocks
 from indent_sim.results.xdmf import FieldWriter
 
 Keep = Literal["none", "last", "all"]
@@ -119,23 +119,23 @@ class ResultFolder:
             if sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, points: np.ndarray, cells: np.ndarray, *, keep: Keep) -> None:
-        """Prepare fields.xdmf and fields/ for states of this mesh (see `xdmf.FieldWriter`)."""
+    def open_fields(self, *mesh: Any, keep: Keep) -> None:
+        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`)."""
         if keep == "none":
             return
         with uninterrupted(), self._writing():
             done = self.rows if self.earlier else None
-            self._fields = FieldWriter(self.path, points, cells, keep_all=keep == "all", done=done)
+            self._fields = FieldWriter(self.path, *mesh, keep_all=keep == "all", done=done)
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]
 
-    def write_fields(self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray) -> None:
+    def write_fields(self, state: State, fields: Mapping[str, np.ndarray]) -> None:
         """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
         if self._fields is None:
             return
         with uninterrupted(), self._writing():
-            self._fields.write(state.step, state.delta, displacement, stress, pressure)
+            self._fields.write(state.step, state.delta, fields)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
         """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure here."""
@@ -187,7 +187,7 @@ class ResultFolder:
 
     def _write_surface(self, state: State, block: bytes, sync: bool) -> None:
         """Every state's surface, or those of the deepest and of the last."""
-        path, header = self.path / SURFACE, (",".join(SURFACE_COLUMNS) + "\n").encode()
+        path, header = self.path / SURFACE, (",".join(SURFACE_HEADER) + "\n").encode()
         if self._surface == "all" and path.exists():
             append_whole(path, block, sync)
         elif self._surface != "none":
