@@ -178,6 +178,22 @@ def _shard(ctx: click.Context, option: click.Parameter, text: str | None) -> tup
     return int(part), int(parts)
 
 
+def _words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
+    """Words with commas between them."""
+    words = tuple(word.strip() for word in (text or "").split(",")) if text is not None else ()
+    if not all(words):
+        raise click.BadParameter(f"'{text}' holds an empty word")
+    return words
+
+
+def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
+    """NAME=VALUE with commas between them."""
+    pairs = [word.partition("=") for word in _words(ctx, option, text)]
+    if wrong := next((name for name, equals, value in pairs if not (name.strip() and equals and value.strip())), None):
+        raise click.BadParameter(f"'{wrong}' is not NAME=VALUE")
+    return {name.strip(): value.strip() for name, _, value in pairs}
+
+
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -269,19 +285,33 @@ def compare(first: Path, second: Path, rtol: float) -> None:
 
 @program.command()
 @click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
+@click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
+@click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
+@click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
+@click.option("--width", type=click.FloatRange(30, 1000), metavar="MM", help="Width of the picture in mm.")
+@click.option("--font-size", "font", type=click.FloatRange(4, 40), metavar="PT", help="Font size in points [10].")
 @click.option("--output", type=click.Path(path_type=Path), help="Picture to write: .png, .svg or .pdf.")
-def plot(paths: tuple[Path, ...], output: Path | None) -> None:
-    """Draw finished results over one another. Prints the picture's path."""
-    from indent_sim.results import reader
-    from indent_sim.results.pictures import canvas, forces
+def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
+    """Draw finished results over one another. Prints the picture's path.
 
+    \b
+    Without --what: force, contact radius and pressure of one result, force and contact radius of several.
+    Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (of a body of revolution rr),
+    sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement.
+    """
+    from indent_sim.results import reader
+    from indent_sim.results.pictures import canvas, forces, panels
+
+    given = {name: value for name, value in wish.items() if value}
+    wanted = panels.wish(given) if given else None
     runs = [reader.read(path) for path in paths]
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
-        output = (first if len(paths) == 1 else Path()) / canvas.PICTURE
+        output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.PICTURE)
         canvas.refuse_foreign(output)
     try:
-        forces.overlay(runs, output)
+        panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
     except OSError as error:
         raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
     say(str(output))

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from indent_sim.config.file import load
+from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
 from indent_sim.model.tips import Indenter, Pyramid, Sphere, reach
+from indent_sim.process.errors import IndentSimError
+from indent_sim.results.folder import CONFIG
 
 POINTS = 160  # of a section from its axis to its end
 TURNS = 96  # sections of a whole turn
@@ -27,6 +32,14 @@ class Outline:
     def at(self, delta: float) -> np.ndarray:
         """Its displacement (n, 3) at a depth [length]."""
         return np.tile([0.0, 0.0, -delta / self.pieces], (len(self.points), 1))
+
+
+def scene_of(folder: Path) -> Config | None:
+    """The scene of a result folder, in the user's units; None where there is none to read."""
+    try:
+        return load(folder / CONFIG)
+    except (IndentSimError, OSError, ValueError):
+        return None
 
 
 def pieces(body: AnyBody) -> int:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures.axes import in_picture
 from indent_sim.study import table
 from indent_sim.study.cases import short
 from indent_sim.study.table import Row
@@ -54,7 +55,7 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
-        look = _mark(i) | {"label": canvas.in_picture(name) or "runs"}
+        look = _mark(i) | {"label": in_picture(name) or "runs"}
         axes.plot([row["cpu_s"] for row in rows], [_error(row) for row in rows], ls="", **look)
     _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
 
@@ -108,10 +109,10 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
             ls="-" if is_curve else "",
             lw=1.0,
             **_mark(i),
-            label=canvas.in_picture(name),
+            label=in_picture(name),
         )
     _log_axes(
-        axes, canvas.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
+        axes, in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
     )
 
 
@@ -132,7 +133,7 @@ def _brief(row: Row, keys: Sequence[str]) -> str:
     parts = [f"{_last(key)} {short(row[key])}" if _is_number(row[key]) else short(row[key])
              for key in keys if row[key] is not None]  # fmt: skip
     text = ", ".join(parts)
-    return canvas.in_picture(text, MOST_LETTERS)
+    return in_picture(text, MOST_LETTERS)
 
 
 def _last(key: str) -> str:
