@@ -194,6 +194,21 @@ def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dic
     return {name.strip(): value.strip() for name, _, value in pairs}
 
 
+def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
+    """X for all columns, under "", and COLUMN=X for one."""
+    found: dict[str, float] = {}
+    for word in _words(ctx, option, text):
+        name, _, value = word.rpartition("=")
+        try:
+            found[name.strip()] = tolerance = float(value)
+        except ValueError:
+            raise click.BadParameter(f"'{word}' is not a number, nor COLUMN=NUMBER") from None
+        if not 0 <= tolerance <= 1:
+            raise click.BadParameter(f"'{word}' is not in the range from 0 to 1")
+    return found
+
+
+quiet_option = click.option("--quiet", is_flag=True, help="Warnings and errors alone on stderr, no progress.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -209,8 +224,9 @@ def program() -> None:
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
+@quiet_option
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
         is_met = _starts_mesher(config, overrides)
@@ -222,9 +238,9 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: 
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, **how)
+        outcome = _simulate(settings, comm, directory, quiet, **how)
     if comm.rank == 0:
-        _conclude(outcome, as_json)
+        _conclude(outcome, as_json, quiet)
 
 
 @program.command()
@@ -240,7 +256,7 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
     from indent_sim import study as studies
     from indent_sim.results.writer import to_json
 
-    with _quiet_libraries(True), stoppable():
+    with _quiet_libraries(logging.INFO), stoppable():
         done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
     say(to_json(DONE | studies.as_json(done)) if as_json else str(done.directory))
     for line in (*done.notes, *done.recommendations):
@@ -272,15 +288,29 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
 @program.command()
 @click.argument("first", metavar="A", type=click.Path(path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(path_type=Path))
-@click.option("--rtol", type=click.FloatRange(0, 1), default=1e-6, show_default=True, help="Relative tolerance.")
-def compare(first: Path, second: Path, rtol: float) -> None:
-    """Compare two results step by step. Exit code 6 when delta, force or a differ."""
+@click.option("--rtol", callback=_tolerances, metavar="X|COLUMN=X,...", default="1e-6", show_default=True,
+              help="Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2.")  # fmt: skip
+@click.option("--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol].")
+@json_option
+def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], as_json: bool) -> None:
+    """Compare two results row by row. Exit code 6 when they differ.
+
+    Rows are matched by step, or by depth where a table has no steps.
+    """
     from indent_sim.cli import terminal
     from indent_sim.results import compare
+    from indent_sim.results.writer import to_json
 
-    comparison = compare.compare(first, second, rtol)
-    say(terminal.comparison(comparison))
-    comparison.check()
+    comparison = compare.compare(first, second, rtol, columns or None)
+    if not as_json:
+        say(terminal.comparison(comparison))
+    try:
+        comparison.check()
+    except VerificationError as different:
+        different.beside = comparison.as_json()
+        raise
+    if as_json:
+        say(to_json(DONE | comparison.as_json()))
 
 
 @program.command()
@@ -431,13 +461,13 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, **how: bool) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, quiet: bool, **how: bool) -> Outcome:
     from indent_sim.cli import terminal
     from indent_sim.run.chain import simulate as simulate
 
-    shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
+    shown: Callable[..., Any] = terminal.progress if comm.rank == 0 and not quiet else terminal.silence
     try:
-        with shown(tell) as show, _quiet_libraries(speaks=comm.rank == 0):
+        with shown(tell) as show, _quiet_libraries(_level(comm.rank, quiet)):
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
@@ -451,8 +481,13 @@ def _simulate(settings: Config, comm: Any, directory: Path, **how: bool) -> Outc
         raise
 
 
+def _level(rank: int, quiet: bool) -> int:
+    """How much of our own messages is told: rank 0 speaks for all."""
+    return logging.ERROR if rank else logging.WARNING if quiet else logging.INFO
+
+
 @contextmanager
-def _quiet_libraries(speaks: bool) -> Iterator[None]:
+def _quiet_libraries(level: int) -> Iterator[None]:
     """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not.
 
     Without a handler of the root logger, libraries that call `logging.info` would install one that prints it all.
@@ -460,7 +495,7 @@ def _quiet_libraries(speaks: bool) -> Iterator[None]:
     ours, root = logging.getLogger("indent_sim"), logging.getLogger()
     told, warned = Teller(logging.INFO), Teller(logging.WARNING)
     before = ours.level, ours.propagate
-    ours.setLevel(logging.INFO if speaks else logging.ERROR)
+    ours.setLevel(level)
     ours.propagate = False
     ours.addHandler(told)
     root.addHandler(warned)
@@ -490,7 +525,7 @@ def _name_partial(directory: Path) -> None:
         tell(f"{report['rows']} rows computed before are kept in {directory}{again}")
 
 
-def _conclude(outcome: Outcome, as_json: bool) -> None:
+def _conclude(outcome: Outcome, as_json: bool, quiet: bool) -> None:
     from indent_sim.cli import terminal
     from indent_sim.results.reader import rows_of
     from indent_sim.results.writer import to_json
@@ -500,7 +535,7 @@ def _conclude(outcome: Outcome, as_json: bool) -> None:
         say(to_json(DONE | {"directory": outcome.directory, "rows": rows, "report": outcome.report}))
     else:
         say(str(outcome.directory))
-    for line in terminal.conclusion(outcome):
+    for line in terminal.warnings(outcome) if quiet else terminal.conclusion(outcome):
         tell(line)
 
 

@@ -68,7 +68,12 @@ def conclusion(outcome: Outcome) -> list[str]:
     picture = outcome.directory / "force_indentation.png"
     if picture.exists():
         lines.append(f"picture: {picture}")
-    return lines + [f"warning: {warning}" for warning in report.get("warnings", [])]
+    return lines + warnings(outcome)
+
+
+def warnings(outcome: Outcome) -> list[str]:
+    """What a run warns of, a line each."""
+    return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
 
 
 def plan(scene: Scene, width: int = 120) -> str:
@@ -87,11 +92,11 @@ def plan(scene: Scene, width: int = 120) -> str:
 
 
 def comparison(found: Comparison) -> str:
-    """Two results side by side, a row a step, and the largest relative difference of every column."""
+    """Two results side by side, row by row, and the largest relative difference of every column."""
     names = list(found.pairs)
-    head = ["step", *(f"{name} {side}" for name in names for side in "AB")]
+    head = [found.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
     rows = [
-        [str(step), *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
+        [f"{step:.10g}", *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
         for i, step in enumerate(found.steps)
     ]
     worst = ", ".join(f"{name} {value:.3g}" for name, value in found.worst.items())

@@ -10,7 +10,7 @@ import numpy as np
 from indent_sim.config.file import load
 from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
-from indent_sim.model.tips import Indenter, Pyramid, Sphere, reach
+from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, reach
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.folder import CONFIG
 
@@ -87,7 +87,7 @@ def outline(tip: Indenter, center: tuple[float, ...], width: float, kinematics: 
 
 def _surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The tip's surface as triangles: sections about its axis, among them the edges of a pyramid."""
-    edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, Pyramid) else (1, 0.0)
+    edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
     turns = -(-TURNS // edges) * edges
     angles = begin + 360 * np.arange(turns) / turns
     sections = [half_section(tip, width, angle) for angle in angles]

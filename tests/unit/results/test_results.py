@@ -597,6 +597,30 @@ class TestCompare:
     def test_nan_equals_nan_and_a_trace_of_force_is_zero(self, tmp_path):
         self.pair(tmp_path, "1,-0.1,0,nan\n2,0.2,3,nan\n", "1,-0.1,1e-17,nan\n2,0.2,3,nan\n").check()
 
+    def test_every_column_has_its_own_tolerance(self, tmp_path):
+        texts = "1,0.1,1.0,0.5\n", "1,0.1,1.0005,0.505\n"
+        self.pair(tmp_path, *texts, rtol={"force": 1e-3, "a": 2e-2}).check()
+        for rtol in ({"force": 1e-3}, {"a": 2e-2}, {"": 1e-3}):
+            with pytest.raises(VerificationError):
+                self.pair(tmp_path, *texts, rtol=rtol).check()
+        assert compare(tmp_path / "A", tmp_path / "B", 1e-3, ["force"]).differences == ()
+        with pytest.raises(UsageError, match="--rtol names a, which is not among"):
+            compare(tmp_path / "A", tmp_path / "B", {"a": 1e-3}, ["force"])
+        with pytest.raises(UsageError, match="no column 'p_max'"):
+            compare(tmp_path / "A", tmp_path / "B", {"p_max": 1e-3})
+
+    def test_tables_without_steps_are_matched_by_depth(self, tmp_path):
+        """As measured curves are, up and down: the second force of a depth belongs to the second."""
+        (tmp_path / "A").write_text("delta,force\n0.1,1\n0.2,3\n0.1,0.9\n")
+        (tmp_path / "B").write_text("force,delta\n3,0.2\n1,0.1000000000001\n0.9,0.1\n")
+        found = compare(tmp_path / "A", tmp_path / "B")
+        found.check()
+        assert found.matched_by == "delta" and list(found.pairs) == ["delta", "force"]
+        self.pair(tmp_path, "1,0.1,1,0.5\n2,0.3,3,0.6\n", "")
+        (tmp_path / "B").write_text("delta,force\n0.1,1\n0.2,3\n")
+        with pytest.raises(VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"):
+            compare(tmp_path / "A", tmp_path / "B").check()
+
     def test_without_tolerance_every_digit_counts(self, tmp_path):
         self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.3,0\n", rtol=0).check()
         with pytest.raises(VerificationError):
