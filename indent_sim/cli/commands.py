@@ -247,19 +247,21 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bo
 @click.argument("file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
 @click.option("--shard", callback=_shard, metavar="I/N", help="Do only every N-th run, from the I-th on; no table.")
+@click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Runs at the same time [1].")
 @click.option("--output", type=click.Path(path_type=Path), help="Folder of the study [results/<STUDY's stem>].")
+@quiet_option
 @json_option
-def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path | None, as_json: bool) -> None:
+def study(file: Path, quiet: bool, as_json: bool, **how: Any) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
     _refuse_ranks()
     require_room()
     from indent_sim import study as studies
     from indent_sim.results.writer import to_json
 
-    with _quiet_libraries(logging.INFO), stoppable():
-        done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
+    with _quiet_libraries(_level(0, quiet)), stoppable():
+        done = studies.carry_out(file, tell=(lambda line: None) if quiet else tell, **how)
     say(to_json(DONE | studies.as_json(done)) if as_json else str(done.directory))
-    for line in (*done.notes, *done.recommendations):
+    for line in () if quiet else (*done.notes, *done.recommendations):
         tell(line)
     if done.failures:
         tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
@@ -270,7 +272,9 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
 @set_option
 @json_option
 def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
-    """Say what would be modelled, and why; writes nothing."""
+    """Say what would be modelled, and why; of a study its runs and what they cost. Writes nothing."""
+    if _is_study(config):
+        return _plan_study(config, overrides, as_json)
     scene = _resolved(config, overrides)
     if as_json:
         from indent_sim.results.writer import to_json
@@ -536,6 +540,28 @@ def _conclude(outcome: Outcome, as_json: bool, quiet: bool) -> None:
     else:
         say(str(outcome.directory))
     for line in terminal.warnings(outcome) if quiet else terminal.conclusion(outcome):
+        tell(line)
+
+
+def _is_study(path: Path) -> bool:
+    """Whether a file holds a study; False for what cannot be read, which is told when it is read as a scene."""
+    from indent_sim.config.file import OF_A_STUDY, read_document
+
+    with suppress(IndentSimError):
+        return read_document(path)[0].keys() >= OF_A_STUDY
+    return False
+
+
+def _plan_study(path: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    if overrides:
+        raise UsageError("--set belongs to a scene; a study has set: in its file")
+    from indent_sim import study as studies
+    from indent_sim.cli import terminal
+    from indent_sim.results.writer import to_json
+
+    planned = studies.plan(path)
+    say(to_json(DONE | planned.as_json()) if as_json else terminal.study_plan(planned))
+    for line in planned.notes:
         tell(line)
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
     from indent_sim.scene.scene import Scene
+    from indent_sim.study import Plan
 
 
 LINES = 200  # most progress lines in a log
@@ -89,6 +90,18 @@ def plan(scene: Scene, width: int = 120) -> str:
     for name, value in scene.plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
     return _rendered(width, choices, "", expected)
+
+
+def study_plan(planned: Plan) -> str:
+    """The runs of a study, a line each, and what they cost together."""
+    names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
+    counted = [row | {"warnings": len(row["warnings"])} for row in planned.rows]  # --json has their words
+    rows = [["" if row[name] is None else _shown(row[name]) for name in names] for row in counted]
+    lines = [_aligned([names, *rows]), "", f"{len(rows)} runs, compared with {planned.compared_with}"]
+    if planned.same:
+        lines[-1] += f"; {planned.same} points ask for the same as another"
+    lines.append(f"about {planned.seconds:.2g} s one after another; --jobs N does N at a time")
+    return "\n".join([*([printable(planned.title)] if planned.title else []), *lines, *planned.refused])
 
 
 def comparison(found: Comparison) -> str:

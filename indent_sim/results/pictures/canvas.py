@@ -155,7 +155,7 @@ def keep_ticks_apart(figure: Figure) -> None:
     """Fewer numbers along every axis whose numbers would touch."""
     figure.draw_without_rendering()
     for axes in figure.axes:
-        for along in (axes.xaxis, axes.yaxis):
+        for along in (along for along in (axes.xaxis, axes.yaxis) if along.get_scale() == "linear"):
             for bins in range(MOST_TICKS, 1, -1):
                 if not _touch(along) or not axes.axison:
                     break
