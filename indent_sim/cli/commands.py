@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
+TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
 DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
@@ -346,6 +347,25 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
         canvas.refuse_foreign(output)
     try:
         panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
+    except OSError as error:
+        raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
+    say(str(output))
+
+
+@program.command()
+@click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
+@click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
+def init(kind: str, output: Path | None) -> None:
+    """Write a commented scene to start from. Prints the file's name."""
+    from importlib.resources import files
+
+    output = output or Path(f"{kind}.yaml")
+    scene = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    try:
+        with open(output, "x", encoding="utf-8") as file:
+            file.write(scene)
+    except FileExistsError:
+        raise UsageError(f"{output} is there already and stays as it is; choose another name with --output") from None
     except OSError as error:
         raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
     say(str(output))
