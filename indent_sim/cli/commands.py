@@ -353,6 +353,18 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
 
 
 @program.command()
+@click.argument("folder", metavar="RESULT|STUDY", type=click.Path(path_type=Path))
+@click.option("--output", type=click.Path(path_type=Path), help="File to write [report.html in the folder].")
+def report(folder: Path, output: Path | None) -> None:
+    """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
+    from indent_sim.results import report as reports
+
+    output = output or folder / reports.NAME
+    reports.write(folder, output)
+    say(str(output))
+
+
+@program.command()
 @click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
 @click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:

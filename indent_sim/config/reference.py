@@ -54,7 +54,7 @@ def config_markdown() -> str:
     parts = [
         "# The scene file\n\nGenerated from the schema by `python -m indent_sim.config.reference`.\n",
         "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
-        "a number with a dimension may carry a unit of its own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and is converted.\n"
+        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those.\n"
         "A section without a default is required. Unknown and repeated keys are errors.\n",
         _table(["section", "default", "meaning"], map(_section_row, schema.keys_at((), {}))),
     ]
