@@ -117,6 +117,8 @@ def _given(value: Any) -> Any:
         section = _section(value)
         is_walls = bool(key_types.words_of(type(value)))
         return section if not is_walls or len(set(section.values())) > 1 else next(iter(section.values()))
+    if isinstance(value, dict):
+        return {name: _given(part) for name, part in value.items()}
     return [_given(part) for part in value] if isinstance(value, tuple) else value
 
 

@@ -94,7 +94,7 @@ def common(kind: Any) -> Any:
 def describe(hint: Any) -> str:
     """A type and its range in words: "a number > 0 or auto"."""
     parts = members(hint)
-    return listed([_phrase(part) for part in parts if not (part is int and float in parts)])
+    return listed(list(dict.fromkeys(_phrase(part) for part in parts if not (part is int and float in parts))))
 
 
 def listed(words: Sequence[str], last: str = "or") -> str:

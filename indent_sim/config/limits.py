@@ -56,6 +56,9 @@ def _measures(name: str, section: Any) -> Iterator[Measure]:
 def _inner_sections(key: str, value: Any) -> Iterator[tuple[str, Any]]:
     if dataclasses.is_dataclass(value):
         yield key, value
+    elif isinstance(value, dict):
+        for name, part in value.items():
+            yield from _inner_sections(f"{key}.{name}", part)
     elif isinstance(value, tuple):
         for index, part in enumerate(value):
             yield from _inner_sections(f"{key}[{index}]", part)

@@ -8,14 +8,25 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema
 
 from indent_sim.config import petsc_options, schema
-from indent_sim.config.key_types import common, core, describe, field_names, hints, kinds_of, tag_of
+from indent_sim.config.key_types import (
+    common,
+    core,
+    describe,
+    field_names,
+    hints,
+    kinds_of,
+    listed,
+    members,
+    tag_of,
+    words_of,
+)
 from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
@@ -113,7 +124,7 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        if dataclasses.is_dataclass(core(hints(kind)[name])) and section:
+        if dataclasses.is_dataclass(core(hints(kind)[name])) and words_of(hints(kind)[name]) and section:
             _allow_one_word(entry, hints(kind)[name])
     tag = schema.tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
@@ -158,9 +169,19 @@ def _kind_markdown(section: str, kind: type) -> str:
 
 def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
     """The row of a key, and those of the keys of each item where it is a list of sections."""
-    items = [core(part) for part in get_args(core(hints(kind)[name])) if dataclasses.is_dataclass(core(part))]
-    inside = [row for item in items for key in field_names(item) for row in _key_rows(section, item, key, f"{name}[].")]
-    return [_key_row(section, kind, name, outside), *(inside if get_origin(core(hints(kind)[name])) is tuple else [])]
+    hint = core(hints(kind)[name])
+    items = get_args(hint)[0] if get_origin(hint) is tuple else None
+    return [_key_row(section, kind, name, outside), *_item_rows(name, items)]
+
+
+def _item_rows(name: str, item: Any) -> Iterator[list[str]]:
+    """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
+    tag, kinds = tag_of(item), [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))]
+    if tag:
+        yield [f"`{name}[].{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
+    owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
+    for key, kind in owners.items():
+        yield from _key_rows(name, kind, key, f"{name}[].")
 
 
 def _key_row(section: str, kind: type, name: str, outside: str = "") -> list[str]:

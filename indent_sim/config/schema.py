@@ -8,19 +8,34 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from math import isclose
+from itertools import accumulate
+from math import inf, isclose
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from annotated_types import Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, Endless, HalfSpace, Layer, Strip
+from indent_sim.model.body import (
+    SAME_PLACE,
+    AnyBody,
+    Ball,
+    Box,
+    BoxInclusion,
+    Cap,
+    Cylinder,
+    Endless,
+    HalfSpace,
+    Inclusion,
+    Layer,
+    MeshFromFile,
+    Strip,
+)
 from indent_sim.model.contact import AutoContact, Contact
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -34,11 +49,15 @@ LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the name
 # Every row's contact force must equal the reactions to 1e-8 (run/simulation.py). A looser residual would save an
 # iteration, and leave a row that fails that audit or an error of the force that nobody could state.
 LOOSEST = 1e-9
+MOST_REFINEMENTS = 6  # of a mesh from a file: 4096 cells for one in two dimensions
 NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give a force ten times as accurate"
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
 STEEPEST = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
+SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_far", "grading")
+MIRROR = "the mirror plane"
+LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
 
@@ -58,9 +77,11 @@ class MeshSettings:
     h_axis: Length | None = None
     h_edge: Length | None = None
     h_corner: Length | None = None
+    h_inclusions: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
     order: Annotated[Literal[2], NO_LINEAR] = 2
+    refinements: Annotated[int, Ge(0), Le(MOST_REFINEMENTS)] | None = None
     symmetry: Literal["auto", "axisymmetric", "plane_strain", "quarter", "half", "full"] = "auto"
 
 
@@ -113,7 +134,7 @@ class Config(BaseModel):
     title: str = ""
     units: Units = Units()
     body: Annotated[AnyBody, TaggedBy("shape")]
-    material: Annotated[Material | None, TaggedBy("model")] = None  # required unless every layer has its own
+    material: Annotated[Material | None, TaggedBy("model")] = None  # required unless every layer or region has its own
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
@@ -143,7 +164,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _constants, _path, _axis, _tip, _sizes, _petsc, _directory)
+        checks = (_cap, _layers, _inclusions, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -173,11 +194,13 @@ def _cap(config: Config) -> Iterator[ConfigError]:
 def _layers(config: Config) -> Iterator[ConfigError]:
     """What is wrong with the layers: a material that is missing or of no use, thicknesses that are not the body's."""
     layers = config.body.layers or ()
-    needed = [k for k, layer in enumerate(layers) if layer.material is None] if layers else [0]
+    needed = [k for k, layer in enumerate(layers) if layer.material is None]
+    if not layers and not getattr(config.body, "regions", None):
+        needed = [0]
     if needed and config.material is None:
         said = f"this section is missing, and {key_of_layer(needed[0])} has no material of its own" if layers else ""
         yield ConfigError("material", said or "this section is missing", _kinds_of_material())
-    if not needed and config.material is not None:
+    if layers and not needed and config.material is not None:
         yield ConfigError("material", "every layer has a material of its own", "leave this section out")
     without = [k for k, layer in enumerate(layers) if layer.thickness is None]
     if isinstance(config.body, HalfSpace):
@@ -197,6 +220,77 @@ def _height(thick: float, height: float) -> Iterator[ConfigError]:
         yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
+def _inclusions(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with inclusions: out of the body or of a layer, too near to a surface or to one another."""
+    inclusions = config.body.inclusions or ()
+    if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
+        problem = f"has {len(config.mesh.h_inclusions)} sizes, and the body {len(inclusions)} inclusions"
+        yield ConfigError("mesh.h_inclusions", problem, "give one for each, or leave it out")
+    faces = _faces(config) if inclusions else []
+    for k, inclusion in enumerate(inclusions):
+        near = [m for m in range(k) if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))]
+        found = _beside(config.body, inclusion) or _across(faces, inclusion)
+        if foreign := _foreign(config.body, inclusion):
+            yield ConfigError(key_of_inclusion(k), *foreign)
+        elif found or near:
+            problem = found or f"overlaps or touches {key_of_inclusion(near[0])}"
+            remedy = f"move it, or make it smaller: {_apart(inclusion):.3g} must be left between it and any surface"
+            yield ConfigError(key_of_inclusion(k), problem, remedy)
+
+
+def _foreign(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+    """Why a body of this kind has no such inclusion, and what it may have."""
+    if isinstance(body, Strip) and inclusion.center[1]:
+        return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
+    if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
+        why = "a box is no body of revolution" if isinstance(inclusion, BoxInclusion) else "it is off the axis"
+        return f"a {body.shape} is modelled about its axis: {why}", "use a ball or a cylinder at x = y = 0"
+    return None
+
+
+def _beside(body: AnyBody, inclusion: Inclusion) -> str:
+    """That an inclusion leaves the body through a side, or nearly does."""
+    room = (body.dome if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
+    if room >= _apart(inclusion):
+        return ""
+    return f"leaves the body through its side, by {-room:.4g}" if room < 0 else f"is {room:.3g} from the body's side"
+
+
+def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
+    """That an inclusion crosses the top, the base, or an interface, or nearly does."""
+    z, half, apart = inclusion.center[2], inclusion.half(2), _apart(inclusion)
+    for name, height in faces:
+        if name == MIRROR and isclose(z, height, rel_tol=SAME_PLACE):
+            return ""
+        if abs(z - height) < half:
+            return f"crosses {name} at z = {height:.6g}: it spans z = {z - half:.6g} to {z + half:.6g}"
+        if abs(z - height) < half + apart:
+            return f"is {abs(z - height) - half:.3g} from {name} at z = {height:.6g}"
+    top, bottom = faces[0][1], faces[-1][1]
+    return "" if bottom < z < top else f"is outside the body, which spans z = {bottom:.6g} to {top:.6g}"
+
+
+def _faces(config: Config) -> list[tuple[str, float]]:
+    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion centered on it."""
+    body = config.body
+    depths = list(accumulate(layer.thickness or inf for layer in config.layers))
+    if isinstance(body, Cap | Ball):
+        depths = [body.dome.height]
+    ends = [f"the interface below {key_of_layer(k)}" for k in range(len(depths) - 1)]
+    ends.append(MIRROR if isinstance(body, Ball) and body.base == "roller" else "the base")
+    return [("the top", 0.0), *((name, -depth) for name, depth in zip(ends, depths, strict=True))]
+
+
+def _apart(*inclusions: Inclusion) -> float:
+    """What must be left between inclusions, or one and any surface [length]: elements have to fit in."""
+    return LEAST_ROOM * min(inclusion.thinnest for inclusion in inclusions)
+
+
+def key_of_inclusion(number: int) -> str:
+    """The key of one of the body's inclusions."""
+    return f"body.inclusions[{number}]"
+
+
 def key_of_layer(layer: int) -> str:
     """The key of one of the body's layers, from the top."""
     return f"body.layers[{layer}]"
@@ -207,14 +301,18 @@ def _kinds_of_material() -> str:
 
 
 def _constants(config: Config) -> Iterator[ConfigError]:
-    for k, layer in enumerate(config.layers):
+    materials = [(config.material_key(k), layer.material) for k, layer in enumerate(config.layers)]
+    materials += [(f"body.regions.{name}", own) for name, own in (getattr(config.body, "regions", None) or {}).items()]
+    inclusions = enumerate(config.body.inclusions or ())
+    materials += [(f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions]
+    for key, material in materials:
         try:
-            if layer.material is not None:
-                layer.material.canonical()
+            if material is not None:
+                material.canonical()
         except ArithmeticError:
-            yield ConfigError(config.material_key(k), "these constants belong to no stable material")
+            yield ConfigError(key, "these constants belong to no stable material")
         except ValueError as error:
-            yield ConfigError(config.material_key(k), str(error))
+            yield ConfigError(key, str(error))
 
 
 def _path(config: Config) -> list[ConfigError]:
@@ -244,6 +342,8 @@ def _axis(config: Config) -> list[ConfigError]:
 
 def _tip(config: Config) -> list[ConfigError]:
     tip = config.indenter
+    if getattr(config.body, "kinematics", "") == "axisymmetric" and not tip.of_revolution:
+        return [ConfigError("indenter.shape", f"a {tip.shape} is no tip of revolution", "use body.kinematics: 3d")]
     if config.body.dim == 2 and not tip.of_revolution:
         return [ConfigError("indenter.shape", f"a {tip.shape} over a strip", "use a box, a cylinder or a half_space")]
     if isinstance(config.body, Cap | Ball) and not tip.of_revolution:
@@ -267,10 +367,27 @@ def _sizes(config: Config) -> list[ConfigError]:
     """`accuracy` chooses the sizes itself."""
     if config.accuracy is None:
         return []
-    given = [name for name in ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
-             if getattr(config.mesh, name) not in (None, "auto")]  # fmt: skip
+    given = [name for name in (*SIZES, "refinements") if getattr(config.mesh, name) not in (None, "auto")]
     return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
             for name in given]  # fmt: skip
+
+
+def _file(config: Config) -> list[ConfigError]:
+    """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the scene."""
+    body, mesh = config.body, config.mesh
+    if not isinstance(body, MeshFromFile):
+        unused = ConfigError("mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact")
+        return [unused] if mesh.refinements is not None else []
+    given = [name for name in (*SIZES, "symmetry") if getattr(mesh, name) not in (None, "auto")]
+    problems = [ConfigError(f"mesh.{name}", "is for bodies that are meshed here, and this one has its mesh",
+                            "leave it out, or refine it with mesh.refinements") for name in given]  # fmt: skip
+    if problem := _misplaced(body.file, "the scene's folder"):
+        problems.append(ConfigError("body.file", problem, "put the mesh beside the scene file"))
+    center = config.center
+    if body.kinematics == "axisymmetric" and center is not None and any(center):
+        problems.append(ConfigError("indenter.center", "the tip stands on the axis of an axisymmetric mesh",
+                                    "leave it out, or use kinematics: 3d"))  # fmt: skip
+    return problems
 
 
 def _petsc(config: Config) -> list[ConfigError]:
@@ -288,16 +405,23 @@ def outside(directory: str) -> str:
 
     Scene and study files come from other people; where else results may go is for the command line to say.
     """
-    parts = directory.split("/")
-    if directory.startswith("/") or ".." in parts:
-        return "must be below the working directory, not absolute and without .."
+    if problem := _misplaced(directory, "the working directory"):
+        return problem
+    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+
+
+def _misplaced(path: str, above: str) -> str:
+    """What is wrong with a path by its words alone: it must lie below a folder; "" if nothing."""
+    parts = path.split("/")
+    if path.startswith("/") or ".." in parts:
+        return f"must be below {above}, not absolute and without .."
     if any(part.startswith((".", "~")) and part != "." for part in parts):
         return "may not begin with . or ~, nor any folder in it"
-    if printable(directory) != directory or "\\" in directory:
+    if printable(path) != path or "\\" in path:
         return "holds a character that does not belong in the name of a folder"
-    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(directory) > LONGEST_PATH:
+    if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(path) > LONGEST_PATH:
         return "is too long"
-    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+    return ""
 
 
 def _leads_out(directory: str) -> bool:

@@ -41,7 +41,7 @@ def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: fl
     A facet belongs to the surface that holds all its corners, to a flat one rather than to a curved one.
     """
     near = min(ON_SURFACE, OF_ELEMENT * finest)
-    boundary = _boundary(cells)
+    boundary, _ = boundary_of(cells)
     found: dict[str, np.ndarray] = {}
     for surface, distance in _distances(points, part):
         is_on = (distance < near)[boundary].all(axis=1)
@@ -52,8 +52,12 @@ def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: fl
 
 def regions_of_cells(points: np.ndarray, cells: np.ndarray, part: Part) -> np.ndarray:
     """The number of the region that holds each cell's centroid (m,)."""
-    height = points[cells][:, :, -1].mean(axis=1)
-    return (len(part.regions) - 1 - np.searchsorted(part.interfaces, height)).astype(np.int32)
+    x, *y, z = points[cells].mean(axis=1).T
+    found = len(part.interfaces) - np.searchsorted(part.interfaces, z)
+    for number, region in enumerate(part.regions):
+        if region.inclusion is not None:
+            found[region.inclusion.holds((x, y[0] if y else 0.0, z))] = number
+    return found.astype(np.int32)
 
 
 def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:
@@ -63,9 +67,10 @@ def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:
     return ends + [(side.surface, side.distance(points[:, 0], points[:, 1])) for side in sides]
 
 
-def _boundary(cells: np.ndarray) -> np.ndarray:
-    """The facets (k, dim) that belong to one cell only."""
+def boundary_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The facets (k, dim) that belong to one cell only, and the corner (k,) of that cell that is not on it."""
     corners = cells.shape[1]
     facets = np.concatenate([np.delete(cells, corner, axis=1) for corner in range(corners)])
     _, first, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    return facets[first[counts == 1]]
+    alone = first[counts == 1]
+    return facets[alone], cells.T.ravel()[alone]

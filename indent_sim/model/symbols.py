@@ -53,7 +53,24 @@ BODY = (
     Symbol("y_max", "", "support of the wall at the largest y", WORD),
     Symbol("layers", "", "layers from the top, bonded to one another; their thicknesses add up to the height", WORD),
     Symbol("thickness", "", "thickness of a layer; the last one of a half_space, its substrate, has none", "length"),
-    Symbol("body.material", "", "the layer's material; without it the scene's", WORD),
+    Symbol("layers.material", "", "the layer's material; without it the scene's", WORD),
+    Symbol("inclusions", "", "pieces of other matter, each inside one layer and bonded to it", WORD),
+    Symbol("inclusions.center", "", "middle of the inclusion, [x, y, z]; y = 0 in a strip", "length"),
+    Symbol("inclusions.radius", "", "radius of the ball, or of the upright cylinder", "length"),
+    Symbol("inclusions.height", "", "height of the upright cylinder", "length"),
+    Symbol("inclusions.size", "", "edges of the box along x, y and z; in a strip it has no end along y", "length"),
+    Symbol("inclusions.material", "", "the inclusion's material", WORD),
+    Symbol("file", "", "mesh of the body, a .msh, .xdmf, .vtu or .inp file in the scene's folder or below", WORD),
+    Symbol("kinematics", "", "what a mesh from a file is: a section of triangles, or a body of tetrahedra", WORD),
+    Symbol(
+        "surfaces",
+        "",
+        "what the file calls the surface that the tip may touch (`contact`), the `base`, and the `sides`; "
+        "what has no name is free",
+        WORD,
+    ),
+    Symbol("regions", "", "materials by what the file calls their cells; the others are of `material`", WORD),
+    Symbol("hash", "", "fingerprint of the mesh that the file must hold; every result has that of its own", WORD),
 )
 
 MATERIAL = (
@@ -118,9 +135,17 @@ MESH = (
     Symbol("h_corner", "", "element size at the corners of the section that the contact feels: where a fixed face "
            "meets a free one, and where it ends close to a side; without it a given h_contact has none of its own "
            "there", "length"),
+    Symbol("h_inclusions", "", "element size inside each inclusion, in their order; without it by what the force feels "
+           "of each", "length"),
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement; linear elements (1) are gone", "1"),
+    Symbol(
+        "refinements",
+        "",
+        "how often every edge of a mesh from a file is halved; without it as often as `accuracy` needs, or never",
+        "1",
+    ),
     Symbol("symmetry", "", "which part is modelled; auto: the smallest the scene allows", WORD),
 )  # fmt: skip
 

@@ -22,7 +22,7 @@ from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
 from indent_sim.results import checkpoint
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
-from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
+from indent_sim.results.folder import CONFIG, MESH, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
 from indent_sim.results.tables import SURFACE, SURFACE_HEADER, drop_later_blocks, row, surface_block, surface_blocks
 from indent_sim.results.xdmf import FieldWriter
@@ -34,7 +34,7 @@ SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses not
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
-    errors: columns of the force table that say how wrong others may be.
+    errors: columns of the force table that say how wrong others may be. mesh: text of the file that the config names.
     The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
@@ -50,11 +50,12 @@ class ResultFolder:
         errors: tuple[str, ...] = (),
         report: Mapping[str, Any] | None = None,
         resume: bool = False,
+        mesh: str = "",
     ):
         self.report: dict[str, Any] = dict(report or {})
         self.rows = 0
         self._target = Path(target)
-        self._config_yaml = config_yaml
+        self._config_yaml, self._mesh = config_yaml, mesh
         self._surface = surface
         self._columns = (*COLUMNS, *errors)
         self.earlier: Earlier | None = None
@@ -80,6 +81,8 @@ class ResultFolder:
                         self._continue(found)
                     else:
                         write_atomically(self.path / CONFIG, self._config_yaml)
+                        if self._mesh:
+                            write_atomically(self.path / MESH, self._mesh)
                         write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
                     self._save_report()
             except BaseException:

@@ -100,7 +100,7 @@ def _finer(
     if attempts >= ATTEMPTS:
         return None, f"{attempts} attempts were not enough"
     room = (allowed - worst.truncation) / (worst.total - worst.truncation)
-    factor = min(max(AIM * room ** (-1 / RATE), LEAST), GREATEST)
+    factor = 2.0 if fineness.refinements else min(max(AIM * room ** (-1 / RATE), LEAST), GREATEST)
     if fineness.n * factor > MOST:
         return None, f"more than {MOST:g} elements in the contact radius would be needed"
     try:

@@ -22,7 +22,7 @@ from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars,
 from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer
 from indent_sim.run.record import Record
-from indent_sim.run.resolved import left_open, resolved
+from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.scene.scene import Scene, resolve
 
@@ -103,7 +103,7 @@ class Run:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    errors=self._errors(scene)) as record, unmasked(), spent():  # fmt: skip
+                    errors=self._errors(scene), mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
                     "auto": left_open(config, decided)}  # fmt: skip

@@ -106,6 +106,8 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     larger = replace(
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
         patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
+        inclusions=tuple((inclusion, min(ratio ** (RATE / 2) * h, inclusion.thinnest))
+                         for inclusion, h in sizes.inclusions),
     )  # fmt: skip
     return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=larger)
 
@@ -113,10 +115,26 @@ def coarser(scene: Scene, ratio: float) -> Scene:
 def beside(scene: Scene, earlier: Sequence[Scene]) -> list[tuple[float, Scene]]:
     """The scenes of two companions, the finest first, and the ratios of their sizes to those of this scene: `earlier`
     attempts at it, and coarser meshes than the first of those."""
+    if (level := scene.sizes.refinements) is not None:
+        return [(2.0 ** (level - other), _refined(scene, other)) for other in _levels_beside(level)]
     ratios = [other.sizes.h_contact / scene.sizes.h_contact for other in earlier]
     base, begin = (earlier[-1], ratios[-1]) if earlier else (scene, 1.0)
     coarse = [(begin * ratio, coarser(base, ratio)) for ratio in RATIOS]
     return [*zip(ratios, earlier, strict=True), *coarse][: len(RATIOS)]
+
+
+def _levels_beside(level: int) -> list[int]:
+    """How often a mesh from a file is refined for the companions: less, or once where none is coarser than the file."""
+    return [other for other in (level - 1, level - 2) if other >= 0] or [level + 1]
+
+
+def _refined(scene: Scene, refinements: int) -> Scene:
+    """The same scene on the same file, refined that often."""
+    sizes, ratio = scene.sizes, 2.0 ** ((scene.sizes.refinements or 0) - refinements)
+    h, edge = sizes.h_contact, sizes.h_edge
+    other = replace(sizes, h_contact=ratio * h, h_far=ratio * sizes.h_far, h_edge=edge and ratio * edge,
+                    patch=sizes.patch + 2 * (ratio - 1) * h, refinements=refinements)  # fmt: skip
+    return replace(scene, sizes=other)
 
 
 def softer(scene: Scene) -> Scene:
@@ -200,11 +218,12 @@ class ErrorBars:
         n = self._elements(state.a)
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
         errors = [trend.fading(n / ratio) for ratio in ratios]
+        safety = trend.safety * (LAYERED if self._is_layered and name == "p_max" else 1.0)
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
-            share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
+            share = max(abs(errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
             if k == 0 or n >= TELLTALE * ratios[k + 1]:
-                said += [trend.safety / share * found for found in _spread(fine, coarse, state, name)]
+                said += [safety / share * found for found in _spread(fine, coarse, state, name)]
         return float("nan") if any(map(isnan, said)) else max(said)
 
     def _soft_difference(self, step: int, name: str) -> float:
@@ -227,7 +246,7 @@ class ErrorBars:
         safety *= LAYERED if self._is_layered else 1.0
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
-            share = max((errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
+            share = max(abs(errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
             said += [safety / share * difference for difference in self._differences(fine, coarse, state)]
         return float("nan") if any(map(isnan, said)) else max(said)
 
@@ -251,7 +270,8 @@ class ErrorBars:
         if self._sizes.ruled_by_corners:
             return POWER
         if self._sizes.edge is not None:
-            return AT_EDGE if self._is_nitsche or self._is_rounded else None
+            is_missed = self._sizes.refinements is not None  # by the elements of a mesh from a file
+            return AT_EDGE if self._is_nitsche or self._is_rounded or is_missed else None
         return KINK if self._is_kinked(a) else None
 
     def _is_kinked(self, a: float) -> bool:
@@ -287,7 +307,10 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """The error bars of a scene that theory solves: its own stated error, of every number."""
+    """The error bars of a scene that theory solves: its own stated error, of every number.
+
+    Where its tip would have to pull, contact radius and pressure are not known at all.
+    """
 
     companions: Sequence[Companion] = ()
 
@@ -295,13 +318,14 @@ class TheoryBars:
         assert scene.plan.theory is not None
         self.budgets: list[Budget] = []
         self._error, self._finds_depths = scene.plan.theory.error, scene.physics.path.control == "force"
+        self._of_contact = 1.0 if scene.plan.theory.pull else self._error
 
     def judged(self, state: State) -> State:
         """The state with its error bars."""
         error = self._error
         self.budgets.append(Budget(state.step, 0.0, 0.0, 0.0, theory=error * abs(state.force)))
-        return replace(state, force_error=error * abs(state.force), a_error=error * state.a,
-                       p_max_error=error * state.p_max,
+        return replace(state, force_error=error * abs(state.force), a_error=self._of_contact * state.a,
+                       p_max_error=self._of_contact * state.p_max,
                        delta_error=error * abs(state.delta) if self._finds_depths else None)  # fmt: skip
 
 

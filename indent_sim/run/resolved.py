@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 from indent_sim.config.file import to_mapping
 from indent_sim.config.schema import Config, When
+from indent_sim.mesh.meshed import MeshedPart
+from indent_sim.mesh.piece import as_msh
+from indent_sim.model.body import MeshFromFile
+from indent_sim.results.folder import MESH
+from indent_sim.scene.given import piece_of
 from indent_sim.scene.scene import Scene
 
 OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
@@ -40,6 +46,11 @@ def _of_mesh(config: Config, scene: Scene) -> dict[str, Any]:
     }
 
 
+def mesh_text(config: Config) -> str:
+    """What the file `MESH` of a result folder has to say; "" where the body is meshed here."""
+    return as_msh(piece_of(config, config.body), config.body) if isinstance(config.body, MeshFromFile) else ""
+
+
 def left_open(config: Config, decided: Config) -> list[str]:
     """The keys that the program decided, as in `mesh.h_contact`; `center` stands in the indenter."""
     before, after = to_mapping(config), to_mapping(decided)
@@ -53,15 +64,32 @@ def left_open(config: Config, decided: Config) -> list[str]:
 
 
 def _materials(config: Config, scene: Scene) -> dict[str, Any]:
-    """The material and those of the layers, with the formulation that each region has."""
+    """The material, and those of layers and inclusions, with the formulation that each region has."""
+    if isinstance(config.body, MeshFromFile) and isinstance(scene.physics.part, MeshedPart):
+        return _of_file(config, config.body, scene.physics.part)
     formulations = [region.formulation for region in scene.physics.part.regions]
-    if config.body.layers is None:
-        return {"material": _decided(config.material, formulation=formulations[0])}
-    layers = tuple(
-        dataclasses.replace(layer, material=_decided(layer.material, formulation=formulation))
-        for layer, formulation in zip(config.layers, formulations, strict=True)
-    )
-    return {"material": None, "body": dataclasses.replace(config.body, layers=layers)}
+    count, body = len(config.layers), config.body
+    if body.inclusions:
+        body = dataclasses.replace(body, inclusions=_all_decided(body.inclusions, formulations[count:]))
+    if body.layers is None:
+        return {"material": _decided(config.material, formulation=formulations[0]), "body": body}
+    layers = _all_decided(config.layers, formulations[:count])
+    return {"material": None, "body": dataclasses.replace(body, layers=layers)}
+
+
+def _all_decided(items: Sequence[Any], formulations: Sequence[str]) -> tuple[Any, ...]:
+    """Layers, or inclusions, with the formulation that each has."""
+    return tuple(dataclasses.replace(item, material=_decided(item.material, formulation=formulation))
+                 for item, formulation in zip(items, formulations, strict=True))  # fmt: skip
+
+
+def _of_file(config: Config, body: MeshFromFile, part: MeshedPart) -> dict[str, Any]:
+    """The materials by name, and the copy of the mesh in the result folder."""
+    formulations = dict(zip(part.piece.names, (region.formulation for region in part.regions), strict=True))
+    regions = {name: _decided(own, formulation=formulations[name]) for name, own in (body.regions or {}).items()}
+    rest = config.material and _decided(config.material, formulation=formulations.get("", "auto"))
+    copy = dataclasses.replace(body, file=MESH, hash=part.piece.hash, regions=regions or None)
+    return {"body": copy, "material": rest}
 
 
 def _decided(section: Any, **found: Any) -> Any:
@@ -71,9 +99,13 @@ def _decided(section: Any, **found: Any) -> Any:
 
 
 def _mesh(config: Config, scene: Scene) -> Any:
+    if scene.sizes.refinements is not None:
+        return dataclasses.replace(config.mesh, refinements=scene.sizes.refinements)
     sizes, L = scene.sizes, scene.physics.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
                     symmetry=scene.physics.part.symmetry)  # fmt: skip
+    if sizes.inclusions and mesh.h_inclusions is None:
+        mesh = dataclasses.replace(mesh, h_inclusions=tuple(h * L for _, h in sizes.inclusions))
     if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name in OWN if (length := getattr(sizes, name))}

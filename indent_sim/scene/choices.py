@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.config.strict_yaml import key_text
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Endless, HalfSpace
+from indent_sim.model.body import Endless, HalfSpace, Meshed
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -21,7 +22,7 @@ from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.expected import infinite_pressure
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
-from indent_sim.scene.theories import layer_theory, shape_of
+from indent_sim.scene.theories import NO_INCLUSIONS, layer_theory, shape_of
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -68,8 +69,15 @@ def quantities(config: Config) -> list[Choice]:
 def formulations(given: Given) -> list[Choice]:
     """Displacements alone, or with a pressure, in each region."""
     regions = given.part.regions
-    keys = ["material"] if len(regions) == 1 else [f"body.{region.name}.material" for region in regions]
+    keys = [_key_of(region, alone=len(regions) == 1) for region in regions]
     return [_formulation(f"{key}.formulation", region) for key, region in zip(keys, regions, strict=True)]
+
+
+def _key_of(region: Region, alone: bool) -> str:
+    """Where the material of a region stands in the scene."""
+    if region.name.startswith("regions."):
+        return f"body.{region.name}"
+    return "material" if alone or region.name == "body" else f"body.{region.name}.material"
 
 
 def _formulation(key: str, region: Region) -> Choice:
@@ -178,6 +186,23 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
     return Choice("solver.method", wanted, "as given")
 
 
+def _mesh_of_file(config: Config, part: MeshedPart, given: Given, sizes: Sizes, fineness: Fineness | None
+                  ) -> list[Choice]:  # fmt: skip
+    """What the file has, how often it is refined, and the sizes that are there then."""
+    grid, L = part.piece.grid, given.scales.length
+    found = f"{len(grid.cells)} cells, {len(grid.points)} points"
+    if len(part.piece.middles[0]):
+        found += "; order 2: its midside nodes are the new corners of the first refinement"
+    why = fineness.why(L) if fineness else "as given" if config.mesh.refinements else "the mesh as it is"
+    per_radius = f"{given.a / sizes.h_contact:.3g} elements in the expected contact radius {given.a * L:.4g}"
+    return [
+        Choice("body.file", part.piece.hash, found),
+        *([Choice("accuracy", fineness.target, why)] if fineness else []),
+        Choice("mesh.refinements", sizes.refinements or 0, "each halves every edge" if fineness else why),
+        Choice("mesh.h_contact", sizes.h_contact * L, f"the facets' own; {per_radius}"),
+    ]
+
+
 def theory(config: Config, given: Given) -> Choice | None:
     """That theory solves the scene, and why; None where a mesh does. ConfigError where theory is asked for in vain."""
     wanted = config.solver.method
@@ -197,9 +222,11 @@ def against_theory(config: Config, given: Given) -> str:
     if unlike := unlike_theory(config):
         return unlike
     known, target = given.theory, target_of(config.accuracy)
+    if isinstance(given.body, Meshed):
+        return "theory does not know a body meshed elsewhere"
     if known is None:
         return "theory knows no layers with nu < 0" if shape_of(given.tip) else "theory does not know this tip"
-    if not known.exact:
+    if not known.exact and not (known.pull and config.solver.method == "theory"):
         return known.why
     if target is not None and target < known.error:
         return f"theory is good to {known.error:.0e} of the force, and accuracy asks for {target:g}"
@@ -214,6 +241,7 @@ def unlike_theory(config: Config) -> str:
     solver = dataclasses.replace(config.solver, method="auto")
     reasons = (
         (not all(material.small_strain for material in materials), "the material is not linear"),
+        (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (config.contact.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(config.contact, AutoContact), f"contact.method: {config.contact.method} is for a mesh"),
@@ -250,6 +278,8 @@ def by_theory(config: Config, given: Given) -> list[Choice]:
 def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) -> list[Choice]:
     """The element sizes, and where each comes from."""
     L, a, wanted = given.scales.length, given.a, config.mesh
+    if isinstance(given.part, MeshedPart):
+        return _mesh_of_file(config, given.part, given, sizes, fineness)
     per_radius = f"{a / sizes.h_contact:.3g} elements in the expected contact radius {a * L:.4g}"
     auto = "from accuracy" if fineness else "auto: at most 0.3 % of the force at the last step"
     chosen = "as given" if wanted.h_contact != "auto" else auto
@@ -265,6 +295,10 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
     if sizes.h_corner is not None:
         choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
+    if sizes.inclusions:
+        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
+        why = "as given" if wanted.h_inclusions else "by what the force feels of each; sizes grow from this around them"
+        choices.append(Choice("mesh.h_inclusions", inside, why))
     return choices
 
 

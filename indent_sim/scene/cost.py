@@ -12,8 +12,10 @@ from math import pi
 
 import numpy as np
 
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import UNIT_BALLS, Inclusion
 
 CELLS = {2: 2.63, 3: 5.8}  # per size^dim
 NODES = {2: 2.12, 3: 1.65}  # per cell
@@ -74,13 +76,27 @@ def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
 
 
 def _cells(sizes: Sizes, part: Part) -> float:
+    if isinstance(part, MeshedPart):
+        return float(len(part.piece.grid.cells) * 2 ** (part.dim * (sizes.refinements or 0)))
     dim, sectors, height = part.dim, _sectors(sizes, part), part.height
     reach = max(abs(end - sizes.axis[0]) for end in part.extent[0])
     r_max = reach if dim == 2 else float(np.sqrt(part.area * 4 / pi / sectors))
     r, wr = _log_grid(r_max, sizes.smallest)
     z, wz = _log_grid(height, sizes.smallest)
     density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
-    return CELLS[dim] * float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
+    around = float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
+    return CELLS[dim] * (around + sum(_elements_of(*one, sizes, part) for one in sizes.inclusions))
+
+
+def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) -> float:
+    """Elements in an inclusion and in the shells around it, by size^dim; a mirror image counts for its own part."""
+    dim = part.dim
+    spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
+    size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
+    spans = inclusion.spans if dim == 3 else [((axis,), inclusion.half(axis)) for axis in (0, 2)]
+    volume = np.prod([UNIT_BALLS[len(axes)] * (half + spread) ** len(axes) for axes, half in spans], axis=0)
+    shares = part.copies * (2 if part.symmetry == "axisymmetric" else 1)
+    return float(volume[0] / inside**dim + (np.diff(volume) / size**dim).sum()) / shares
 
 
 def candidates(sizes: Sizes, part: Part) -> float:

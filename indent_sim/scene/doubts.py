@@ -8,6 +8,7 @@ from math import pi
 
 import numpy as np
 
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.sizes import ENOUGH, Sizes
 from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
@@ -17,6 +18,7 @@ from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, P
 from indent_sim.scene.given import Given
 from indent_sim.scene.theories import Theory, half_space_force
 
+PER_DEPTH = 1.5  # per cent of force for a per cent of depth, of a paraboloid
 TELLING = 0.005  # of the force: a smaller error is not worth a warning
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 STIFFEST = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
@@ -50,7 +52,8 @@ def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt
     if given.deepest <= 0:
         return (NO_CONTACT,)
     of_model = of_theory(given, gap)
-    return (*of_model, *_of_contact(given, law, gap, sizes), *_of_mesh(given, sizes), *_of_truncation(given))
+    of_mesh = (*_of_mesh(given, sizes), *_of_facets(given, sizes))
+    return (*of_model, *_of_contact(given, law, gap, sizes), *of_mesh, *_of_truncation(given))
 
 
 def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
@@ -60,10 +63,18 @@ def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     return (*_of_model(given), *_of_tip(given, gap))
 
 
+def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
+    """What theory's contact has that none has that is pushed alone."""
+    if not (given.theory and given.theory.pull):
+        return ()
+    words = f"{given.theory.why}; pushed alone, the body has a smaller one: only a mesh knows its a and its pressure"
+    return (Doubt("pull", words, given.theory.pull),)
+
+
 def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
-    nu, (strain, formula) = material.constants.nu, characteristic_strain(given.relative, delta, a)
+    strain, formula = characteristic_strain(given.relative, delta, a)
     if given.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
@@ -74,7 +85,8 @@ def _of_model(given: Given) -> Iterator[Doubt]:
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(given.center):
         yield Doubt("rim", "the contact comes close to the edge of the body")
-    if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
+    locked = [region.material.constants.nu for region in given.part.regions if region.formulation == "displacement"]
+    if (nu := max(locked, default=0.0)) >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
     for words in stability.instabilities(material, stability.largest_strain(given.relative, a, delta, body.height)):
         yield Doubt("stability", words)
@@ -135,15 +147,33 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
     words = ""
     if sizes.edge is not None and sizes.h_edge is not None and likely >= TELLING:
         words = (f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge: the force may be too low by "
-                 f"{in_words(likely)}; give a smaller h_contact or h_edge")  # fmt: skip
+                 f"{in_words(likely)}; {_remedy(sizes, 'give a smaller h_contact or h_edge')}")  # fmt: skip
     elif not sizes.is_enough(a):
+        finer = _remedy(sizes, f"give h_contact at most {1 / ENOUGH:.2g} of the contact radius")
         words = (f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
-                 f"{in_words(likely)}, a by up to 5 %; give h_contact at most {1 / ENOUGH:.2g} of the contact radius")
+                 f"{in_words(likely)}, a by up to 5 %; {finer}")
     elif not sizes.is_enough(shallowest) and (there := force_doubt(sizes, shallowest, nu)) >= UNRESOLVED:
         words = (f"the elements suit the deepest contact; at the shallowest only {shallowest / sizes.h_contact:.2g} of "
                  f"them are in the contact radius, and the force there may be wrong by {in_words(there)}")  # fmt: skip
     if words or at_last:
         yield Doubt("elements", words, at_last)
+
+
+def _remedy(sizes: Sizes, smaller: str) -> str:
+    """How to get smaller elements; those of a mesh from a file can only be halved."""
+    return smaller if sizes.refinements is None else "refine it: mesh.refinements"
+
+
+def _of_facets(given: Given, sizes: Sizes) -> Iterator[Doubt]:
+    """That flat facets from a file stand for a curved surface, inside which they are: the tip is less deep."""
+    if not isinstance(given.part, MeshedPart):
+        return
+    sag = given.part.sag(given.center, given.a)
+    if len(given.part.piece.middles[0]) and sizes.refinements:
+        sag /= 4  # its midside nodes are on the curved surface
+    if (error := PER_DEPTH * sag / given.deepest) >= TELLING:
+        yield Doubt("facets", f"flat facets under the tip: if they stand for a curved surface they lie up to "
+                    f"{sag * given.scales.length:.2g} inside it, {in_words(error)} of the force")  # fmt: skip
 
 
 def _of_truncation(given: Given) -> Iterator[Doubt]:

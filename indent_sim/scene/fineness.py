@@ -57,6 +57,7 @@ class Fineness:
     compliance: float
     dim: int
     stiffness_given: bool = False  # the user's penalty stiffness, whose error no mesh can make smaller
+    refinements: int = 0  # of a mesh from a file, which knows no sizes between
 
     @property
     def error(self) -> float:

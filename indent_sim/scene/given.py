@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from math import inf, isfinite, log2
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from indent_sim.mesh import file, inspection, meshed
 from indent_sim.mesh.part import Part, Region
-from indent_sim.model.body import Ball, Body, Cap, Dome, Endless, Layer
+from indent_sim.mesh.piece import Piece
+from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, Layer, Meshed, MeshFromFile
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
+D = TypeVar("D")
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -77,11 +81,15 @@ class Given:
 
 def given_by(config: Config) -> Given:
     """The scene without units, its body as given; ConfigError for one that cannot exist."""
-    body, layers = config.body, _layers(config)
+    body = config.body
+    if isinstance(body, MeshFromFile):
+        meshed_body, piece = _from_file(config, body)
+        return _given(config, meshed_body, meshed_body.layers, piece=piece)
+    layers = _layers(config)
     if isinstance(body, Cap | Ball):
         dome = body.dome
-        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None)
-    return _given(config, body, layers, None)
+        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers))
+    return _given(config, body, layers)
 
 
 def on_finite_body(config: Config, given: Given) -> Given:
@@ -92,7 +100,10 @@ def on_finite_body(config: Config, given: Given) -> Given:
     return _given(config, found.body, found.layers, found)
 
 
-def _given(config: Config, whole: Body, layers: tuple[Layer, ...], truncation: Truncation | None) -> Given:
+def _given(
+    config: Config, whole: Body, layers: tuple[Layer, ...], truncation: Truncation | None = None,
+    piece: Piece | None = None,
+) -> Given:  # fmt: skip
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     path = config.loading.path()
@@ -105,12 +116,13 @@ def _given(config: Config, whole: Body, layers: tuple[Layer, ...], truncation: T
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
-    part, part_why = reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
+    part, part_why = _modelled(config, body, center, tip, layers, piece, scales)
     asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
+    deltas = depths_of(path, theory, relative, material, body.height, scales)
     return Given(
-        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why, theory=theory,
-        deltas=depths_of(path, theory, relative, material, body.height, scales),
+        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why,
+        theory=theory and theory.along(deltas), deltas=deltas,
         radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
 
@@ -148,6 +160,14 @@ def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
                  in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
 
 
+def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
+    """The regions of inclusions, lengths rounded likewise."""
+    own = [inclusion.material.canonical() for inclusion in config.body.inclusions or ()]
+    for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
+        matter, name = scales.scaled(material), f"inclusions[{k}]"
+        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
+
+
 def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
@@ -159,13 +179,57 @@ def _formulation(key: str, material: Material) -> str:
     return chosen
 
 
-def _rounded_body(body: Body) -> Body:
+def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, Piece]:
+    """The body that a file has, lowered so that the tip first touches it at z = 0."""
+    piece, center = piece_of(config, source), config.center or source.center
+    if source.hash not in (None, piece.hash):
+        raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}",
+                          "find the mesh that this scene was made with, or leave the hash out")  # fmt: skip
+    piece = piece.led_by(meshed.under_axis(piece, center))
+    placed = piece.lowered(meshed.first_touch(config.indenter, piece, center))
+    return meshed.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
+
+
+def piece_of(config: Config, source: MeshFromFile) -> Piece:
+    """The body as its file, beside the scene's, has it."""
+    found = file.read(os.path.dirname(config.source.name), source.file)
+    return inspection.piece_of(found, source, config.material is not None)
+
+
+def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
+    """The materials of a piece's regions with the keys where they stand, in their order."""
+    regions = getattr(config.body, "regions", None) or {}
+    own = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
+    found = [own.get(name, ("material", config.material)) for name in piece.names]
+    return [(key, material.canonical()) for key, material in found if material is not None]
+
+
+def _modelled(
+    config: Config, body: Body, center: tuple[float, ...], tip: Indenter, layers: tuple[Layer, ...],
+    piece: Piece | None, scales: Scales,
+) -> tuple[Part, str]:  # fmt: skip
+    """The part of the body that is modelled, and why."""
+    if not isinstance(body, Meshed):
+        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
+        return reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
+    assert piece is not None and isinstance(config.body, MeshFromFile)
+    materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
+    regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
+                    for name, (key, matter) in zip(piece.names, materials, strict=True))  # fmt: skip
+    part = meshed.part_of(piece.measured(scales.length), config.body, regions)
+    return part, "a mesh from a file is modelled as it is"
+
+
+def _to_digits(body: D) -> D:
+    """A body, or an inclusion, with its own lengths rounded."""
+
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
         return rounded(value) if isinstance(value, float) else value
 
-    return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
+    fields = dataclasses.fields(body)  # type: ignore[arg-type]
+    return replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
 
 
 def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
@@ -212,8 +276,19 @@ def _expected_radius(
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
     if delta <= 0:
         return 0.2 * rim if isfinite(rim) else 1.0
+    if isinstance(body, Meshed):
+        return min(_overlap(tips[0], body, center, delta), rim)
     solution = theory.at(delta) if theory else None
     return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
+
+
+def _overlap(tip: Indenter, body: Meshed, center: tuple[float, ...], delta: float) -> float:
+    """How far from its axis [length] a tip at a depth would overlap the undeformed surface, to a part of a facet."""
+    x, y = body.top()
+    along_x, along_y = (*center, 0.0)[:2]
+    r, gap = body.distances(center).ravel(), (tip.height(x - along_x, y - along_y) - body.facets[..., -1]).ravel()
+    order = np.argsort(np.where(np.isfinite(gap), r, np.inf))[: np.isfinite(gap).sum()]
+    return float(np.interp(delta, np.maximum.accumulate([0.0, *gap[order]]), [0.0, *r[order]]))
 
 
 def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
@@ -222,7 +297,9 @@ def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[fl
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    if any(_material_of(layer).constants.nu < 0.5 for layer in layers) or not body.is_held:
+    matter = [_material_of(layer) for layer in layers]
+    matter += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
+    if any(material.constants.nu < 0.5 for material in matter) or not body.is_held:
         return float("inf")
     x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]
@@ -236,5 +313,6 @@ def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
     energy does, and the force of a mesh grows as the logarithm of its elements there.
     """
     x, y = body.fixed_ends()
+    z = body.clamped[:, -1] if isinstance(body, Meshed) else 0.0
     along_x, along_y = (*center, 0.0)[:2]
-    return float(np.min(tip.height(x - along_x, y - along_y), initial=np.inf))
+    return float(np.min(tip.height(x - along_x, y - along_y) - z, initial=np.inf))

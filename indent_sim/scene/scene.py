@@ -20,7 +20,7 @@ from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import Doubt, doubts, of_theory
+from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
 from indent_sim.scene.expected import peakless, prediction_of
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
@@ -149,7 +149,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
                       given.path, given.deltas)  # fmt: skip
     chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given))
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
-    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted)
+    against = (*of_theory(given), *of_whole_contact(given))
+    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted)
     settings = dataclasses.replace(config.solver, method="theory")
     return Scene(physics, sizing.surface_points(given), settings, plan)
 
@@ -200,6 +201,8 @@ def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost
     available = machine_memory()
     if found.memory > available:
         key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
+        if cost_of(dataclasses.replace(sizes, inclusions=()), given.part, work).memory <= available:
+            key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
         raise ConfigError(key, f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
                           f"machine has {available / 1e9:.3g} GB", f"use a larger {name}, or symmetry")  # fmt: skip
     return found

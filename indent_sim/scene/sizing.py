@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from math import inf
+from math import ceil, inf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
-from indent_sim.scene.fineness import Fineness, SettledSizes, fineness_of, target_of
+from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, target_of
 from indent_sim.scene.given import Given
 
 if TYPE_CHECKING:
@@ -63,6 +66,11 @@ WIDE = 1.0  # contact radius over height from which a layer is squeezed rather t
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
 RULE = 0.25  # and from what share on they rule how the force converges
+HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
+ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an inclusion, from and to, by dim
+# What the force feels of a missing part of an inclusion, at most; and elements in one with flat faces, which miss none
+# of it, times those in a round one. Measured for moduli of 1e-3 to 1e3 times the body's: 0.02 to 0.1 % at auto
+MOST_FELT, FLAT = 0.25, 0.5
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
@@ -82,10 +90,23 @@ def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness
     inside = [delta for delta in given.deltas if delta > 0] or [max(map(abs, given.deltas)) or 1.0]
     contacts = [_contact(given, delta) for delta in (min(inside), max(inside))]
     stiffness_given = getattr(config.contact, "epsilon_n", "auto") != "auto"
+    if isinstance(given.part, MeshedPart):
+        return _fineness_of_file(given.part, given, target, per_radius, contacts, stiffness_given)
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
     gives_way = squeezed and given.material.constants.nu >= INCOMPRESSIBLE
     confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
     return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given)
+
+
+def _fineness_of_file(part: MeshedPart, given: Given, target: float, per_radius: float | None,
+                      contacts: Sequence[tuple[float, float, float]], stiffness_given: bool) -> Fineness:  # fmt: skip
+    """The refinements of a mesh from a file whose error is expected within the target, at least one: the bars compare
+    the last two."""
+    coarse = given.a / part.facet_near(given.center, 0.0, given.a)
+    n = per_radius or elements_for(target, given.dim)
+    refinements = max(1, round(log2(n / coarse)) if per_radius else ceil(log2(n / coarse)))
+    found = fineness_of(target, coarse * 2.0**refinements, contacts, given.dim, False, stiffness_given)
+    return replace(found, refinements=refinements)
 
 
 def _is_sharp(tip: Indenter) -> bool:
@@ -118,6 +139,8 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     mesh, part, a = config.mesh, given.part, given.a
     edge = _edge(given, gap)
     edge = rounded(edge) if edge is not None else None
+    if isinstance(part, MeshedPart):
+        return _of_file(part, given, edge, wanted.refinements if wanted else mesh.refinements or 0)
     height, width, bend, keenness = part.height, part.width, part.bend or part.dome, _keenness(given, edge)
     settled = _settled(mesh, given.scales, height, edge)
     if wanted:
@@ -125,7 +148,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
     plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
-    found = _at_corners(plain, given, settled, wanted)
+    found = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
     if edge is not None and part.dim == 3 and part.bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
@@ -134,6 +157,16 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         size = float(found.at(np.array(edge), np.array(0.0)))
         _refuse_coarse_edge(edge * given.scales.length, size * given.scales.length)
     return found
+
+
+def _of_file(part: MeshedPart, given: Given, edge: float | None, refinements: int) -> Sizes:
+    """The sizes that a mesh from a file has after so many refinements: of its facets in the contact, of its largest."""
+    shrunk, a = 0.5**refinements, given.a
+    h = rounded(shrunk * part.facet_near(given.center, 0.0, a))
+    h_edge = rounded(shrunk * part.facet_near(given.center, edge, edge)) if edge is not None else None
+    far = rounded(max(h, shrunk * part.largest))
+    return Sizes(h, far, rounded(PATCH * a + 2 * h), GRADING, edge, h_edge, a=rounded(a), axis=given.center,
+                 refinements=refinements)  # fmt: skip
 
 
 def _keenness(given: Given, edge: float | None) -> float:
@@ -174,6 +207,36 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
         return replace(plain, corner_error=cost)
     at = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in around}))
     return replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
+
+
+def _in_inclusions(plain: Sizes, config: Config, given: Given, wanted: Fineness | None) -> Sizes:
+    """The sizes, smaller in inclusions: flat facets inside a round one of radius R leave out (h/R)^2/4 of it."""
+    inclusions = [region.inclusion for region in given.part.regions if region.inclusion]
+    asked = config.mesh.h_inclusions
+    if asked:
+        found = [h / given.scales.length for h in asked]
+    else:
+        error = HEARD * (wanted.error if wanted else AUTO)
+        found = [inclusion.thinnest / _elements_across(inclusion, given, error) for inclusion in inclusions]
+    return replace(plain, inclusions=tuple(zip(inclusions, map(rounded, found), strict=True)))
+
+
+def _elements_across(inclusion: Inclusion, given: Given, error: float) -> float:
+    """Elements in half the thickness of an inclusion, for which the force is as good as that; more where it is near
+    the surface.
+
+    The force feels an inclusion as the strain energy of a point force does at the distance d of the contact: a volume V
+    by 2 a V/d^4, in plane strain a section A by 2 A/d^2.
+    """
+    few, many = ACROSS[given.dim]
+    x, *y = given.center
+    d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.thinnest)
+    felt = 2 * inclusion.volume * given.a / d**4
+    if given.body.dim == 2:
+        felt = 8 * inclusion.half(0) * inclusion.half(2) / d**2
+    needed = (min(felt, MOST_FELT) / (4 * error)) ** 0.5 * (1.0 if inclusion.is_round(given.dim) else FLAT)
+    room = -inclusion.center[2] - inclusion.half(2)  # to the surface
+    return min(max(needed, inclusion.thinnest / room, few), many)
 
 
 def _is_too_coarse(sizes: Sizes, corner: Corner, error: float, n: float) -> bool:

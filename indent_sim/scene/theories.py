@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
-from math import inf, nan
+from math import ceil, inf, nan
 from typing import Any
 
 import numpy as np
 
-from indent_sim.model.body import Body, Dome, Endless, HalfSpace
+from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.tips import (
@@ -39,7 +39,10 @@ from indent_sim.theory.strip import Strip
 
 MOST_KEPT = 100  # solutions that a theory remembers
 OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
+NO_INCLUSIONS = "theory's body has no inclusions"
 CONTRAST, STEEP = 1e4, 2.5  # between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
+
+SAMPLED = 10  # depths of a path at which it is asked whether theory's tip would have to pull
 
 Formula = Callable[[float], float]
 
@@ -48,7 +51,8 @@ Formula = Callable[[float], float]
 class Theory:
     """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
 
-    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `formulas`: force
+    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `pull`: the share of
+    the force that the tip would have to pull with, where that alone keeps it from being exact. `formulas`: force
     [pressure length^2] at a depth [length] by the usual formulas for such a body. A depth is worked out once and
     remembered.
     """
@@ -59,6 +63,7 @@ class Theory:
     contact: LayerContact = field(repr=False)
     error: float = OWN_ERROR
     formulas: Mapping[str, Formula] = field(default_factory=dict, repr=False)
+    pull: float = 0.0
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
@@ -83,6 +88,18 @@ class Theory:
             return min(self.contact.depth(force), deepest)
         last = self.at(deepest)
         return deepest if last and last.force <= force else None
+
+    def along(self, deltas: Sequence[float]) -> Theory:
+        """The same theory, no longer exact where its tip would have to pull at one of the depths."""
+        if not self.exact or len(self.contact.scaled.plies) == 1:
+            return self
+        some = {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)}
+        found = [solution for delta in some if delta > 0 and (solution := self.at(delta))]
+        pull = max(map(self.contact.tension, found), default=0.0)
+        if not pull:
+            return self
+        why = f"theory's tip would pull with {100 * pull:.1g} % of the force to keep its contact whole"
+        return replace(self, exact=False, why=why, pull=pull, error=max(self.error, pull))
 
     def reaches(self, path: LoadPath, deepest: float) -> bool:
         """Whether theory goes as far as a path, whose deepest contact is to be expected at this depth."""
@@ -148,16 +165,19 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
 
 
 def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The theory of a tip on a body, or None where there is none."""
-    if isinstance(body, HalfSpace):
-        return half_space_theory(tip, layers)
-    return layer_theory(body, layers, tip, center)
+    """The theory of a tip on a body, its inclusions left out, or None where there is none."""
+    found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    if found is None or not body.inclusions:
+        return found
+    return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
 
 
 def layer_theory(
     body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
 ) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
+    if isinstance(body, Meshed):
+        return None
     assert not isinstance(body, HalfSpace)
     if isinstance(body, Dome):
         return _dome_theory(body, layers, tip)

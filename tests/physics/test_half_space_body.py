@@ -12,6 +12,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import Scene
 
 HALF_SPACE = {"shape": "half_space"}
+SMALL = 2.0**-13  # a power of two costs no digit
 TIPS: dict[str, tuple[dict[str, Any], float, float]] = {  # tip, depth, what the force may be off by
     "paraboloid": ({"shape": "paraboloid", "R": 1.0}, 0.01, 1e-3),
     "sphere": ({"shape": "sphere", "R": 1.0}, 0.1, 1e-3),
@@ -92,13 +93,15 @@ def test_a_place_on_it_is_refused() -> None:
 
 @pytest.mark.parametrize("loading", [{"delta": 100.0, "steps": 1}, {"force": 1e5, "steps": 1}])
 def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
-    """In nanometres a contact radius is a number above 100: the same body, ten thousand times as large."""
-    found, small = (scene({"shape": "half_space"}, indenter={"shape": "paraboloid", "R": 1e4 * unit}, loading=given)
-                    for unit, given in ((1.0, loading), (1e-4, scaled_down(loading))))  # fmt: skip
+    """In nanometres a contact radius is a number above 100: the same body, thousands of times as large."""
+    found, small = (scene({"shape": "half_space"}, "solver.method=condensed",
+                          indenter={"shape": "paraboloid", "R": 1e4 * unit}, loading=given)
+                    for unit, given in ((1.0, loading), (SMALL, scaled_down(loading))))  # fmt: skip
     assert found.sizes == small.sizes
+    assert found.physics.scales.length * SMALL == small.physics.scales.length
 
 
 def scaled_down(loading: dict[str, float]) -> dict[str, float]:
-    """The same path with lengths in units ten thousand times as large; forces go as their square."""
-    by = {"delta": 1e-4, "force": 1e-8}
+    """The same path with lengths in larger units; forces go as their square."""
+    by = {"delta": SMALL, "force": SMALL**2}
     return {key: value * by.get(key, 1) for key, value in loading.items()}

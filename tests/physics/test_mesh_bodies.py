@@ -1,0 +1,151 @@
+"""Bodies from mesh files against the same bodies meshed here, against theory, and against themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import numpy as np
+import pytest
+from mesh_files import block, section, write
+
+from indent_sim.config.file import from_mapping, load
+from indent_sim.mesh.gmsh import build
+from indent_sim.run.chain import simulate, states
+from indent_sim.scene.scene import resolve
+
+LINEAR = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+NAMES = {"contact": "top", "base": "bottom", "sides": "wall"}
+CYLINDER = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
+
+
+def scene(body: dict[str, Any], **others: Any) -> dict[str, Any]:
+    """A paraboloid on a body."""
+    tip = {"shape": "paraboloid", "R": 1.0}
+    return {"body": body, "material": LINEAR, "indenter": tip, "loading": {"deltas": [0.02, 0.05]}, **others}
+
+
+def in_folder(folder: Path, body: dict[str, Any], **others: Any) -> Any:
+    """The config of a scene whose mesh lies in a folder."""
+    from indent_sim.config.strict_yaml import dump
+
+    (folder / "scene.yaml").write_text(dump(scene(body, **others)), encoding="utf-8")
+    return load(folder / "scene.yaml")
+
+
+def forces(config: Any) -> np.ndarray:
+    """The force of every row."""
+    return np.array([state.force for state in states(resolve(config), with_surface=False)])
+
+
+def test_a_cylinder_read_back_gives_the_same_force(tmp_path: Path) -> None:
+    """The mesh of a shipped body, written by gmsh with physical groups and 16 digits, at another height: 1e-9, the
+    tolerance of a step, is what renumbered unknowns may change."""
+    config = from_mapping(scene(CYLINDER))
+    drawn = resolve(config)
+    grid = build(drawn.physics.part, drawn.sizes)
+    facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"], "wall": grid.surfaces["r_max"]}
+    gmsh.initialize([], False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        entity = gmsh.model.addDiscreteEntity(2)
+        places = np.pad(grid.points + np.array([0.0, 5.0]), ((0, 0), (0, 1)))
+        gmsh.model.mesh.addNodes(2, entity, np.arange(1, len(places) + 1), places.ravel())
+        gmsh.model.mesh.addElementsByType(entity, 2, [], grid.cells.ravel() + 1)
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [entity]), "gel")
+        for name, rows in facets.items():
+            edge = gmsh.model.addDiscreteEntity(1)
+            gmsh.model.mesh.addElementsByType(edge, 1, [], rows.ravel() + 1)
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [edge]), name)
+        gmsh.write(str(tmp_path / "part.msh"))
+    finally:
+        gmsh.finalize()
+    body = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    contact = {"method": "augmented_lagrangian", "epsilon_n": 5.0}  # h_contact is not the same, nor its multiples
+    read_back = forces(in_folder(tmp_path, body, contact=contact))
+    assert read_back == pytest.approx(forces(from_mapping(scene(CYLINDER, contact=contact))), rel=1e-9)
+
+
+def test_a_section_and_a_block_feel_their_theory(tmp_path: Path) -> None:
+    """Refined until 10 elements are in the contact, the section of a layer between rollers is theory's own body. What
+    is left at that many elements is 0.3 %, measured on cylinders meshed here."""
+    write(tmp_path / "part.msh", section(2.0, 1.0, 20, 10))
+    body = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    found = forces(in_folder(tmp_path, body, mesh={"refinements": 2}))
+    theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
+    assert theory is not None
+    assert found == pytest.approx([theory.at(delta).force for delta in (0.02, 0.05)], rel=3e-3)  # type: ignore[union-attr]
+
+
+def test_a_block_is_a_box(tmp_path: Path) -> None:
+    """The same body from a file and meshed here, whose meshes know nothing of one another: each is good to 1 % at its
+    sizes. The box has its tip in the middle of 0 ... 2, the file at x = y = 0."""
+    write(tmp_path / "part.msh", block(2.0, 1.0, 12, 6))
+    body = {"shape": "mesh", "file": "part.msh", "kinematics": "3d", "surfaces": NAMES}
+    loading = {"delta": 0.1, "steps": 1}
+    found = forces(in_folder(tmp_path, body, loading=loading))
+    box = forces(from_mapping(scene({"shape": "box", "size": [2.0, 2.0, 1.0]}, loading=loading)))
+    assert found == pytest.approx(box, rel=0.02)
+
+
+def test_regions_of_a_file_are_layers(tmp_path: Path) -> None:
+    """Two regions on the mesh of one body, with one material: 1e-9; with a stiff lower one: the layered cylinder within
+    what both meshes are good for."""
+    body = section(2.0, 1.0, 40, 20)
+    upper = body["points"][body["cells"]][:, :, 1].mean(axis=1) > -0.5
+    body["regions"] = {"film": np.flatnonzero(upper), "glass": np.flatnonzero(~upper)}
+    write(tmp_path / "part.msh", body)
+    named = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    alone = forces(in_folder(tmp_path, named, mesh={"refinements": 1}))
+    same = forces(in_folder(tmp_path, named | {"regions": {"film": LINEAR}}, mesh={"refinements": 1}))
+    assert same == pytest.approx(alone, rel=1e-9)
+    stiff = LINEAR | {"E": 10.0}
+    found = forces(in_folder(tmp_path, named | {"regions": {"glass": stiff}}, mesh={"refinements": 1}))
+    layers = [{"thickness": 0.5, "material": LINEAR}, {"thickness": 0.5, "material": stiff}]
+    config = scene(CYLINDER | {"layers": layers})
+    del config["material"]
+    assert found == pytest.approx(forces(from_mapping(config)), rel=5e-3)
+
+
+@pytest.mark.parametrize("sides", ["free", "roller"])
+def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(tmp_path: Path, sides: str) -> None:
+    """The audit of every run demands that reactions of pins are zero: a wrong pin, or none, ends it. A block on rollers
+    between two walls has one horizontal motion left, a free one all three."""
+    write(tmp_path / "part.msh", block(2.0, 1.0, 4, 3))
+    body = {"shape": "mesh", "file": "part.msh", "kinematics": "3d", "surfaces": NAMES, "base": "roller",
+            "sides": sides}  # fmt: skip
+    config = in_folder(tmp_path, body, loading={"delta": 0.1, "steps": 1})
+    assert len(resolve(config).physics.part.pins) == (3 if sides == "free" else 1)
+    outcome = simulate(config, directory=tmp_path / "run")
+    assert len(outcome.states) == 1 and outcome.states[0].force > 0
+
+
+def test_a_result_reproduces_itself_from_its_own_folder(tmp_path: Path) -> None:
+    """config.yaml beside body.msh gives the same rows to the last digit, and the same files."""
+    write(tmp_path / "part.vtu", section())
+    body = {"shape": "mesh", "file": "part.vtu", "kinematics": "axisymmetric",
+            "surfaces": {"contact": "part=1", "base": "part=2"}}  # fmt: skip
+    first = simulate(in_folder(tmp_path, body, output={"plot": False}), directory=tmp_path / "first")
+    (tmp_path / "part.vtu").unlink()
+    again = simulate(load(tmp_path / "first" / "config.yaml"), directory=tmp_path / "again")
+    assert [state.force for state in again.states] == [state.force for state in first.states]
+    for name in ("config.yaml", "body.msh"):
+        assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
+
+
+def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
+    """The bar, by the mesh refined once, holds theory's force, exact for this body; so does that of `accuracy`, whose
+    coarser meshes are those before."""
+    write(tmp_path / "part.msh", section(2.0, 1.0, 20, 10))
+    body = {"shape": "mesh", "file": "part.msh", "kinematics": "axisymmetric", "surfaces": NAMES, "sides": "roller"}
+    theory = resolve(from_mapping(scene(CYLINDER))).plan.theory
+    assert theory is not None
+    output = {"plot": False, "fields": "none"}
+    given = simulate(in_folder(tmp_path, body, output=output), directory=tmp_path / "bars", error_bars=True)
+    asked = simulate(in_folder(tmp_path, body, output=output, accuracy=0.01), directory=tmp_path / "accuracy")
+    for outcome in (given, asked):
+        for state in outcome.states:
+            assert state.force_error is not None
+            assert abs(state.force - theory.at(state.delta).force) <= state.force_error  # type: ignore[union-attr]
+    assert all(state.force_error <= 0.01 * state.force for state in asked.states)  # type: ignore[operator]

@@ -1,0 +1,356 @@
+"""Bodies from mesh files: what is read, what is refused and in which words, and what refinement leaves as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from mesh_files import block, section, write
+
+from indent_sim.config.file import load, loads
+from indent_sim.mesh import file, inspection
+from indent_sim.mesh.grid import boundary_of
+from indent_sim.mesh.meshed import MeshedPart, first_touch
+from indent_sim.mesh.piece import Piece, as_msh, halved
+from indent_sim.model.body import MeshFromFile, MeshSurfaces
+from indent_sim.model.tips import Paraboloid
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import Scene, resolve
+
+SURFACES = MeshSurfaces("top", "bottom", "wall")
+SCENE = """
+body:
+  shape: mesh
+  file: {file}
+  kinematics: {kinematics}
+  surfaces: {{contact: top, base: bottom, sides: wall}}
+material: {{model: linear_elastic, E: 1.0, nu: 0.3}}
+indenter: {{shape: paraboloid, R: 1.0}}
+loading: {{delta: 0.02}}
+"""
+
+
+def piece(folder: Path, body: dict[str, Any], kinematics: Any = "axisymmetric", name: str = "part.msh",
+          surfaces: MeshSurfaces = SURFACES, **others: Any) -> Piece:  # fmt: skip
+    """What is read of a body that is written into a file."""
+    write(folder / name, body)
+    source = MeshFromFile(name, kinematics, surfaces, **others)
+    return inspection.piece_of(file.read(str(folder), name), source, True)
+
+
+def scene(folder: Path, name: str = "part.msh", kinematics: str = "axisymmetric", *settings: str) -> Scene:
+    """The scene of a file in a folder."""
+    (folder / "scene.yaml").write_text(SCENE.format(file=name, kinematics=kinematics), encoding="utf-8")
+    return resolve(load(folder / "scene.yaml", settings))
+
+
+def volume(found: Piece) -> float:
+    """The volume, or the area, of all cells together."""
+    corners = found.grid.points[found.grid.cells]
+    return float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum()) / (2 if found.dim == 2 else 6)
+
+
+# ---- what is read ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["part.msh", "part.inp"])
+@pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
+def test_all_kinds_of_files_with_names_hold_the_same_body(
+    tmp_path: Path, name: str, body: dict[str, Any], kinematics: str
+) -> None:
+    found = piece(tmp_path, body, kinematics, name)
+    assert volume(found) == pytest.approx(2.0 if kinematics == "axisymmetric" else 4.0, rel=1e-12)
+    for surface, given in (("top", "top"), ("base", "bottom"), ("sides", "wall")):
+        assert len(found.grid.surfaces[surface]) == len(body["facets"][given])
+
+
+@pytest.mark.parametrize("name", ["part.vtu", "part.xdmf"])
+@pytest.mark.parametrize(("body", "kinematics"), [(section(), "plane_strain"), (block(), "3d")])
+def test_files_without_names_have_numbers_at_their_cells(
+    tmp_path: Path, name: str, body: dict[str, Any], kinematics: str
+) -> None:
+    found = piece(tmp_path, body, kinematics, name, MeshSurfaces("part=1", "part=2", "part=3"))
+    assert np.ptp(found.corners("top")[..., -1]) == 0 and np.ptp(found.corners("base")[..., -1]) == 0
+
+
+def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
+    body = section()
+    write(tmp_path / "part.inp", body)
+    text = (tmp_path / "part.inp").read_text(encoding="utf-8")
+    top = ", ".join(str(k + 1) for k in np.flatnonzero(body["points"][:, 1] == 0))
+    (tmp_path / "part.inp").write_text(f"{text}*NSET, NSET=skin\n{top}\n", encoding="utf-8")
+    source = MeshFromFile("part.inp", "plane_strain", MeshSurfaces("skin", "bottom"))
+    found = inspection.piece_of(file.read(str(tmp_path), "part.inp"), source, True)
+    assert len(found.grid.surfaces["top"]) == 8
+
+
+@pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
+def test_the_copy_of_a_piece_is_the_piece(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
+    """Coordinates are written with all their digits, so that the hash, of all bytes, is the same."""
+    body["points"][:, :2] *= 1 / 3
+    found = piece(tmp_path, body, kinematics, regions={"gel": None})
+    source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
+    (tmp_path / "copy.msh").write_text(as_msh(found, source), encoding="utf-8")
+    again = inspection.piece_of(file.read(str(tmp_path), "copy.msh"), source, True)
+    assert again.hash == found.hash and again.names == found.names == ("gel",)
+
+
+def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:
+    """A cell whose corners go round the other way is turned over; only one that overlaps a neighbour is inverted."""
+    body = section()
+    body["cells"][::2] = body["cells"][::2, ::-1]
+    assert volume(piece(tmp_path, body)) == pytest.approx(2.0, rel=1e-12)
+
+
+# ---- refinement ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(), "3d")])
+def test_refinement_keeps_the_body_and_its_surfaces(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
+    coarse = piece(tmp_path, body, kinematics)
+    fine = halved(halved(coarse))
+    assert len(fine.grid.cells) == 4**coarse.dim * len(coarse.grid.cells)
+    assert volume(fine) == pytest.approx(volume(coarse), rel=1e-12)
+    outside, _ = boundary_of(fine.grid.cells)
+    outer = {tuple(sorted(facet)) for facet in outside.tolist()}
+    for name, facets in fine.grid.surfaces.items():
+        assert len(facets) == 4 ** (coarse.dim - 1) * len(coarse.grid.surfaces[name])
+        assert {tuple(sorted(facet)) for facet in facets.tolist()} <= outer
+
+
+def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
+    """A quadratic arc through (0, 0), (0.5, 0.06), (1, 0): the corners of the refined top."""
+    points = np.array([(0, -1), (1, -1), (1, 0), (0, 0), (0.5, -1), (1, -0.5), (0.5, 0.06), (0, -0.5), (0.5, -0.5)])
+    cells = [(0, 1, 2, 4, 5, 8), (0, 2, 3, 8, 6, 7)]
+    groups = {"top": (2, 3), "bottom": (0, 1), "wall": (1, 2)}
+    lines = [f"{k + 1} 1 2 {k + 1} 1 {a + 1} {b + 1}" for k, (a, b) in enumerate(groups.values())]
+    lines += [f"{k + 4} 9 2 9 1 {' '.join(str(c + 1) for c in cell)}" for k, cell in enumerate(cells)]
+    nodes = [f"{k + 1} {x} {y} 0" for k, (x, y) in enumerate(points)]
+    names = [f'1 {k + 1} "{name}"' for k, name in enumerate(groups)]
+    (tmp_path / "part.msh").write_text("\n".join(
+        ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$PhysicalNames", "3", *names, "$EndPhysicalNames", "$Nodes", "9",
+         *nodes, "$EndNodes", "$Elements", "5", *lines, "$EndElements", ""]), encoding="utf-8")  # fmt: skip
+    source = MeshFromFile("part.msh", "plane_strain", SURFACES)
+    found = inspection.piece_of(file.read(str(tmp_path), "part.msh"), source, True)
+    assert len(found.grid.points) == 4
+    top = halved(found).corners("top").reshape(-1, 2)
+    assert sorted(map(tuple, top.tolist())) == [(0.0, 0.0), (0.5, 0.06), (0.5, 0.06), (1.0, 0.0)]
+    # where it is curved a tip touches it at the midside node, though the unrefined mesh has no point there
+    assert first_touch(Paraboloid(R=1e9), found, (0.5,)) == pytest.approx(0.06, abs=1e-9)
+
+
+# ---- where the tip touches -------------------------------------------------------------------------------------------
+
+
+def test_first_touch_of_a_slope_is_beside_the_axis(tmp_path: Path) -> None:
+    """z = x/10 under r^2/(2 R), R = 1: z - f is largest at x = R/10, 0.005 above the place under the axis."""
+    body = section()
+    body["points"][:, 0] -= 1
+    body["points"][:, 1] += body["points"][:, 0] / 10 * (1 + body["points"][:, 1])
+    found = piece(tmp_path, body, "plane_strain")
+    assert first_touch(Paraboloid(R=1.0), found, (0.0,)) == pytest.approx(0.005, abs=1e-9)
+
+
+def test_any_height_is_the_same_scene(tmp_path: Path) -> None:
+    """z up, any z: a body at z = 3 is the body at z = 0, and a length unit is a length unit."""
+    body = section()
+    write(tmp_path / "part.msh", body)
+    low = scene(tmp_path)
+    body["points"][:, 1] += 3.0
+    write(tmp_path / "high.msh", body)
+    high = scene(tmp_path, "high.msh")
+    assert high.physics.part.extent == low.physics.part.extent == ((0.0, 2.0), (-1.0, 0.0))
+    assert high.physics.deltas == low.physics.deltas and high.sizes == low.sizes
+
+
+def test_facets_that_look_like_a_curved_surface_are_told_of(tmp_path: Path) -> None:
+    """z = -x^2/4 in facets of h = 1/4: each sags by h^2/16 = 1/256, where a depth of 0.02 is what is asked for."""
+    body = section(1.0, 1.0, 4, 4)
+    body["points"][:, 1] -= body["points"][:, 0] ** 2 / 4 * (1 + body["points"][:, 1])
+    write(tmp_path / "part.msh", body)
+    found = scene(tmp_path)
+    part = found.physics.part
+    assert isinstance(part, MeshedPart)
+    assert part.sag((0.0, 0.0), 0.3) == pytest.approx(1 / 256, rel=0.05)  # but for the squares of slopes up to 0.2
+    assert any(doubt.key == "facets" for doubt in found.plan.doubts)
+    write(tmp_path / "part.msh", section())
+    assert not any(doubt.key == "facets" for doubt in scene(tmp_path).plan.doubts)
+
+
+# ---- what is refused -------------------------------------------------------------------------------------------------
+
+
+def _pulled(body: dict[str, Any]) -> None:
+    inside = int(np.flatnonzero((body["points"][:, 0] == 1.0) & (body["points"][:, 1] == -0.5))[0])
+    body["points"][inside, 0] = 1.6  # beyond the next nodes
+
+
+def _flat(body: dict[str, Any]) -> None:
+    body["points"][body["points"][:, 1] > -0.6, 1] = 0.0
+
+
+def _torn(body: dict[str, Any]) -> None:
+    half = body["points"][body["cells"]][:, :, 0].mean(axis=1) > 1
+    body["cells"][half] += len(body["points"])
+    body["points"] = np.vstack([body["points"], body["points"]])
+    body["facets"] = {"top": body["facets"]["top"][:4], "bottom": body["facets"]["bottom"][:4],
+                      "wall": body["facets"]["wall"] + len(body["points"]) // 2}  # fmt: skip
+
+
+def _swapped(body: dict[str, Any]) -> None:
+    body["facets"]["top"], body["facets"]["bottom"] = body["facets"]["bottom"], body["facets"]["top"]
+
+
+def _named_inside(body: dict[str, Any]) -> None:
+    body["facets"]["top"] = np.array([[20, 21]])
+
+
+def _shared(body: dict[str, Any]) -> None:
+    body["facets"]["bottom"] = body["facets"]["wall"]
+
+
+def _sideways(body: dict[str, Any]) -> None:
+    body["facets"]["top"], body["facets"]["wall"] = body["facets"]["wall"], body["facets"]["top"]
+
+
+def _stepped(body: dict[str, Any]) -> None:
+    """A notch from the wall: its floor and the top lie above one another."""
+    x, z = body["points"][body["cells"]].mean(axis=1)[:, :2].T
+    body["cells"] = body["cells"][~((x > 1) & (z > -0.75) & (z < -0.5))]
+    body["regions"] = {"gel": np.arange(len(body["cells"]))}
+    floor = np.flatnonzero((body["points"][:, 1] == -0.75) & (body["points"][:, 0] >= 1))
+    body["facets"]["top"] = np.vstack([body["facets"]["top"], np.column_stack([floor[:-1], floor[1:]])])
+    body["facets"]["wall"] = body["facets"]["wall"][:1]
+
+
+def _left(body: dict[str, Any]) -> None:
+    body["points"][:, 0] -= 0.5
+
+
+def _tilted(body: dict[str, Any]) -> None:
+    body["points"][:, 2] = body["points"][:, 0]
+
+
+def _lines_alone(body: dict[str, Any]) -> None:
+    body["regions"] = {"gel": np.arange(0)}
+    body["cells"] = body["cells"][:0]
+
+
+MALFORMED: list[tuple[Callable[[dict[str, Any]], None], str, str]] = [
+    (_pulled, "body.file", "cells are inverted: they overlap a neighbour, the first at"),
+    (_flat, "body.file", "cells have no volume, the first at"),
+    (_torn, "body.file", "the mesh is in 2 pieces that share no points; merge double points"),
+    (_swapped, "body.surfaces.contact", "8 facets of 'top' face down, the first at"),
+    (_sideways, "body.surfaces.contact", "4 facets of 'top' face sideways, the first at"),
+    (_named_inside, "body.surfaces.contact", "1 facets of 'top' are not on the outside of the body, the first at"),
+    (_shared, "body.surfaces.sides", "'wall' shares facets with another surface"),
+    (_stepped, "body.surfaces.contact", "parts of 'top' lie above one another at"),
+    (_left, "body.kinematics", "points of the section have r = -0.5; the axis is r = 0"),
+    (_tilted, "body.kinematics", "the triangles do not lie in one plane z = const"),
+    (_lines_alone, "body.kinematics", "the file has lines, and a body in 2 dimensions is made of triangles"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "key", "words"), MALFORMED, ids=[spoil.__name__[1:] for spoil, _, _ in MALFORMED])
+def test_a_malformed_mesh_has_its_message(
+    tmp_path: Path, spoil: Callable[[dict[str, Any]], None], key: str, words: str
+) -> None:
+    body = section()
+    spoil(body)
+    with pytest.raises(ConfigError) as refused:
+        piece(tmp_path, body)
+    assert refused.value.key == key and words in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("setting", "key", "words"),
+    [
+        ("body.surfaces.contact=roof", "body.surfaces.contact", "no group 'roof'; the file has bottom, gel, "),
+        ("body.surfaces.base=gel", "body.surfaces.base", "'gel' is a group of triangles, and lines are needed here"),
+        ("body.kinematics=3d", "body.kinematics", "a body in 3 dimensions is made of tetrahedra"),
+        ("body.regions={top: {model: linear_elastic, E: 1.0, nu: 0.3}}", "body.regions.top", "is a group of lines"),
+        ("indenter.center=[5.0, 0.0]", "indenter.center", "the tip stands on the axis of an axisymmetric mesh"),
+        ("indenter={shape: pyramid, half_angle: 65.0, faces: 3}", "indenter.shape", "is no tip of revolution"),
+        ("mesh.h_contact=0.1", "mesh.h_contact", "is for bodies that are meshed here"),
+        ("mesh.symmetry=full", "mesh.symmetry", "is for bodies that are meshed here"),
+        ("body.hash=0123456789abcdef", "body.hash", "'part.msh' holds another mesh"),
+        ("body.file=other.msh", "body.file", "cannot read the mesh 'other.msh': No such file"),
+        ("body.file=scene.yaml", "body.file", "is of no known kind; it must end in one of .msh, .xdmf, .vtu, .inp"),
+        ("body.file=/etc/passwd", "body.file", "must be below the scene's folder, not absolute and without .."),
+        ("body.file=../part.msh", "body.file", "must be below the scene's folder, not absolute and without .."),
+    ],
+)
+def test_a_scene_that_does_not_fit_its_mesh_has_its_message(tmp_path: Path, setting: str, key: str, words: str) -> None:
+    write(tmp_path / "part.msh", section())
+    with pytest.raises(ConfigError) as refused:
+        scene(tmp_path, "part.msh", "axisymmetric", setting)
+    assert refused.value.key == key and words in str(refused.value)
+
+
+def test_a_mesh_is_part_of_no_other_shape() -> None:
+    with pytest.raises(ConfigError, match="is for body"):
+        loads("body: {shape: cylinder, radius: 1.0, height: 1.0}\nmaterial: {model: linear_elastic, E: 1.0, nu: 0.3}\n"
+              "indenter: {shape: cone, half_angle: 70.0}\nloading: {delta: 0.1}\nmesh: {refinements: 1}\n")  # fmt: skip
+
+
+# ---- files of strangers ----------------------------------------------------------------------------------------------
+
+
+def test_links_lead_nowhere(tmp_path: Path) -> None:
+    (tmp_path / "inside").mkdir()
+    write(tmp_path / "part.msh", section())
+    (tmp_path / "inside" / "part.msh").symlink_to(tmp_path / "part.msh")
+    with pytest.raises(ConfigError, match="leads out of the scene's folder through a link"):
+        scene(tmp_path / "inside")
+
+
+def test_an_abaqus_file_includes_no_other(tmp_path: Path) -> None:
+    (tmp_path / "part.inp").write_text("*INCLUDE, INPUT=/etc/passwd\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="includes another file"):
+        scene(tmp_path, "part.inp")
+
+
+@pytest.mark.parametrize(("form", "where"), [("Binary", "/etc/passwd"), ("HDF", "../part.h5:/data0")])
+def test_an_xdmf_file_takes_numbers_from_beside_it_alone(tmp_path: Path, form: str, where: str) -> None:
+    write(tmp_path / "part.xdmf", section())
+    text = (tmp_path / "part.xdmf").read_text(encoding="utf-8")
+    text = text.replace("part.h5:/data0", where).replace('Format="HDF"', f'Format="{form}"', 1)
+    (tmp_path / "part.xdmf").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match="takes its numbers from"):
+        scene(tmp_path, "part.xdmf")
+
+
+def external_numbers(store: h5py.File) -> None:
+    store.create_dataset("data0", (4, 2), "f8", external=[("/etc/passwd", 0, 64)])
+
+
+def external_link(store: h5py.File) -> None:
+    store["data0"] = h5py.ExternalLink("../other.h5", "/data0")
+
+
+def unfolding_numbers(store: h5py.File) -> None:
+    store.create_dataset("data0", (2**40, 2), "f8", chunks=(2**16, 2), compression="gzip")
+
+
+@pytest.mark.parametrize("kept", [external_numbers, external_link, unfolding_numbers])
+def test_an_hdf5_file_has_its_numbers_itself(tmp_path: Path, kept: Callable[[h5py.File], None]) -> None:
+    write(tmp_path / "part.xdmf", section())
+    with h5py.File(tmp_path / "part.h5", "a") as store:
+        del store["data0"]
+        kept(store)
+    with pytest.raises(ConfigError, match="takes its numbers from '/data0'"):
+        scene(tmp_path, "part.xdmf")
+
+
+@pytest.mark.parametrize("name", ["part.msh", "part.xdmf", "part.vtu", "part.inp"])
+@pytest.mark.parametrize("content", [b"", b"no mesh\n", b"\x00\xff" * 50, b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n",
+                                     b"*NODE\n1, a, b\n", b"<Xdmf/>"])  # fmt: skip
+def test_what_is_no_mesh_is_an_error_of_the_scene(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ConfigError) as refused:
+        scene(tmp_path, name)
+    assert refused.value.key in ("body.file", "body.kinematics")
