@@ -10,7 +10,7 @@ import inspect
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, cast, get_args, get_origin
+from typing import Any, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema
 
@@ -31,6 +31,7 @@ from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
 
+QUANTITY = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
 DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length",
               Unit(1, 1): "force/length"}  # fmt: skip
 
@@ -44,14 +45,31 @@ def json_schema() -> dict[str, Any]:
     lists = [{"required": [way], "not": {"required": ["steps"]}} for way in ("deltas", "forces")]
     one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
     found["$defs"]["Loading"]["oneOf"] = one_of
+    for definition in found["$defs"].values():
+        for name, value in definition.get("properties", {}).items():
+            if (symbol := lookup(name)) and symbol.dimension not in ("1", "word"):
+                definition["properties"][name] = _with_units(value)
     return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
+
+
+def _with_units(value: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list of such."""
+    if "anyOf" in value:
+        return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
+    if value.get("type") == "array":
+        return value | {key: _with_units(value[key]) for key in ("items",) if key in value}
+    if value.get("type") != "number":
+        return value
+    about = {key: value.pop(key) for key in ("description", "default") if key in value}
+    return about | {"anyOf": [value, QUANTITY]}
 
 
 def config_markdown() -> str:
     """docs/config.md."""
     parts = [
         "# The scene file\n\nGenerated from the schema by `python -m indent_sim.config.reference`.\n",
-        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0.\n"
+        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
+        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those.\n"
         "A section without a default is required. Unknown and repeated keys are errors.\n",
         _table(["section", "default", "meaning"], map(_section_row, schema.keys_at((), {}))),
     ]
@@ -110,7 +128,7 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        if dataclasses.is_dataclass(core(hints(kind)[name])) and words_of(hints(kind)[name]) and section:
+        if words_of(hints(kind)[name]) and dataclasses.is_dataclass(core(hints(kind)[name])) and section:
             _allow_one_word(entry, hints(kind)[name])
     tag = schema.tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
@@ -156,23 +174,21 @@ def _kind_markdown(section: str, kind: type) -> str:
 
 def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
     """The row of a key, and those of the keys inside where it is a section or a list of them."""
-    hint = cast(type, core(hints(kind)[name]))
-    own = _key_row(section, kind, name, outside)
-    if dataclasses.is_dataclass(hint) and not words_of(hint):
-        return [own, *(row for key in field_names(hint)
-                       for row in _key_rows(section, hint, key, f"{outside}{name}."))]  # fmt: skip
-    items = get_args(hint)[0] if get_origin(hint) is tuple else None
-    return [own, *_item_rows(name, items)]
+    hint = hints(kind)[name]
+    is_list = get_origin(core(hint)) is tuple
+    item = get_args(core(hint))[0] if is_list else None if words_of(hint) or tag_of(hint) else hint
+    within = f"{outside}{name}[]." if is_list else f"{outside}{name}."
+    return [_key_row(section, kind, name, outside), *_rows_inside(name, item, within)]
 
 
-def _item_rows(name: str, item: Any) -> Iterator[list[str]]:
+def _rows_inside(name: str, item: Any, within: str) -> Iterator[list[str]]:
     """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
     tag, kinds = tag_of(item), [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))]
     if tag:
-        yield [f"`{name}[].{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
+        yield [f"`{within}{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
     owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
     for key, kind in owners.items():
-        yield from _key_rows(name, kind, key, f"{name}[].")
+        yield from _key_rows(name, kind, key, within)
 
 
 def _key_row(section: str, kind: type, name: str, outside: str = "") -> list[str]:

@@ -150,7 +150,6 @@ EXPERIMENT = (
     Symbol("calibration", "", "relative uncertainties of the instrument", WORD),
     Symbol("experiment.R", "R", "relative uncertainty of the tip's radius", "1"),
     Symbol("t", "t", "time", "time"),
-    Symbol("z", "z", "way of the cantilever's base: delta + force/k + c force", "length"),
     Symbol("branch", "", "approach, hold or retract; of an equilibrium curve stable or unstable", WORD),
     Symbol("frequency", "", "cycles per time", "1/time"),
     Symbol("storage", "K'", "in-phase stiffness of the contact", "force/length"),
@@ -280,6 +279,8 @@ SURFACE = (
     Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
     Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
     Symbol("u", "u", "displacement", "length"),
+    Symbol("z", "z", "height of the undeformed point, 0 on a flat top; in experiment.csv the way of the cantilever's base, "
+           "delta + force/k + c force", "length"),
     Symbol("u_x", "u_x", "displacement along x; along the radius in an axisymmetric scene", "length"),
     Symbol("u_y", "u_y", "displacement along y", "length"),
     Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),

@@ -7,6 +7,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
@@ -56,6 +57,13 @@ def model(given: Given) -> list[Choice]:
         *([Choice("control", "force", FORCE_WHY)] if given.path.control == "force" else []),
         *([Choice("pins", len(part.pins), PINS_WHY)] if part.pins else []),
     ]
+
+
+def quantities(config: Config) -> list[Choice]:
+    """Quantities that carried units of their own, as they are in the scene's."""
+    own = f"{config.units.length} and {config.units.force}"
+    return [Choice(key_text(path), value, f"given as {text}; the scene is in {own}")
+            for path, (text, value) in config.source.quantities.items()]  # fmt: skip
 
 
 def formulations(given: Given) -> list[Choice]:

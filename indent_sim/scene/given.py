@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
-HALVINGS = 40  # of the way of a spring's base, until the depth is known
 D = TypeVar("D")
+HALVINGS = 40  # of the way of a spring's base, until the depth is known
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -141,7 +141,8 @@ def _given(
     reached = depths_of(history, theory, relative, material, body.height, scales) if history else (0.0,)
     return Given(
         scales, body, truncation, layers, material, tip, relative, center, path, part, part_why,
-        theory=theory and theory.along(deltas), deltas=deltas, experiment=config.experiment, asked=max(reached),
+        theory=theory and theory.along((*deltas, *reached)), deltas=deltas,
+        experiment=config.experiment, asked=max(reached),
         radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
 

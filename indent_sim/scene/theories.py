@@ -14,7 +14,20 @@ import numpy as np
 from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere
+from indent_sim.model.tips import (
+    Berkovich,
+    Cone,
+    CubeCorner,
+    FlatPunch,
+    Indenter,
+    Paraboloid,
+    Plate,
+    Profile,
+    Pyramid,
+    RegularPyramid,
+    Sphere,
+    Vickers,
+)
 from indent_sim.theory import half_space, profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.layer import Layer
@@ -110,13 +123,13 @@ class KnownTip:
     force: Callable[[Any, float, float], float | None] = lambda tip, delta, E_star: None
 
 
-def _equal_sections(tip: Pyramid) -> profiles.Tip:
+def _equal_sections(tip: RegularPyramid) -> profiles.Tip:
     """The cone whose sections are as large as the pyramid's."""
     angle = np.degrees(np.arctan(tip.roundness * np.tan(np.radians(tip.half_angle))))
     return profiles.cone(float(angle), tip.tip_radius)
 
 
-def _square_pyramid(tip: Pyramid, delta: float, E_star: float) -> float | None:
+def _square_pyramid(tip: RegularPyramid, delta: float, E_star: float) -> float | None:
     return half_space.square_pyramid_force(delta, tip.half_angle, E_star) if tip.faces == 4 else None
 
 
@@ -137,7 +150,8 @@ TIPS: dict[type, KnownTip] = {
     FlatPunch: KnownTip(lambda tip: profiles.flat_punch(tip.radius, tip.edge_radius), "Sneddon (flat punch)",
                         lambda tip, delta, E_star: half_space.flat_punch_force(delta, tip.radius, E_star)),
     Plate: KnownTip(lambda tip: profiles.plane()),
-    Pyramid: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid),
+    **{kind: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid)
+       for kind in (Pyramid, Berkovich, Vickers, CubeCorner)},
     Profile: KnownTip(_of_points),
 }  # fmt: skip
 
