@@ -218,7 +218,7 @@ def against_theory(config: Config, given: Given) -> str:
         return "theory does not know a body meshed elsewhere"
     if known is None:
         return "theory knows no layers with nu < 0" if shape_of(given.tip) else "theory does not know this tip"
-    if not known.exact:
+    if not known.exact and not (known.pull and config.solver.method == "theory"):
         return known.why
     if target is not None and target < known.error:
         return f"theory is good to {known.error:.0e} of the force, and accuracy asks for {target:g}"

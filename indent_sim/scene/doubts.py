@@ -63,6 +63,14 @@ def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     return (*_of_model(given), *_of_tip(given, gap))
 
 
+def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
+    """What theory's contact has that none has that is pushed alone."""
+    if not (given.theory and given.theory.pull):
+        return ()
+    words = f"{given.theory.why}; pushed alone, the body has a smaller one: only a mesh knows its a and its pressure"
+    return (Doubt("pull", words, given.theory.pull),)
+
+
 def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a

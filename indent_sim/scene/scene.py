@@ -20,7 +20,7 @@ from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import Doubt, doubts, of_theory
+from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
 from indent_sim.scene.expected import peakless, prediction_of
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
@@ -149,7 +149,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
                       given.path, given.deltas)  # fmt: skip
     chosen = (solver, *choices.by_theory(config, given))
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
-    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted)
+    against = (*of_theory(given), *of_whole_contact(given))
+    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted)
     settings = dataclasses.replace(config.solver, method="theory")
     return Scene(physics, sizing.surface_points(given), settings, plan)
 

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import inf, nan
+from math import ceil, inf, nan
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,8 @@ OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
 NO_INCLUSIONS = "theory's body has no inclusions"
 CONTRAST, STEEP = 1e4, 2.5  # between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
 
+SAMPLED = 10  # depths of a path at which it is asked whether theory's tip would have to pull
+
 Formula = Callable[[float], float]
 
 
@@ -36,7 +38,8 @@ Formula = Callable[[float], float]
 class Theory:
     """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
 
-    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `formulas`: force
+    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `pull`: the share of
+    the force that the tip would have to pull with, where that alone keeps it from being exact. `formulas`: force
     [pressure length^2] at a depth [length] by the usual formulas for such a body. A depth is worked out once and
     remembered.
     """
@@ -47,6 +50,7 @@ class Theory:
     contact: LayerContact = field(repr=False)
     error: float = OWN_ERROR
     formulas: Mapping[str, Formula] = field(default_factory=dict, repr=False)
+    pull: float = 0.0
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
@@ -71,6 +75,18 @@ class Theory:
             return min(self.contact.depth(force), deepest)
         last = self.at(deepest)
         return deepest if last and last.force <= force else None
+
+    def along(self, deltas: Sequence[float]) -> Theory:
+        """The same theory, no longer exact where its tip would have to pull at one of the depths."""
+        if not self.exact or len(self.contact.scaled.plies) == 1:
+            return self
+        some = {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)}
+        found = [solution for delta in some if delta > 0 and (solution := self.at(delta))]
+        pull = max(map(self.contact.tension, found), default=0.0)
+        if not pull:
+            return self
+        why = f"theory's tip would pull with {100 * pull:.1g} % of the force to keep its contact whole"
+        return replace(self, exact=False, why=why, pull=pull, error=max(self.error, pull))
 
     def reaches(self, path: LoadPath, deepest: float) -> bool:
         """Whether theory goes as far as a path, whose deepest contact is to be expected at this depth."""
