@@ -21,7 +21,9 @@ AXIS = {"model": "transversely_isotropic", "E": E, "E_z": E_Z, "nu": NU, "nu_z":
 ISOTROPIC = AXIS | {"E_z": 1.0, "nu_z": 0.3, "G_z": 1 / 2.6}  # ELASTIC
 BONE = AXIS | {"E": 12.0, "E_z": 20.0, "nu": 0.4, "nu_z": 0.3, "G_z": 4.5}
 INCOMPRESSIBLE = AXIS | {"nu": 0.75, "nu_z": 0.5}  # D = 1 - nu - 2 nu_z^2 E/E_z = 0
-SHEARED = AXIS | {"E_z": 1.0, "nu_z": 0.3, "G_z": 0.03}
+SHEARED = AXIS | {"E_z": 1.0, "nu_z": 0.3, "G_z": 0.01}
+LOOSE = AXIS | {"E_z": 0.1, "nu_z": 0.05, "G_z": 0.05}
+FIBROUS = AXIS | {"E_z": 10.0, "nu_z": 0.3, "G_z": 0.5}
 ACROSS = -NU_Z / E_Z
 COMPLIANCE = np.array([[1 / E, -NU / E, ACROSS], [-NU / E, 1 / E, ACROSS], [ACROSS, ACROSS, 1 / E_Z]])
 
@@ -65,14 +67,17 @@ def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
     assert state.p_max == pytest.approx(p, rel=EXACT)
 
 
-@pytest.mark.parametrize("material", [AXIS, BONE, INCOMPRESSIBLE, SHEARED], ids=["axis", "bone", "D = 0", "sheared"])
+@pytest.mark.parametrize("material", [BONE, INCOMPRESSIBLE, SHEARED, LOOSE, FIBROUS],
+                         ids=["bone", "incompressible", "sheared", "loose", "fibrous"])  # fmt: skip
 def test_a_half_space(material: dict[str, Any]) -> None:
     """Theory with the indentation modulus is exact, and a mesh agrees with it to 0.3 % and the stated truncation."""
     exact = scene({"shape": "half_space"}, material=material)
     assert not exact.is_meshed and exact.exact_theory is not None
     (state,) = chain.states(exact)
     meshed = scene({"shape": "half_space"}, material=material, solver={"method": "condensed"})
-    assert force(meshed) == pytest.approx(state.force, rel=3e-3 + meshed.plan.prediction["truncation_error"])
+    found = force(meshed)
+    print(f"half-space by a mesh: {found / state.force - 1:+.3%}")
+    assert found == pytest.approx(state.force, rel=3e-3 + meshed.plan.prediction["truncation_error"])
 
 
 @pytest.mark.parametrize("body", [WALLED, STRIP, CYLINDER | {"symmetry": "quarter"}], ids=["section", "strip", "3d"])
