@@ -78,6 +78,10 @@ MATERIAL = (
     Symbol("model", "", "the elastic law; decides the other keys of `material`", WORD),
     Symbol("E", "E", "Young's modulus", "pressure"),
     Symbol("nu", r"\nu", "Poisson's ratio", "1"),
+    Symbol("E_z", "E_z", "Young's modulus along the axis z of a transversely isotropic material; E, nu: across it",
+           "pressure"),
+    Symbol("nu_z", r"\nu_z", "-eps_plane/eps_z under sigma_z, of a transversely isotropic material", "1"),
+    Symbol("G_z", "G_z", "shear modulus of planes through the axis z of a transversely isotropic material", "pressure"),
     Symbol("mu", r"\mu", "shear modulus (never a friction coefficient)", "pressure"),
     Symbol("kappa", r"\kappa", "bulk modulus", "pressure"),
     Symbol("C10", "C_{10}", "first invariant's coefficient (Mooney-Rivlin, Yeoh)", "pressure"),
@@ -279,8 +283,8 @@ SURFACE = (
     Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
     Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
     Symbol("u", "u", "displacement", "length"),
-    Symbol("z", "z", "height of the undeformed point, 0 on a flat top; in experiment.csv the way of the cantilever's base, "
-           "delta + force/k + c force", "length"),
+    Symbol("z", "z", "height of the undeformed point, 0 on a flat top; in experiment.csv the way of the cantilever's "
+           "base, delta + force/k + c force", "length"),
     Symbol("u_x", "u_x", "displacement along x; along the radius in an axisymmetric scene", "length"),
     Symbol("u_y", "u_y", "displacement along y", "length"),
     Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),

@@ -82,7 +82,8 @@ def _key_of(region: Region, alone: bool) -> str:
 
 def _formulation(key: str, region: Region) -> Choice:
     nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
-    why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
+    like = "" if region.material.is_isotropic else "as compressible as "
+    why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(key, region.formulation, why)
 
 

@@ -186,7 +186,7 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
     wall, exact, why = _wall(body, center)
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
-    return _theory("layer theory", exact, why, layers, tip, contact, formulas)
+    return _isotropic(_theory("layer theory", exact, why, layers, tip, contact, formulas), layers)
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
@@ -244,7 +244,8 @@ def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
     formulas = _film_formulas(layers, tip)
-    return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
+    found = _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
+    return found if len(layers) == 1 else _isotropic(found, layers)
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
@@ -274,6 +275,13 @@ def _theory(
     moduli = [layer.material.constants.E for layer in layers if layer.material]
     error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / CONTRAST) ** STEEP
     return Theory(name, exact, why, contact, error, formulas)
+
+
+def _isotropic(found: Theory, layers: Sequence[BodyLayer]) -> Theory:
+    """Theory of layers, whose materials are isotropic: of the same indentation modulus where the body's are not."""
+    if all(layer.material and layer.material.is_isotropic for layer in layers):
+        return found
+    return replace(found, exact=False, why="theory's layers are isotropic")
 
 
 def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Formula]:
