@@ -137,8 +137,8 @@ def _given(
     part, part_why = _modelled(config, body, center, tip, layers, piece, scales)
     asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
-    deltas = depths_of(path, theory, relative, material, body.height, scales)
     reached = depths_of(history, theory, relative, material, body.height, scales) if history else (0.0,)
+    deltas = depths_of(path, theory, relative, material, body.height, scales)
     return Given(
         scales, body, truncation, layers, material, tip, relative, center, path, part, part_why,
         theory=theory and theory.along((*deltas, *reached)), deltas=deltas,
