@@ -31,9 +31,15 @@ BEYOND = 1.25  # of the widest contact that is expected: places beyond are there
 FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that a piece of the history has at least
 MOST = 2000  # steps of a history, about, but for one in each of its pieces
 RESOLVED = 20.0  # first steps in the shortest relaxation time
-OUTGROWN = "the contact outgrows the surface that is known: the tip comes deeper than its history says"
 TOUCHES = 60  # corrections of a contact that is no disc
 SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
+
+
+class Outgrown(ValueError):
+    """The contact covers all of the surface that is known."""
+
+    def __init__(self) -> None:
+        super().__init__("the contact outgrows the surface that is known: the tip comes deeper than its history says")
 
 
 @dataclass(frozen=True)
@@ -112,7 +118,7 @@ class SurfaceContact:
         y = solve_triangular(self.L, -o, lower=True)
         outside = np.flatnonzero(y <= 0.0)
         if not len(outside):
-            raise ValueError(OUTGROWN)
+            raise Outgrown
         n = int(outside[0])
         p = np.zeros(len(o))
         p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0  # type: ignore[index]
@@ -133,7 +139,7 @@ class SurfaceContact:
             active = np.where(active, p, -(o + self.M @ p)) > 0.0
         self._active, p = active, np.maximum(p, 0.0)
         if active.all():
-            raise ValueError(OUTGROWN)
+            raise Outgrown
         self.radius = self.surface.radius(p)
         return p
 
@@ -216,14 +222,19 @@ class StepByStep:
         if force <= 0.0:
             contact.radius = 0.0
             return delta, np.zeros(len(o))
-        delta = max(delta, float((o / areas).min()))
-        delta += max(force * contact.M[0, 0] / areas[0] ** 2, 1e-12 * abs(delta))
+        low = max(delta, float((o / areas).min()))
+        delta = low + max(force * contact.M[0, 0] / areas[0] ** 2, 1e-12 * abs(low))
         for _ in range(SEARCH):
-            p = contact.pressures(o - delta * areas)
+            try:
+                p = contact.pressures(o - delta * areas)
+            except Outgrown:  # far too deep
+                delta = 0.5 * (low + delta)
+                continue
             on = np.flatnonzero(p > 0.0)
             slope = float(areas[on] @ np.linalg.solve(contact.M[np.ix_(on, on)], areas[on]))
             missing = force - float(areas @ p)
+            low = delta if missing > 0.0 else low
             delta += missing / slope
             if abs(missing) <= SAME_FORCE * force:
-                break
-        return delta, contact.pressures(o - delta * areas)
+                return delta, contact.pressures(o - delta * areas)
+        raise Outgrown
