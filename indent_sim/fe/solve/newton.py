@@ -46,7 +46,7 @@ class Newton:
         self.snes = self._create(symmetric=problem.has_symmetric_tangent)
 
     def _create(self, *, symmetric: bool) -> PETSc.SNES:
-        self._halved = linear.halves(self._user_options, symmetric)
+        self._halved, self._has_tangent = linear.halves(self._user_options, symmetric), False
         linear.install(self._user_options, symmetric=symmetric)
         snes = PETSc.SNES().create(self.problem.comm)
         snes.setOptionsPrefix(linear.PREFIX)
@@ -70,6 +70,7 @@ class Newton:
         problem.b.copy(f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self._has_tangent = True
         self.problem.assemble_tangent(P)
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
@@ -179,6 +180,10 @@ class Newton:
         way.set(0.0)
         begin, left, correction = (problem.b.duplicate() for _ in range(3))
         self._function(self.snes, start, begin)
+        if not self._has_tangent:  # nothing was solved yet, as after a resumed row that stood
+            problem.assemble_tangent(problem.A)
+            self.snes.getKSP().setOperators(problem.A)
+            self._has_tangent = True
         problem.delta.value = depth + step
         for _ in range(CORRECTIONS):
             self._function(self.snes, start + step * way, left)
