@@ -107,7 +107,9 @@ CONTACT = (
            "the deformed point, pressure along the tip's normal; auto: reference at small strain", WORD),
     Symbol("lam", r"\lambda_n", "contact multiplier, a pressure >= 0", "pressure"),
     Symbol("p", "p", "normal contact pressure >= 0", "pressure"),
-    Symbol("friction", "f", "friction coefficient", "1"),
+    Symbol("friction", "f", "Coulomb's friction coefficient, or stick: the surface never slips on the tip", "1"),
+    Symbol("tau", r"\tau", "tangential traction on the body", "pressure"),
+    Symbol("epsilon_t", r"\varepsilon_t", "tangential contact stiffness; auto: epsilon_n", "pressure/length"),
 )  # fmt: skip
 
 LOADING = (

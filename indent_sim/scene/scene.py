@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body
-from indent_sim.model.contact import ActiveSet, ContactLaw
+from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -50,6 +50,12 @@ class Physics:
     gap: str  # reference | current
     path: LoadPath  # what is prescribed, step by step
     deltas: tuple[float, ...]  # prescribed, or expected at the prescribed forces
+    anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether an equilibrium depends on the path to it."""
+        return bool(self.contact.friction)
 
     @property
     def material(self) -> Material:
@@ -109,6 +115,7 @@ class Scene:
         theory = self.plan.theory
         parts = (
             (not self.physics.small_strain, "strain is finite, theory's small"),
+            (self.physics.has_memory, "the surface is rough, theory's frictionless"),
             (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
         )
@@ -160,14 +167,17 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     nodes = candidates(sizes, given.part)
+    anchor, friction_choice = choices.friction(law, given, gap)
     solver = choices.solver(config, given, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
     cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
     doubted = doubts(given, law, gap, sizes)
-    physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
-    chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *tip_choice, *wall_choice,
-              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver)  # fmt: skip
+    physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
+                      given.deltas, anchor)  # fmt: skip
+    chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *friction_choice,
+              *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
+              solver)  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
     return Scene(physics, sizes, dataclasses.replace(config.solver, method=solver.value), plan)  # type: ignore[arg-type]

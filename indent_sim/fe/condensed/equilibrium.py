@@ -26,11 +26,11 @@ Forces = tuple[np.ndarray, np.ndarray]  # nodal forces and multiplier, at the no
 class CondensedEquilibrium:
     """Contact on the compliance of the candidate surface; see `path.Equilibrium`."""
 
-    has_memory = False
     force_tolerance = FORCE_TOLERANCE
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
         self.scene, self.body, self.dofs = scene, body, body.active_dofs
+        self.has_memory = scene.physics.has_memory
         self.condenser = condenser or Condenser(body)
         sides = zip(scene.physics.part.extent[:-1], scene.physics.center, strict=False)
         self._whole = max(abs(end - c) for ends, c in sides for end in ends)
@@ -67,6 +67,14 @@ class CondensedEquilibrium:
 
     def sharpen(self) -> None:
         """A dense solve leaves nothing to sharpen."""
+
+    def depart(self) -> None:
+        """Nothing is remembered without friction."""
+
+    @property
+    def dissipation(self) -> float:
+        """Without friction nothing is dissipated."""
+        return 0.0
 
     def solve(self, depth: float) -> bool:
         """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""

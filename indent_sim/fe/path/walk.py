@@ -139,6 +139,7 @@ class Walk:
 
     def _attempt(self, delta: float) -> bool:
         """Solve at delta, first from the predicted state, then from the last one."""
+        self.equilibrium.depart()
         if not (self._extrapolate(delta) and self.equilibrium.solve(delta)):
             self.return_to_last()
             if not self.equilibrium.solve(delta):

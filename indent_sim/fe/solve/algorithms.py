@@ -29,6 +29,29 @@ def _approaching(newton: Newton) -> Callable[[], bool]:
     return solve
 
 
+def with_friction(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    """The algorithm once, or for the anchor `mid` twice: what comes into contact slips freely the first time."""
+    problem, friction, anchor = newton.problem, newton.problem.friction, newton.problem.scene.physics.anchor
+    if friction is None:
+        return algorithm
+
+    def solve() -> bool:
+        before = problem.snapshot()
+        if anchor == "implicit":
+            friction.stick_where_it_was()
+        else:
+            friction.let_new_slip()
+        solved = algorithm()
+        if solved and anchor == "mid":
+            friction.stick_half_way()
+            solved = algorithm()
+        if not solved:
+            problem.restore(before)
+        return solved
+
+    return solve
+
+
 def _uzawa(newton: Newton) -> Callable[[], bool]:
     """Newton with lam held, in Uzawa's loop; on the way to its own stiffness lam is updated too."""
     problem, contact = newton.problem, newton.problem.contact
