@@ -42,6 +42,7 @@ class _StiffnessLaw:
     method: str
     stiffness: Any
     friction: Any = 0.0
+    epsilon_t: Any = "auto"
 
     def trial_pressure(self, g: Any, lam: Any) -> Any:
         """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
@@ -142,6 +143,7 @@ class ActiveSet:
     multiplier: ClassVar[Multiplier] = "nodal"
     uncondensed: ClassVar[str] = ""
     friction: ClassVar[float] = 0.0
+    epsilon_t: ClassVar[Any] = "auto"
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

@@ -191,7 +191,6 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
             (not given.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (bool(law.uncondensed), law.uncondensed),
-            (bool(law.friction), "a condensed body knows no friction yet"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
             (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from scenes import PARABOLOID, scene, solve
 
+from indent_sim.fe.condensed import equilibrium
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 
@@ -39,6 +40,17 @@ def test_paraboloid_on_a_half_space(friction: float | str, nu: float, exact: flo
     """Superposed no-slip punches, and Coulomb punches by a ring boundary-element method; 6e-4 is the elements' share
     (5e-4 at nu = 0, where half as large ones give -5e-4), that of ten steps a third of it."""
     assert ratio(friction, nu) == pytest.approx(exact, abs=6e-4)
+
+
+@pytest.mark.parametrize("friction", ["stick", 0.3, 0.5])
+def test_condensed_is_newton(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One discrete problem, in and out again: Newton's tolerance alone differs, also where the candidates must grow."""
+    path = {"deltas": [0.002, 0.006, 0.01, 0.007, 0.003, 0.0]}
+    whole = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "newton"})
+    monkeypatch.setattr(equilibrium, "MARGIN", -5.0)
+    condensed = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "condensed"})
+    for one, other in zip(condensed, whole, strict=True):
+        assert one.force == pytest.approx(other.force, rel=1e-9, abs=1e-14)
 
 
 def test_shear_is_held_on_the_axis() -> None:

@@ -20,7 +20,8 @@ MARGIN = 1.0  # elements between the fine patch and the candidates' rim, which t
 GROWTH = 1.6  # and this much further when the contact comes to their rim
 FORCE_TOLERANCE = 1e-10  # a dense solve leaves less
 
-Forces = tuple[np.ndarray, np.ndarray]  # nodal forces and multiplier, at the nodes of the whole contact surface
+# Nodal forces (axes, nodes) and multiplier (nodes,) at the nodes of the whole contact surface
+Forces = tuple[np.ndarray, np.ndarray]
 
 
 class CondensedEquilibrium:
@@ -38,11 +39,12 @@ class CondensedEquilibrium:
         self._iterations, self._outgrown = 0, ""
         self.observed = RecoveredBody(self)
         self.depth = 0.0
+        self._departed: tuple[Forces, float] | None = None  # the equilibrium that the present step set out from
         self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
 
     def _condense(self, reach: float) -> None:
         self._reach = reach
-        compliance = self.condenser.condense(reach, self.scene.physics.center)
+        compliance = self.condenser.condense(reach, self.scene.physics.center, shear=self.has_memory)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self.depth)
 
@@ -69,22 +71,26 @@ class CondensedEquilibrium:
         """A dense solve leaves nothing to sharpen."""
 
     def depart(self) -> None:
-        """Nothing is remembered without friction."""
+        """Take the present equilibrium as the one that the next step sets out from."""
+        if self.contact.friction:
+            self.contact.friction.depart(self.depth)
+            self._departed = self.snapshot(), self.depth
 
     @property
     def dissipation(self) -> float:
-        """Without friction nothing is dissipated."""
-        return 0.0
+        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
+        friction = self.contact.friction
+        return self.scene.physics.part.copies * friction.dissipation(self.depth) if friction else 0.0
 
     def solve(self, depth: float) -> bool:
         """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
-        before = self.snapshot()
+        before, began = self.snapshot(), self.depth
         while self.contact.solve(depth):
             if self._is_inside():
                 self.depth = self.view.depth = depth
                 return True
             is_wider = self._widen()
-            self.restore(before, self.depth)  # so that no number knows the candidates
+            self.restore(before, began)  # so that no number knows the candidates
             if not is_wider:
                 break
         return False
@@ -98,6 +104,9 @@ class CondensedEquilibrium:
             return False
         self._iterations = self.iterations
         self._condense(wider)
+        if self._departed:
+            self.restore(*self._departed)
+            self.depart()
         return True
 
     def _is_inside(self) -> bool:
@@ -114,14 +123,14 @@ class CondensedEquilibrium:
 
     def snapshot(self) -> Forces:
         """Nodal forces and multiplier at the nodes of the whole surface: they do not know the candidates."""
-        F = np.zeros(len(self.contact.lam))
-        F[self.contact.places] = self.contact.F
-        return F, self.contact.lam
+        forces = np.zeros((len(self.contact.forces), len(self.contact.lam)))
+        forces[:, self.contact.places] = self.contact.forces
+        return forces, self.contact.lam
 
     def restore(self, state: Forces, depth: float) -> None:
         """Put a state back."""
-        F, lam = state
-        self.contact.F, self.contact.lam = F[self.contact.places], lam
+        forces, lam = state
+        self.contact.forces, self.contact.lam = forces[:, self.contact.places], lam
         self.depth = self.view.depth = depth
 
     def pack(self, state: Forces) -> list[np.ndarray]:
@@ -130,13 +139,13 @@ class CondensedEquilibrium:
 
     def unpack(self, arrays: Sequence[np.ndarray]) -> Forces:
         """The state of packed arrays."""
-        F, lam = arrays
-        return F, lam
+        forces, lam = arrays
+        return forces, lam
 
     def blend(self, shares: Sequence[float], states: Sequence[Forces]) -> None:
         """Take a combination of states as the present one."""
-        F = np.tensordot(shares, [F for F, _ in states], axes=1)
-        self.contact.F = F[self.contact.places]
+        forces = np.tensordot(shares, [forces for forces, _ in states], axes=1)
+        self.contact.forces = forces[:, self.contact.places]
         self.contact.lam = np.tensordot(shares, [lam for _, lam in states], axes=1)
 
     # ---- what is observed ----------------------------------------------------------------------------------------
@@ -145,8 +154,8 @@ class CondensedEquilibrium:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
-                "reaction": copies * float(compliance.support @ contact.F),
-                "stray_reaction": copies * float(compliance.stray @ np.abs(contact.F)),
+                "reaction": copies * float(compliance.support @ contact.forces.ravel()),
+                "stray_reaction": copies * float(compliance.stray @ np.abs(contact.forces.ravel())),
                 **measure.contact(self.view)}  # fmt: skip
 
     def surface(self) -> Surface | None:
@@ -159,7 +168,7 @@ class CondensedEquilibrium:
 
     def recover(self) -> None:
         """Put the whole body's displacement of the present state into the body's solution."""
-        self.condenser.recover(self.contact.F)
+        self.condenser.recover(self.contact.forces.ravel())
 
     def refuse_unused_options(self) -> None:
         """Nothing is passed to PETSc here."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve.anchor import anchored
 from indent_sim.fe.solve.newton import Newton, finest
 from indent_sim.fe.terms.traction import Traction
 
@@ -30,24 +31,17 @@ def _approaching(newton: Newton) -> Callable[[], bool]:
 
 
 def with_friction(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-    """The algorithm once, or for the anchor `mid` twice: what comes into contact slips freely the first time."""
-    problem, friction, anchor = newton.problem, newton.problem.friction, newton.problem.scene.physics.anchor
+    """The algorithm with what friction remembers; itself where there is none."""
+    problem, friction = newton.problem, newton.problem.friction
     if friction is None:
         return algorithm
 
     def solve() -> bool:
         before = problem.snapshot()
-        if anchor == "implicit":
-            friction.stick_where_it_was()
-        else:
-            friction.let_new_slip()
-        solved = algorithm()
-        if solved and anchor == "mid":
-            friction.stick_half_way()
-            solved = algorithm()
-        if not solved:
-            problem.restore(before)
-        return solved
+        if anchored(friction, problem.scene.physics.anchor, algorithm):
+            return True
+        problem.restore(before)
+        return False
 
     return solve
 
