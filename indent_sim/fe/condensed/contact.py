@@ -99,6 +99,7 @@ class CondensedContact:
 
     @cached_property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shape functions (points, nodes), weighted areas and heights (facets, points) of the contact quadrature."""
         points, weights = contact_quadrature(self.compliance.trace.dim)
         return shapes(points), *self.rule(points, weights)
 
@@ -134,6 +135,7 @@ class CondensedContact:
         return np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size) if n else np.zeros((0, 0))
 
     def vector(self, local: np.ndarray) -> np.ndarray:
+        """Facet vectors (facets, nodes) summed over the nodes of the candidates."""
         return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
 
     # ---- laws with a stiffness -----------------------------------------------------------------------------------

@@ -12,45 +12,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
-from indent_sim.fe.condensed.compliance import Compliance
 from indent_sim.fe.observe.surface import shapes
 from indent_sim.fe.terms.friction import AT_ONCE
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
 STALLED = 1e-10  # and where round-off leaves no more
 ITERATIONS = 50
-
-
-class Surface(Protocol):
-    """What friction needs of a `CondensedContact`."""
-
-    compliance: Compliance
-    law: Any
-    nodes: np.ndarray
-    places: np.ndarray
-    forces: np.ndarray
-    lam: np.ndarray
-    iterations: int
-    quadrature: Any
-    mass: Any
-
-    def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
-
-    def vector(self, local: np.ndarray) -> np.ndarray:
-        """Facet vectors (facets, n) summed over the nodes."""
-
-    def projected(self, F: np.ndarray) -> np.ndarray:
-        """M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
-
-    def nothing(self, size: Any) -> float:
-        """What is none beside the forces of the last equilibria."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +48,8 @@ class Trial:
 class CondensedFriction:
     """What the tangential forces add to a `CondensedContact`: its Newton, its history and its work."""
 
-    def __init__(self, contact: Surface):
+    def __init__(self, contact: Any):
+        """contact: the `CondensedContact` that these are the tangential forces of."""
         self._law = contact.law
         self._contact, self._compliance = contact, contact.compliance
         self._n, axes = contact.compliance.size, len(contact.compliance.held)
