@@ -163,7 +163,7 @@ def polygon(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side
 def on_dome(radius: Any, r: Any, z: Any) -> tuple[Any, Any]:
     """The point of a spherical top nearest to a point (r, z) of its mesh, whose facets are chords [length].
 
-    The distance d from the centre (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all digits near the apex.
+    The distance d from the center (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all digits near the apex.
     """
     beyond = r * r + z * (z + 2 * radius)
     d = sqrt(beyond + radius * radius)

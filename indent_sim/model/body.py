@@ -420,7 +420,7 @@ class Cap:
 class Ball:
     """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
-    base roller: the plane through its centre is a mirror plane, below which the same tip pushes up: `delta` is the
+    base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
     approach of the two. fixed: the lower half of its surface is bonded to something rigid.
     """
 

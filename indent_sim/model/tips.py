@@ -81,15 +81,15 @@ class Sphere(_Tip):
         return where_less(square, R2, cap, FAR * self.R)
 
     def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
-        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the ball's centre c.
+        """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the ball's center c.
 
-        phi is the angle between v and the upward axis. On the axis above the centre the gap is -|v| - R: a body that
+        phi is the angle between v and the upward axis. On the axis above the center the gap is -|v| - R: a body that
         the tip has passed does not come free of it above.
         """
         R2, c = self.R * self.R, cos(STEM)
         # |v|^2 - R^2 = x^2 + y^2 + depth (depth - 2 R) keeps its digits when shallow
         difference = x * x + y * y + depth * (depth - 2 * self.R)
-        distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the centre
+        distance = sqrt(difference + R2 * (1 + 1e-15))  # its derivative is finite at the center
         stem = maximum(depth - self.R - c * distance, 0.0 * depth) / (1 - c)
         return difference / (distance + self.R) - 2 * stem * stem / distance
 
@@ -224,7 +224,7 @@ class Pyramid(_Tip):
         square = x * x + y * y
         s, t, p, q = self._sector(x, y)
         face = slope * s - rho * (1 / sin(self.half_angle) - 1)
-        # the edge is a line that rises with the slope m, the ball's centre runs along it
+        # the edge is a line that rises with the slope m, the ball's center runs along it
         m = slope * cos(180 / self.faces)
         secant = sqrt(1 + m * m)
         chord = sqrt(maximum(rho * rho - q * q, 0.0 * q))
@@ -235,7 +235,7 @@ class Pyramid(_Tip):
         return where_less((s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face)
 
     def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
-        """Distance to the ball's centres (face, edge or apex of a sharp pyramid rho higher) less rho."""
+        """Distance to the ball's centers (face, edge or apex of a sharp pyramid rho higher) less rho."""
         rho, slope = self.tip_radius, 1 / tan(self.half_angle)
         s, t, p, q = self._sector(x, y)
         z = depth - rho

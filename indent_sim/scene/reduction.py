@@ -118,7 +118,7 @@ def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:
         raise _refuse(wanted, f"a {body.shape} is modelled about its axis", "use 'auto'")
     part = Part(Axisymmetric(), "axisymmetric", 1, _round_section(body), body.height, regions,
                 {"base": body.base, "r_min": "roller"})  # fmt: skip
-    mirrored = "; half of the ball, which the plane through its centre mirrors, and half of the approach"
+    mirrored = "; half of the ball, which the plane through its center mirrors, and half of the approach"
     return part, f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}"
 
 

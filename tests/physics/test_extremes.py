@@ -185,11 +185,11 @@ def test_no_tip_moves_the_top_of_a_fixed_side(body: dict[str, Any], gap: str) ->
     assert layer(body, **punch, **once(0.101)).physics.deltas[-1] > 0
 
 
-@pytest.mark.parametrize("centre", [0.5, 0.4])
-def test_a_tip_beside_the_middle_meets_one_side_first(centre: float) -> None:
-    """At (1 - centre)^2/(2 R)."""
-    strip, tip = SIDES["strip"], BLUNT | {"center": [centre]}
-    meets = (1 - centre) ** 2 / 2.5
+@pytest.mark.parametrize("center", [0.5, 0.4])
+def test_a_tip_beside_the_middle_meets_one_side_first(center: float) -> None:
+    """At (1 - center)^2/(2 R)."""
+    strip, tip = SIDES["strip"], BLUNT | {"center": [center]}
+    meets = (1 - center) ** 2 / 2.5
     assert layer(strip, indenter=tip, **once(0.99 * meets)).physics.deltas[-1] > 0
     with pytest.raises(ConfigError, match="top of a fixed side"):
         layer(strip, indenter=tip, **once(1.01 * meets))

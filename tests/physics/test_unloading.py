@@ -83,7 +83,7 @@ def test_depths_in_any_order_give_the_forces_of_the_sorted_path() -> None:
 ON_ROLLERS = {"base": "roller", "sides": "free"}
 
 
-@pytest.mark.parametrize("place", [0.5, 0.3], ids=["middle", "off_centre"])
+@pytest.mark.parametrize("place", [0.5, 0.3], ids=["middle", "off_center"])
 @pytest.mark.parametrize(("body", "h"), [(STRIP, 0.02), (BOX, 0.1)], ids=["plane_strain", "box"])
 def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> None:
     """Rollers below and free sides: frictionless contact pushes straight down, so the pins that stop the rigid motions

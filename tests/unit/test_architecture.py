@@ -61,7 +61,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "mpi4py": ("fe/", "run/", "cli/"),
     "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
     "meshio": ("mesh/file.py",),
-    "h5py": ("results/",),
+    "h5py": ("results/", "mesh/file.py"),
     "matplotlib": ("results/pictures/", "study/picture.py"),
     "scipy": ("theory/", "fe/"),
     "yaml": ("config/strict_yaml.py",),

@@ -68,7 +68,7 @@ def test_a_surface_behind_a_ball() -> None:
 def test_a_body_that_closes_over_a_ball() -> None:
     """Facets about the ball up to 36 degrees from its top, beside the stem, then level: outside with all their points.
 
-    The nodes of a polygon about a circle are 1 / cos(half a step) from its centre, which is at z = -1.55.
+    The nodes of a polygon about a circle are 1 / cos(half a step) from its center, which is at z = -1.55.
     """
     angles = np.radians(np.arange(180, 35, -6))
     ring = np.stack([np.sin(angles), np.cos(angles)]) / np.cos(np.radians(3))

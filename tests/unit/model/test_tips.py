@@ -115,7 +115,7 @@ def test_the_gap_of_a_punch_does_not_jump(edge: float) -> None:
 
 
 def test_a_ball_is_whole_but_for_its_stem() -> None:
-    """The distance to the ball outside the stem's cone; on the axis falling with the depth, through the centre too."""
+    """The distance to the ball outside the stem's cone; on the axis falling with the depth, through the center too."""
     ball, angle = Sphere(1.3), np.radians(np.linspace(31, 180, 50))
     for distance in (0.7, 1.3, 2.0):
         gap = ball.gap_current(distance * np.sin(angle), 0.0, 1.3 + distance * np.cos(angle))
