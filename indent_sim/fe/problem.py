@@ -170,6 +170,16 @@ class Problem:
             return float(self.thrust()[-1])
         return self.scene.physics.part.copies * self.comm.allreduce(self.contact.force(), op=MPI.SUM)
 
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
+        assert self.friction
+        return self.friction.room_at(points)
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) [pressure]."""
+        assert self.friction
+        return self.friction.shear_at(points)
+
     def thrust(self) -> np.ndarray:
         """Force on the tip along each axis, of the whole body; across a mirror plane it is that of the part."""
         assert self.friction

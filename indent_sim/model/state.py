@@ -8,6 +8,7 @@ import numpy as np
 
 from indent_sim.model.units import Scales
 
+OF_FRICTION = ("stick_radius", "dissipation", "side_force_x", "side_force_y")  # the last where the tip is off centre
 ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
@@ -17,7 +18,8 @@ class Surface:
     """The contact surface at one state: reference coordinates, displacement, gap and pressure, one entry a point.
 
     x, y [length] (axisymmetric: x = r, y = 0; strip: y = 0); u (n, 3) [length]; gap [length] >= 0 open;
-    pressure [pressure] >= 0.
+    pressure [pressure] >= 0; shear [pressure] the tangential traction on the body, > 0 along x or the radius, in three
+    dimensions its size; None without friction.
     """
 
     x: np.ndarray
@@ -25,10 +27,13 @@ class Surface:
     u: np.ndarray
     gap: np.ndarray
     pressure: np.ndarray
+    shear: np.ndarray | None = None
 
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
-        return Surface(self.x * length, self.y * length, self.u * length, self.gap * length, self.pressure * pressure)
+        shear = None if self.shear is None else self.shear * pressure
+        lengths = (self.x * length, self.y * length, self.u * length, self.gap * length)
+        return Surface(*lengths, self.pressure * pressure, shear)
 
 
 @dataclass(frozen=True)
@@ -38,8 +43,10 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). Errors are
-    half-widths of error bars, None where there are none.
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). With friction,
+    None without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
+    side_force on the tip [force] across a body that it stands off the middle of. Errors are half-widths of error bars,
+    None where there are none.
     """
 
     step: int
@@ -57,6 +64,10 @@ class State:
     substeps: int = 1
     converged: bool = True
     reason: str = ""
+    stick_radius: float | None = None
+    dissipation: float | None = None
+    side_force_x: float | None = None
+    side_force_y: float | None = None
     force_error: float | None = None
     a_error: float | None = None
     p_max_error: float | None = None
@@ -77,5 +88,13 @@ class State:
             energy=self.energy * scales.energy,
             reaction=self.reaction * F,
             stray_reaction=self.stray_reaction * F,
+            stick_radius=_times(self.stick_radius, L),
+            dissipation=_times(self.dissipation, scales.energy),
+            side_force_x=_times(self.side_force_x, F),
+            side_force_y=_times(self.side_force_y, F),
             surface=self.surface and self.surface.in_units(L, P),
         )
+
+
+def _times(value: float | None, unit: float) -> float | None:
+    return None if value is None else value * unit

@@ -25,7 +25,7 @@ SURFACE = "surface.csv"
 INTEGERS = ("step", "newton_iterations")
 MAY_BE_EMPTY = {"p_max", *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
-SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # and shear with friction
 
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
@@ -73,10 +73,16 @@ def whole(cell: str) -> int:
 
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
+    shear = () if surface.shear is None else (surface.shear,)
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, *shear])
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
+
+
+def surface_header(surface: Surface) -> bytes:
+    """The first line of the surface table."""
+    return (",".join((*SURFACE_COLUMNS, *(() if surface.shear is None else ("shear",)))) + "\n").encode()
 
 
 def surface_blocks(path: Path) -> dict[int, bytes]:

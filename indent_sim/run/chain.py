@@ -103,7 +103,8 @@ class Run:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    errors=self._errors(scene), mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
+                    more=scene.physics.columns, errors=self._errors(scene),
+                    mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
                     "auto": left_open(config, decided)}  # fmt: skip

@@ -12,6 +12,7 @@ from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
+from indent_sim.model.state import OF_FRICTION
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
+MIRROR = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
 
 
@@ -56,6 +58,23 @@ class Physics:
     def has_memory(self) -> bool:
         """Whether an equilibrium depends on the path to it."""
         return bool(self.contact.friction)
+
+    @property
+    def sideways(self) -> dict[str, int]:
+        """The horizontal axes, by name, along which friction may push the tip: no mirror plane cuts the body there."""
+        if not self.has_memory or self.part.kinematics.name == "axisymmetric":
+            return {}
+        walls = self.part.distances(self.center)
+        axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
+        return {name: axis for name, axis in axes.items() if walls.get(f"{name}_min", 1.0) > MIRROR}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the force table that only some scenes have, in order."""
+        if not self.has_memory:
+            return ()
+        across = [f"side_force_{axis}" for axis in self.sideways]
+        return tuple(name for name in OF_FRICTION if not name.startswith("side") or name in across)
 
     @property
     def material(self) -> Material:

@@ -332,6 +332,17 @@ class CondensedState:
         """lam (facets, points) [pressure]."""
         return self.contact.multiplier[self.contact.places][self.trace.nodes] @ self.basis(points).T
 
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
+        assert self.contact.friction
+        return self.contact.friction.room_at(points, self.depth)
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) [pressure]."""
+        assert self.contact.friction
+        nodal = self.contact.friction.tau()[:, self.contact.places].T
+        return self.trace.values(nodal[self.trace.nodes], points)
+
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
         nodal = self.scene.physics.contact.multiplier == "nodal"

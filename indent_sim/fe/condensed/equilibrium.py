@@ -153,10 +153,12 @@ class CondensedEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
+        sideways = {f"side_force_{name}": -copies * float(contact.forces[1 + axis].sum())
+                    for name, axis in self.scene.physics.sideways.items()}  # fmt: skip
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
                 "reaction": copies * float(compliance.support @ contact.forces.ravel()),
                 "stray_reaction": copies * float(compliance.stray @ np.abs(contact.forces.ravel())),
-                **measure.contact(self.view)}  # fmt: skip
+                **sideways, **measure.contact(self.view)}  # fmt: skip
 
     def surface(self) -> Surface | None:
         """The surface table on rank 0, None on the others."""
@@ -195,6 +197,16 @@ class RecoveredBody:
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """The same without its ripples at the vertices of triangles [pressure]."""
         return self._spread(self._equilibrium.view.nodal_pressure(), points)
+
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """The stick radius is read off the candidates alone, see `CondensedState`."""
+        raise AssertionError
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) on this rank's facets [pressure]."""
+        friction = self._equilibrium.contact.friction
+        assert friction
+        return np.stack([self._spread(tau, points) for tau in friction.tau()], axis=-1)
 
     def _spread(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         values: Any = self._equilibrium.condenser.spread(nodal) @ self._equilibrium.view.basis(points).T

@@ -86,7 +86,7 @@ class CondensedFriction:
         D = self._responses - softer * self._stiffnesses * self._compliance.whole
         X: np.ndarray = contact.forces.ravel()
         nothing = contact.nothing(lambda F: np.abs(F).max(initial=0.0))
-        least = np.inf
+        least, seen = np.inf, list[bytes]()
         for _ in range(ITERATIONS):
             trial = self._trial(D @ X, contact.quadrature, delta, softer)
             load = self._loads(trial, N, W)
@@ -95,7 +95,9 @@ class CondensedFriction:
             if residual <= allowed * np.abs(load).max(initial=0.0) + nothing:
                 contact.forces = load.reshape(-1, self._n)
                 return True
-            least = min(least, residual)
+            if (regions := self._regions(trial)) in seen[:-1]:  # seldom but in a circle
+                return False
+            least, seen = min(least, residual), [*seen, regions]
             X = X + self._step(X - load, self._slopes(trial) * W, N, D)
             contact.iterations += 1
         return False
@@ -158,6 +160,11 @@ class CondensedFriction:
         length, bound = _length(trial.t_hat), self._bound(trial)
         slipping = np.where(length > bound, bound / length, 1.0)
         return np.asarray(np.where(trial.holds, slipping, 0.0) * trial.t_hat)
+
+    def _regions(self, trial: Trial) -> bytes:
+        """Where the surface is in contact, and where it slips and to which side."""
+        slips = _length(trial.t_hat) > self._bound(trial)
+        return (trial.p_hat > 0).tobytes() + (slips * np.sign(trial.t_hat)).tobytes()
 
     def _loads(self, trial: Trial, N: np.ndarray, W: np.ndarray) -> np.ndarray:
         """The nodal forces of the tractions; none where a displacement is held, which they could not change."""

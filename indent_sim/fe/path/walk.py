@@ -28,6 +28,7 @@ class Point:
 
     delta: float
     state: Any
+    dissipated: float = 0.0  # on the path to it [energy]
 
 
 class Walk:
@@ -88,9 +89,10 @@ class Walk:
                 yield failed_state(body.scene, step, value, iterations, self._pair, self.started, self.failure,
                                    body.crushed())  # fmt: skip
                 return
-            self._row = self._last
+            dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
             surface = body.surface() if wants_surface(step) else None
             yield State(step=step, delta=self._last.delta, newton_iterations=iterations, substeps=substeps,
+                        dissipation=dissipated if body.has_memory else None,
                         wall_s=time.perf_counter() - self.started, surface=surface, **body.numbers())  # fmt: skip
 
     def _press(self, force: float, step: int) -> int:
@@ -145,7 +147,8 @@ class Walk:
             if not self.equilibrium.solve(delta):
                 self.return_to_last()
                 return False
-        self._points = [*self._points[-2:], Point(delta, self.equilibrium.snapshot())]
+        dissipated = self._last.dissipated + self.equilibrium.dissipation
+        self._points = [*self._points[-2:], Point(delta, self.equilibrium.snapshot(), dissipated)]
         return True
 
     def _extrapolate(self, delta: float) -> bool:

@@ -134,8 +134,10 @@ class BodyEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         reaction, stray = self.problem.reactions()
+        axes = self.scene.physics.sideways
+        sideways = {f"side_force_{name}": float(self.problem.thrust()[axis]) for name, axis in axes.items()}
         return {"force": self.force, "energy": self.problem.energy(), "reaction": reaction, "stray_reaction": stray,
-                **measure.contact(self.problem)}  # fmt: skip
+                **sideways, **measure.contact(self.problem)}  # fmt: skip
 
     def surface(self) -> Surface | None:
         """The surface table on rank 0, None on the others."""

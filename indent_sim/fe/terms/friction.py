@@ -26,10 +26,12 @@ import ufl
 from dolfinx import fem
 
 from indent_sim.fe.body import Body
+from indent_sim.fe.observe.surface import FacetValues, facet_nodes
 from indent_sim.fe.terms.gap import Gap
 from indent_sim.fe.terms.traction import Traction
 
 AT_ONCE = 1e-6  # of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
+UNBOUNDED = 1e30  # [pressure] no traction that sticks is as large
 ROUNDOFF = 1e-30  # [pressure^2] added to |t|^2, whose root has no slope at zero
 
 
@@ -51,9 +53,10 @@ class Friction:
         tau = body.unknowns.fields["tau"]
         self._tau = tau if tau.ufl_shape else ufl.as_vector([tau])
         trial = self._tau - self._epsilon_t * self._slip
-        self._room = self._bounded(trial)
+        self._room = self._bound() - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
+        self._rooms: dict[bytes, FacetValues] = {}
         self._dissipation = fem.form(body.over_contact(-ufl.dot(self._t, self._slip)))
         self._thrust = [fem.form(body.over_contact(self._push(axis))) for axis in range(body.body_mesh.dim)]
 
@@ -74,15 +77,15 @@ class Friction:
             moved += ufl.as_vector([0.0] * (dim - 1) + [sunk])
         return ufl.as_vector([ufl.dot(m, moved) for m in self._tangents])
 
-    def _bounded(self, trial: Any) -> Any:
-        """friction p - |t_hat| [pressure], >= 0 where the surface sticks; None where it always does."""
+    def _bound(self) -> Any:
+        """friction p [pressure]; beyond all tractions for stick."""
         if self._law.friction == "stick":
-            return None
-        return self._normal.symbolic_law.friction * self._normal.pressure - _length(trial)
+            return ufl.as_ufl(UNBOUNDED)
+        return self._normal.symbolic_law.friction * self._normal.pressure
 
     def _projected(self, trial: Any) -> Any:
         """t_hat where it is within the bound, else the part of it that is."""
-        if self._room is None:
+        if self._law.friction == "stick":
             return trial
         return ufl.conditional(ufl.ge(self._room, 0.0), trial, trial + self._room / _length(trial) * trial)
 
@@ -132,6 +135,22 @@ class Friction:
     def dissipation(self) -> float:
         """-int t . s of the step to the present state [energy], this rank's share of the modelled part."""
         return float(fem.assemble_scalar(self._dissipation))
+
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """friction p - |t_hat| (facets, points) [pressure] at reference-facet points of the contact surface (collective
+        the first time)."""
+        key = points.tobytes()
+        if key not in self._rooms:
+            facets = self.body.body_mesh.surfaces["top"]
+            self._rooms[key] = FacetValues(self.body.mesh, facets, self._room, points)
+        return self._rooms[key]()[..., 0]
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) at reference-facet points of the contact surface [pressure]."""
+        body = self.body
+        nodes = facet_nodes(body.mesh, body.unknowns.own_space("tau"), body.body_mesh.surfaces["top"])
+        places = np.stack([places[nodes] for places in body.unknowns.components("tau").values()], axis=-1)
+        return body.trace.values(body.local_array()[places], points)
 
     def thrust(self) -> np.ndarray:
         """Force on the tip along each axis [force], this rank's share of the modelled part."""
