@@ -128,7 +128,7 @@ def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | No
 FREE = 0.3  # friction up to which steps of a tenth of the path need no second pass: 0.01 % of the force, measured
 
 
-def friction(law: ContactLaw, given: Given, gap: str) -> tuple[Anchor, list[Choice]]:
+def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
     """Where new contact is taken to have touched, and what to say of friction; nothing where there is none.
 
     ConfigError for a scene that friction was never verified in.
@@ -137,10 +137,8 @@ def friction(law: ContactLaw, given: Given, gap: str) -> tuple[Anchor, list[Choi
         return "implicit", []
     beyond = (
         (isinstance(law, Penalty), "method penalty has none yet", "use method augmented_lagrangian"),
-        (given.part.kinematics.name != "axisymmetric", "it is axisymmetric for now", "a cylinder, tip on its axis"),
-        (gap == "current", "it needs the gap at the undeformed point for now", "contact.gap: reference"),
-        (not given.small_strain, "it needs a linear elastic body for now", "material.model: linear_elastic"),
-        (given.path.control == "force", "it needs given depths for now", "loading.delta or deltas"),
+        (bool(given.part.pins), "it pushes sideways, and nothing holds this body there (roller base, free sides)",
+         "fix the base, hold a side, or put the tip in the middle and use symmetry"),
     )
     for applies, why, remedy in beyond:
         if applies:

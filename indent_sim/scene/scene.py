@@ -186,7 +186,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     nodes = candidates(sizes, given.part)
-    anchor, friction_choice = choices.friction(law, given, gap)
+    anchor, friction_choice = choices.friction(law, given)
     solver = choices.solver(config, given, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)

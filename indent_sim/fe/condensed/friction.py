@@ -95,7 +95,7 @@ class CondensedFriction:
             if residual <= allowed * np.abs(load).max(initial=0.0) + nothing:
                 contact.forces = load.reshape(-1, self._n)
                 return True
-            if (regions := self._regions(trial)) in seen[:-1]:  # seldom but in a circle
+            if (regions := self._regions(trial)) in seen[:-1] and residual >= least:  # it goes round in a circle
                 return False
             least, seen = min(least, residual), [*seen, regions]
             X = X + self._step(X - load, self._slopes(trial) * W, N, D)
