@@ -6,11 +6,16 @@ from math import log
 from typing import Any
 
 import pytest
-from scenes import PARABOLOID, scene, solve
+from scenes import ELASTIC, PARABOLOID, scene, solve
 
+from indent_sim.config.file import from_mapping
 from indent_sim.fe.condensed import equilibrium
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
+from indent_sim.run.chain import states
+from indent_sim.run.error_bars import Companion, ErrorBars, beside, ways
+from indent_sim.scene.scene import resolve
 
 # 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a thousandth of itself
 THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
@@ -100,3 +105,52 @@ def test_shear_is_held_on_the_axis() -> None:
     assert ratio("stick", 0.3, steps=5, h=A / 20) == pytest.approx(1.016213, abs=0.002)
     with pytest.raises(ConfigError):
         scene(THICK, contact={"method": "nitsche", "friction": 0.3})
+
+
+@pytest.mark.parametrize(("friction", "finer"), [("stick", 0.3), (0.3, 0.3)])
+def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: float | str, finer: float) -> None:
+    """Those of ten steps and five elements; the truth beside them from forty steps and seventeen elements."""
+    config = from_mapping({"body": THICK, "material": ELASTIC | {"nu": 0.0}, "indenter": PARABOLOID,
+                           "contact": {"friction": friction}, "loading": {"delta": A**2, "steps": 10},
+                           "mesh": {"h_contact": A / 5}})  # fmt: skip
+    base = resolve(config)
+    companions = [Companion(ratio, list(states(other)), other) for ratio, other in beside(base, [])]
+    bars = ErrorBars(base, companions, None, ways(companions[0].scene, lambda one: list(states(one))))
+    judged = [bars.judged(state) for state in states(base)]
+    truth = {round(s.delta, 12): s.force for s in rough(friction, 0.0, {"delta": A**2, "steps": 40},
+                                                       mesh={"h_contact": A / 5 * finer})}  # fmt: skip
+    for state in judged[4:]:
+        assert abs(state.force - truth[round(state.delta, 12)]) <= state.force_error
+    assert 0 < bars.budgets[-1].path < 0.02 * judged[-1].force
+
+
+@pytest.mark.parametrize("solver", ["condensed", "newton"])
+def test_prescribed_forces_find_the_depths_that_give_them(solver: str) -> None:
+    """In and out, each from the row before, whatever was tried between: 1e-8, the search's tolerance being 1e-10."""
+    forces = [3.7e-4, 1.5e-3, 7e-4, 1.3e-4]
+    base = scene(THICK, contact={"method": "auto", "friction": 0.3}, loading={"forces": forces},
+                 mesh={"h_contact": A / 6}, solver={"method": solver})  # fmt: skip
+    found = solve(base)
+    depths = tuple(state.delta / base.physics.scales.depth for state in found)
+    again = solve(base.with_physics(path=LoadPath("depth", depths), deltas=depths))
+    assert [state.force for state in found] == pytest.approx(forces, rel=1e-8)
+    assert [state.force for state in again] == pytest.approx(forces, rel=1e-8)
+
+
+def test_the_way_in_begins_where_the_tip_touches() -> None:
+    """A punch from above sticks from its first touch on: one step from there or from rest."""
+    below, above = (rough("stick", 0.3, {"deltas": path}, PUNCH, mesh={"h_contact": A / 6})[-1].force
+                    for path in ([0.001], [-0.01, 0.001]))  # fmt: skip
+    assert above == pytest.approx(below, rel=1e-9)
+
+
+@pytest.mark.parametrize(("friction", "nu", "F"), [("stick", 0.3, 1.015), (0.1, 0.49, 1.038), (0.3, 0.49, 1.096),
+                                                   ("stick", 0.49, 1.099)])  # fmt: skip
+def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> None:
+    """Over the smooth force at delta = 0.3 R, gap at the deformed point, by another program's walk: its last digit and
+    the elements, 2e-3."""
+    layer = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
+    forces = [solve(scene(layer, material={"model": "neo_hookean", "E": 1.0, "nu": nu}, mesh={"h_contact": 0.06},
+                          indenter={"shape": "sphere", "R": 1.0}, loading={"delta": 0.3, "steps": 10},
+                          contact={"method": "auto", "friction": f}))[-1].force for f in (friction, 0.0)]  # fmt: skip
+    assert forces[0] / forces[1] == pytest.approx(F, abs=2e-3)

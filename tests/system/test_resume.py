@@ -161,7 +161,8 @@ class TestKilled:
 
     @pytest.mark.parametrize(("material", "loading", "rows", "forget"), [
         ("neo_hookean", UP_AND_DOWN, 5, False), ("neo_hookean", UP_AND_DOWN, 6, True),
-        ("linear_elastic", UP_AND_DOWN, 5, False), ("neo_hookean", FORCES, 4, False), ("linear_elastic", FORCES, 5, False)
+        ("linear_elastic", UP_AND_DOWN, 5, False), ("neo_hookean", FORCES, 4, False),
+        ("linear_elastic", FORCES, 5, False)
     ])  # fmt: skip
     def test_a_path_with_friction(self, indent_sim, undisturbed, tmp_path, material, loading, rows, forget):
         """What the surface remembers is in the checkpoint, or found again on the same path from rest."""

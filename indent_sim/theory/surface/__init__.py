@@ -1,0 +1,1 @@
+"""What a surface does beyond carrying pressure: no slip."""
