@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
+from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
@@ -22,7 +22,7 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_theory
-from indent_sim.scene.expected import peakless, prediction_of
+from indent_sim.scene.expected import Stick, peakless, prediction_of, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
 from indent_sim.scene.sizing import AT_END
@@ -98,6 +98,7 @@ class Plan:
     choices: tuple[Choice, ...]
     doubts: tuple[Doubt, ...]
     prediction: dict[str, float]  # in the user's units
+    stick: Stick | None = None  # what no slip would change; None where there is friction, or nothing is known
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -175,7 +176,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
                       given.path, given.deltas)  # fmt: skip
     chosen = (solver, *choices.by_theory(config, given))
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
-    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted)
+    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted,
+                _stick(config, given))  # fmt: skip
     settings = dataclasses.replace(config.solver, method="theory")
     return Scene(physics, sizing.surface_points(given), settings, plan)
 
@@ -198,8 +200,17 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver)  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
-    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
+    said = None if law.friction else _stick(config, given)
+    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
     return Scene(physics, sizes, dataclasses.replace(config.solver, method=solver.value), plan)  # type: ignore[arg-type]
+
+
+def _stick(config: Config, given: Given) -> Stick | None:
+    """What no slip would change at the deepest contact."""
+    if given.deepest <= 0:
+        return None
+    is_half_space = isinstance(config.body, HalfSpace)
+    return stick(given.part, given.tip, given.a, given.body.rim_distance(given.center), is_half_space=is_half_space)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
