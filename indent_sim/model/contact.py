@@ -75,6 +75,8 @@ class Penalty(_NormalStiffness):
     method: Literal["penalty"] = "penalty"
     epsilon_n: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
+    friction: Friction = 0.0
+    epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
     auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ

@@ -142,7 +142,8 @@ def softer(scene: Scene) -> Scene:
     """The same scene with half the penalty stiffness."""
     law = scene.physics.contact
     assert isinstance(law, Penalty)
-    return scene.with_physics(contact=replace(law, epsilon_n=law.stiffness / 2))
+    tangential = law.epsilon_t if law.epsilon_t == "auto" else law.epsilon_t / 2
+    return scene.with_physics(contact=replace(law, epsilon_n=law.stiffness / 2, epsilon_t=tangential))
 
 
 STEPPING = 0.7  # the error of new contact stuck where its step began falls as the steps^-0.7, measured

@@ -136,7 +136,6 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
     if not law.friction:
         return "implicit", []
     beyond = (
-        (isinstance(law, Penalty), "method penalty has none yet", "use method augmented_lagrangian"),
         (bool(given.part.pins), "it pushes sideways, and nothing holds this body there (roller base, free sides)",
          "fix the base, hold a side, or put the tip in the middle and use symmetry"),
     )
@@ -189,6 +188,7 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
             (not given.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (bool(law.uncondensed), law.uncondensed),
+            (isinstance(law, Penalty) and bool(law.friction), "a penalty with friction is solved on the whole body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
             (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )

@@ -154,3 +154,18 @@ def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> Non
                           indenter={"shape": "sphere", "R": 1.0}, loading={"delta": 0.3, "steps": 10},
                           contact={"method": "auto", "friction": f}))[-1].force for f in (friction, 0.0)]  # fmt: skip
     assert forces[0] / forces[1] == pytest.approx(F, abs=2e-3)
+
+
+@pytest.mark.parametrize("friction", [0.1, "stick"])
+def test_penalty_has_the_same_friction(friction: float | str) -> None:
+    """What friction adds, 1 to 6 % of the force, by both methods: a twentieth of it, for a penalty slips back by
+    t/epsilon_t in every step."""
+    body = {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": "roller"}
+    added = []
+    for method in ("augmented_lagrangian", "penalty"):
+        smooth, rubbed = (solve(scene(body, material=ELASTIC | {"nu": 0.0}, mesh={"h_contact": A / 5},
+                                      loading={"delta": A**2, "steps": 4},
+                                      contact={"method": method, "friction": f}))[-1].force
+                          for f in (0.0, friction))  # fmt: skip
+        added.append(rubbed / smooth - 1)
+    assert added[1] == pytest.approx(added[0], rel=0.05)

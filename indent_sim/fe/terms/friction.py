@@ -9,7 +9,8 @@ with p = <p_hat> the pressure, t = 0 out of contact, and no bound for stick. The
     s_k = u_k - u0_k                                        reference gap, the tip moves along z alone
     s_k = m_k . (u - u0 + (delta - delta0) e_z)             current gap
 
-since the points stuck at u0 and delta0: those of the last equilibrium for what was in contact then, see `Anchor` of
+(a penalty has the tau of the last equilibrium instead: it slips back by t/epsilon_t each step) since the points
+stuck at u0 and delta0: those of the last equilibrium for what was in contact then, see `Anchor` of
 `model.contact` for what was not. There is no potential: the virtual work is
 
     - int t . ds    and, for the multiplier,    int (t - tau)/epsilon_t . dtau,
@@ -50,9 +51,10 @@ class Friction:
         self._tangents = normal.gap.tangents
         is_new = self._is_new()
         self._slip = self._slips(is_new)
-        tau = body.unknowns.fields["tau"]
-        self._tau = tau if tau.ufl_shape else ufl.as_vector([tau])
-        trial = self._tau - self._epsilon_t * self._slip
+        self._tau = _vector(body.unknowns.fields["tau"])
+        is_multiplier = self._law.multiplier == "unknown"
+        tau = self._tau if is_multiplier else _vector(body.unknowns.of(self._old)["tau"])
+        trial = tau - self._epsilon_t * self._slip
         self._room = self._bound() - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
@@ -65,7 +67,7 @@ class Friction:
         law, old = self._normal.symbolic_law, self.body.unknowns.of(self._old)
         gap = Gap(self.body, self._old_depth, old["u"])
         at_once = AT_ONCE * law.stiffness * abs(self._delta - self._old_depth)
-        return ufl.conditional(ufl.lt(law.trial_pressure(gap.g, old["lam"]), -at_once), 1.0, 0.0)
+        return ufl.conditional(ufl.lt(law.trial_pressure(gap.g, old.get("lam", 0.0)), -at_once), 1.0, 0.0)
 
     def _slips(self, is_new: Any) -> Any:
         """s_k [length] since the points stuck."""
@@ -97,9 +99,8 @@ class Friction:
     def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
         """Virtual work of the traction, of its multiplier, and their derivative, as UFL forms."""
         ways, unknowns = self.body.unknowns.of(test), self.body.unknowns
-        tau = ways["tau"] if ways["tau"].ufl_shape else ufl.as_vector([ways["tau"]])
         slips = ufl.as_vector([ufl.dot(m, ways["u"]) for m in self._tangents])
-        virtual = ufl.dot((self._t - self._tau) / self._epsilon_t, tau) - ufl.dot(self._t, slips)
+        virtual = ufl.dot((self._t - self._tau) / self._epsilon_t, _vector(ways["tau"])) - ufl.dot(self._t, slips)
         rub = self.body.over_contact(virtual)
         return rub, ufl.derivative(rub, unknowns.solution, trial)
 
@@ -155,6 +156,10 @@ class Friction:
     def thrust(self) -> np.ndarray:
         """Force on the tip along each axis [force], this rank's share of the modelled part."""
         return np.array([fem.assemble_scalar(form) for form in self._thrust])
+
+
+def _vector(tau: Any) -> Any:
+    return tau if tau.ufl_shape else ufl.as_vector([tau])
 
 
 def _length(t: Any) -> Any:

@@ -62,7 +62,8 @@ def test_theory_knows_no_friction() -> None:
         scene({"friction": 0.3}, body=body, solver={"method": "theory"})
 
 
-@pytest.mark.parametrize(("friction", "anchor"), [(0.0, "implicit"), (0.3, "implicit"), (0.31, "mid"), ("stick", "mid")])
+@pytest.mark.parametrize(("friction", "anchor"), [(0.0, "implicit"), (0.3, "implicit"), (0.31, "mid"),
+                                                  ("stick", "mid")])  # fmt: skip
 def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anchor: str) -> None:
     found = scene({"friction": friction}).physics
     assert found.anchor == anchor
