@@ -8,6 +8,7 @@ import numpy as np
 
 from indent_sim.model.units import Scales
 
+READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
 OF_FRICTION = ("stick_radius", "dissipation", "side_force_x", "side_force_y")  # the last where the tip is off centre
 ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
@@ -43,8 +44,10 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). With friction,
-    None without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). stiffness
+    [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
+    half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
+    without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
     side_force on the tip [force] across a body that it stands off the middle of. Errors are half-widths of error bars,
     None where there are none.
     """
@@ -64,6 +67,9 @@ class State:
     substeps: int = 1
     converged: bool = True
     reason: str = ""
+    stiffness: float | None = None
+    area: float | None = None
+    E_hertz: float | None = None
     stick_radius: float | None = None
     dissipation: float | None = None
     side_force_x: float | None = None
@@ -88,6 +94,9 @@ class State:
             energy=self.energy * scales.energy,
             reaction=self.reaction * F,
             stray_reaction=self.stray_reaction * F,
+            stiffness=_times(self.stiffness, F / scales.depth),
+            area=_times(self.area, L ** (scales.dim - 1)),
+            E_hertz=_times(self.E_hertz, P),
             stick_radius=_times(self.stick_radius, L),
             dissipation=_times(self.dissipation, scales.energy),
             side_force_x=_times(self.side_force_x, F),

@@ -15,6 +15,7 @@ import numpy as np
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import UNIT_BALLS, Inclusion
 
 CELLS = {2: 2.63, 3: 5.8}  # per size^dim
 NODES = {2: 2.12, 3: 1.65}  # per cell
@@ -83,7 +84,19 @@ def _cells(sizes: Sizes, part: Part) -> float:
     r, wr = _log_grid(r_max, sizes.smallest)
     z, wz = _log_grid(height, sizes.smallest)
     density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
-    return CELLS[dim] * float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
+    around = float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
+    return CELLS[dim] * (around + sum(_elements_of(*one, sizes, part) for one in sizes.inclusions))
+
+
+def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) -> float:
+    """Elements in an inclusion and in the shells around it, by size^dim; a mirror image counts for its own part."""
+    dim = part.dim
+    spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
+    size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
+    spans = inclusion.spans if dim == 3 else [((axis,), inclusion.half(axis)) for axis in (0, 2)]
+    volume = np.prod([UNIT_BALLS[len(axes)] * (half + spread) ** len(axes) for axes, half in spans], axis=0)
+    shares = part.copies * (2 if part.symmetry == "axisymmetric" else 1)
+    return float(volume[0] / inside**dim + (np.diff(volume) / size**dim).sum()) / shares
 
 
 def candidates(sizes: Sizes, part: Part) -> float:

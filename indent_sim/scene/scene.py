@@ -10,6 +10,7 @@ from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
+from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.state import OF_FRICTION
@@ -21,7 +22,7 @@ from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import Doubt, doubts, of_theory
+from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
 from indent_sim.scene.expected import Stick, peakless, prediction_of, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
@@ -114,6 +115,8 @@ class Scene:
     sizes: Sizes
     solver: SolverSettings
     plan: Plan
+    experiment: Experiment | None = None  # what is computed from the solved curve, in the user's units
+    asked: float = 0.0  # the largest depth that its history may come to, without units
 
     @property
     def is_meshed(self) -> bool:
@@ -174,12 +177,12 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = Physics(given.scales, given.body, given.part, 0.0, given.tip, given.center, ActiveSet(), "reference",
                       given.path, given.deltas)  # fmt: skip
-    chosen = (solver, *choices.by_theory(config, given))
+    chosen = (solver, *choices.by_theory(config, given), *choices.experiment(config, given, solver))
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
-    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted,
-                _stick(config, given))  # fmt: skip
+    against = (*of_theory(given), *of_whole_contact(given))
+    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted, _stick(config, given))
     settings = dataclasses.replace(config.solver, method="theory")
-    return Scene(physics, sizing.surface_points(given), settings, plan)
+    return Scene(physics, sizing.surface_points(given), settings, plan, config.experiment, given.asked)
 
 
 def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
@@ -198,11 +201,12 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
                       given.deltas, anchor)  # fmt: skip
     chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *friction_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
-              solver)  # fmt: skip
+              solver, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     said = None if law.friction else _stick(config, given)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
-    return Scene(physics, sizes, dataclasses.replace(config.solver, method=solver.value), plan)  # type: ignore[arg-type]
+    settings = dataclasses.replace(config.solver, method=solver.value)  # type: ignore[arg-type]
+    return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
 def _stick(config: Config, given: Given) -> Stick | None:
@@ -239,6 +243,8 @@ def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost
     available = machine_memory()
     if found.memory > available:
         key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
+        if cost_of(dataclasses.replace(sizes, inclusions=()), given.part, work).memory <= available:
+            key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
         raise ConfigError(key, f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
                           f"machine has {available / 1e9:.3g} GB", f"use a larger {name}, or symmetry")  # fmt: skip
     return found

@@ -1,1 +1,1 @@
-"""What a surface does beyond carrying pressure: no slip."""
+"""What a surface does beyond carrying pressure: adhesion, rate, and no slip."""
