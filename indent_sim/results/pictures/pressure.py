@@ -52,10 +52,31 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     axes.fill_between(length(x[shown]), pressure(p[shown]), color=COLOURS[0], alpha=0.15, lw=0)
     axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker="." if near.sum() <= MANY else "")
     name_axes(axes, length.label, pressure.label)
+    if "shear" in surface:
+        _draw_shear(axes, length(x[shown]), pressure(np.abs(surface["shear"][known][shown])))
+        _mark_stick(axes, length(center[0] + _stick_radius(results, step, is_plane_strain(results))))
     axes.locator_params(axis="x", nbins=4)
     axes.set_xlim(*length(frame[0]))
     from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(p[inside]))) if inside.any() else pressure(p))
     return None
+
+
+def _draw_shear(axes: Axes, x: np.ndarray, shear: np.ndarray) -> None:
+    """The size of the tangential traction, in the pressure's unit."""
+    axes.plot(x, shear, color=COLOURS[1], ls="--", label="shear")
+    axes.legend(frameon=False, loc="upper right", fontsize=8)
+
+
+def _stick_radius(results: Results, step: float, is_strip: bool) -> np.ndarray:
+    """Where the contact begins to slip, to either side of a strip's tip."""
+    radius = float(results["stick_radius"][results["step"] == step][0])
+    return np.array([-radius, radius] if is_strip else [radius])
+
+
+def _mark_stick(axes: Axes, ends: np.ndarray) -> None:
+    """Dotted lines at the ends of the part that sticks."""
+    for end in ends:
+        axes.axvline(end, color=GREY, lw=0.8, ls=":")
 
 
 def strongest_step(results: Results) -> float | None:
