@@ -156,6 +156,31 @@ def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> Non
     assert forces[0] / forces[1] == pytest.approx(F, abs=2e-3)
 
 
+@pytest.mark.parametrize("friction", [0.3, "stick"])
+def test_a_step_that_failed_leaves_no_trace(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fifth of ten steps is cut in two: another path, by no more than the steps' own error, half of a per cent."""
+    straight = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 8})
+    solve_once = equilibrium.CondensedEquilibrium.solve
+    failing = {0.5 * straight[-1].delta}
+
+    def solve_or_fail(self: Any, depth: float) -> bool:
+        here = depth * self.scene.physics.scales.depth
+        if any(abs(here - fails) < 1e-9 for fails in failing):
+            fails.append(here)
+            if len(fails) == 2:  # from the predicted state and from the last
+                failing.clear()
+            solve_once(self, depth)
+            return False
+        return solve_once(self, depth)
+
+    fails: list[float] = []
+    monkeypatch.setattr(equilibrium.CondensedEquilibrium, "solve", solve_or_fail)
+    cut = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 8})
+    assert [state.substeps for state in cut][3:6] == [1, 2, 1]
+    for one, other in zip(straight, cut, strict=True):
+        assert other.force == pytest.approx(one.force, rel=1e-12 if one.step < 5 else 5e-3)
+
+
 @pytest.mark.parametrize("friction", [0.1, "stick"])
 def test_penalty_has_the_same_friction(friction: float | str) -> None:
     """What friction adds, 1 to 6 % of the force, by both methods: a twentieth of it, for a penalty slips back by
