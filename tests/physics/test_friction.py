@@ -217,3 +217,25 @@ def test_penalty_has_the_same_friction(friction: float | str) -> None:
                           for f in (0.0, friction))  # fmt: skip
         added.append(rubbed / smooth - 1)
     assert added[1] == pytest.approx(added[0], rel=0.05)
+
+
+@pytest.mark.parametrize(("friction", "most"), [(0.1, 60), (0.3, 60), (1.0, 110), ("stick", 110)])
+def test_iterations_of_ten_steps(friction: float | str, most: int) -> None:
+    """Both passes of the anchor counted, and no step cut back."""
+    states = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 20})
+    assert sum(state.newton_iterations for state in states) <= most
+    assert {state.substeps for state in states} == {1}
+
+
+def test_the_same_in_other_units() -> None:
+    """Lengths in thousandths and pressures in millionths: every number of a rough row, to Newton's tolerance."""
+    path, L, P = [0.004, 0.01, 0.006], 1e3, 1e6
+    small = rough(0.5, 0.3, {"deltas": path}, mesh={"h_contact": A / 6})
+    body = THICK | {name: THICK[name] * L for name in ("radius", "height")}
+    base = scene(body, material=ELASTIC | {"E": P}, indenter={"shape": "paraboloid", "R": L},
+                 mesh={"h_contact": A / 6 * L}, contact={"method": "augmented_lagrangian", "friction": 0.5},
+                 loading={"deltas": [d * L for d in path]})  # fmt: skip
+    for one, other in zip(small, solve(base), strict=True):
+        assert other.force == pytest.approx(one.force * P * L**2, rel=1e-8)
+        assert other.dissipation == pytest.approx(one.dissipation * P * L**3, rel=1e-5)
+        assert other.stick_radius == pytest.approx(one.stick_radius * L, rel=1e-5)
