@@ -82,6 +82,17 @@ def test_commands_of_the_pages_exist():
     assert len(said) > 40 and wrong == []
 
 
+@pytest.mark.slow
+def test_commands_of_the_readme_run(tmp_path):
+    """In their order, in a folder beside the configs; a study of many runs is planned instead of run."""
+    os.symlink(ROOT / "configs", tmp_path / "configs")
+    text = next(text for kind, text in BLOCK.findall((ROOT / "README.md").read_text()) if "init cell" in text)
+    text = text.replace("indent-sim study configs", "indent-sim plan configs")
+    done = subprocess.run(["bash", "-euo", "pipefail", "-c", text], cwd=tmp_path, env=environment(tmp_path),
+                          capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_tab_completion(tmp_path):
     """What the page tells a shell to evaluate defines a completion, and that completes commands."""
     variables = environment(tmp_path)
