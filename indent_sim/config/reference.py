@@ -32,7 +32,8 @@ from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
 
 QUANTITY = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
-DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length"}
+DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length",
+              Unit(1, 1): "force/length"}  # fmt: skip
 
 
 def json_schema() -> dict[str, Any]:
@@ -57,7 +58,10 @@ def _with_units(value: dict[str, Any]) -> dict[str, Any]:
         return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
     if value.get("type") == "array":
         return value | {key: _with_units(value[key]) for key in ("items",) if key in value}
-    return {"anyOf": [value, QUANTITY]} if value.get("type") == "number" else value
+    if value.get("type") != "number":
+        return value
+    about = {key: value.pop(key) for key in ("description", "default") if key in value}
+    return about | {"anyOf": [value, QUANTITY]}
 
 
 def config_markdown() -> str:
@@ -124,7 +128,7 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        if dataclasses.is_dataclass(core(hints(kind)[name])) and words_of(hints(kind)[name]) and section:
+        if words_of(hints(kind)[name]) and dataclasses.is_dataclass(core(hints(kind)[name])) and section:
             _allow_one_word(entry, hints(kind)[name])
     tag = schema.tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
@@ -147,7 +151,8 @@ def _section_row(name: str) -> list[str]:
     field = Config.model_fields[name]
     if name not in schema.sections():
         return [f"`{name}`", _shown(field.default), _meaning(name)]
-    default = "**required**" if field.is_required() or field.default is None else _shown_section(name)
+    required = field.is_required() or (field.default is None and name != "experiment")
+    default = "**required**" if required else _shown_section(name) if field.default is not None else "none"
     return [f"[`{name}`](#{name})", default, _meaning(name)]
 
 
@@ -168,20 +173,22 @@ def _kind_markdown(section: str, kind: type) -> str:
 
 
 def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
-    """The row of a key, and those of the keys of each item where it is a list of sections."""
-    hint = core(hints(kind)[name])
-    items = get_args(hint)[0] if get_origin(hint) is tuple else None
-    return [_key_row(section, kind, name, outside), *_item_rows(name, items)]
+    """The row of a key, and those of the keys inside where it is a section or a list of them."""
+    hint = hints(kind)[name]
+    is_list = get_origin(core(hint)) is tuple
+    item = get_args(core(hint))[0] if is_list else None if words_of(hint) or tag_of(hint) else hint
+    within = f"{outside}{name}[]." if is_list else f"{outside}{name}."
+    return [_key_row(section, kind, name, outside), *_rows_inside(name, item, within)]
 
 
-def _item_rows(name: str, item: Any) -> Iterator[list[str]]:
+def _rows_inside(name: str, item: Any, within: str) -> Iterator[list[str]]:
     """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
     tag, kinds = tag_of(item), [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))]
     if tag:
-        yield [f"`{name}[].{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
+        yield [f"`{within}{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
     owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
     for key, kind in owners.items():
-        yield from _key_rows(name, kind, key, f"{name}[].")
+        yield from _key_rows(name, kind, key, within)
 
 
 def _key_row(section: str, kind: type, name: str, outside: str = "") -> list[str]:

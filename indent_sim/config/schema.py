@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from math import inf, isclose
 from typing import Annotated, Any, Literal, get_args, get_origin
 
@@ -37,11 +37,11 @@ from indent_sim.model.body import (
     Strip,
 )
 from indent_sim.model.contact import AutoContact, Contact
+from indent_sim.model.experiment import Adhesion, Experiment
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
-from indent_sim.model.tagged import TaggedBy
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
-from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
+from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
@@ -138,7 +138,8 @@ class Config(BaseModel):
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
-    loading: Loading
+    loading: Loading | None = None  # may be left out where the experiment has a history
+    experiment: Experiment | None = None
     mesh: MeshSettings = MeshSettings()
     accuracy: Annotated[float, Gt(0), Lt(1)] | Preset | None = None
     solver: SolverSettings = SolverSettings()
@@ -164,14 +165,15 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _inclusions, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
+        checks = (_cap, _layers, _inclusions, _constants, _path, _axis, _tip, _experiment, _sizes, _file, _petsc,
+                  _directory)  # fmt: skip
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
 
 
 def _magnitudes(config: Config) -> list[ConfigError]:
-    return limits.beyond({name: getattr(config, name) for name in sections()})
+    return limits.beyond({name: part for name in sections() if (part := getattr(config, name)) is not None})
 
 
 def _cap(config: Config) -> Iterator[ConfigError]:
@@ -316,6 +318,10 @@ def _constants(config: Config) -> Iterator[ConfigError]:
 
 
 def _path(config: Config) -> list[ConfigError]:
+    if config.loading is None:
+        if config.experiment is not None and config.experiment.points:
+            return []
+        return [ConfigError("loading", "this section is missing", f"its keys are {', '.join(field_names(Loading))}")]
     given = config.loading.given
     if not given:
         return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
@@ -361,6 +367,85 @@ def _tip(config: Config) -> list[ConfigError]:
     except ValueError as error:
         return [ConfigError("indenter.points", str(error))]
     return []
+
+
+def _experiment(config: Config) -> Iterator[ConfigError]:
+    """What of an experiment contradicts itself or the scene, as far as the file alone tells."""
+    found = config.experiment
+    if found is None:
+        return
+    if found.history and found.force_history:
+        yield ConfigError("experiment.force_history", "contradicts history", "give one of the two")
+    yield from _history(found)
+    yield from _relaxation(found)
+    if found.adhesion and found.relaxation:
+        problem = "is not known together with relaxation: the work that a relaxing body gives to its edge has no limit"
+        yield ConfigError("experiment.adhesion", problem, "give one of the two")
+    if found.adhesion:
+        yield from _adhesion(config, found.adhesion)
+    if found.calibration and found.calibration.stiffness and not found.cantilever:
+        problem = "is the uncertainty of a cantilever's stiffness, and there is none"
+        yield ConfigError("experiment.calibration.stiffness", problem, "give experiment.cantilever, or leave it out")
+    if found.calibration and found.calibration.R and not hasattr(config.indenter, "R"):
+        problem = f"is the uncertainty of a tip's radius R, and a {config.indenter.shape} has none"
+        yield ConfigError("experiment.calibration.R", problem, "leave it out")
+    if not any(vars(found).values()):
+        yield ConfigError("experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}")
+
+
+def _history(found: Experiment) -> Iterator[ConfigError]:
+    key = "experiment.history" if found.history else "experiment.force_history"
+    times = [t for t, _ in found.points]
+    back = next((k for k, (one, other) in enumerate(pairwise(times), start=1) if other < one), None)
+    if back is not None:
+        yield ConfigError(f"{key}[{back}]", f"time goes back from {times[back - 1]:g} to {times[back]:g}")
+    elif times and times[0] == times[-1]:
+        yield ConfigError(key, "lasts no time", "let time go on")
+    if found.points and max(value for _, value in found.points) <= 0:
+        yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
+    low = min((value for _, value in found.force_history or ()), default=0.0)
+    if low < 0 and not found.adhesion:
+        yield ConfigError(key, f"a force of {low:g} pulls, and nothing holds on to the tip", "give experiment.adhesion")
+
+
+def _relaxation(found: Experiment) -> Iterator[ConfigError]:
+    key, given = "experiment.relaxation", found.relaxation
+    if given is None:
+        if found.frequencies:
+            yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give experiment.relaxation")
+        return
+    if (given.prony is None) == (given.power_law is None):
+        yield ConfigError(key, "must be one of two laws", "give prony or power_law")
+    for k, (fraction, time) in enumerate(given.prony or ()):
+        if not (0 <= fraction < 1 and time > 0):
+            problem = f"[{fraction:g}, {time:g}] is no term [fraction of the instantaneous modulus, time]"
+            yield ConfigError(f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0")
+    if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
+        yield ConfigError(f"{key}.prony", f"the fractions sum to {total:g}: nothing would bear in the end", "below 1")
+    if not found.points and not found.frequencies:
+        yield ConfigError(key, "needs a time", "give experiment.history, force_history or frequencies")
+    begins = found.points[:1] and found.points[0][1] > 0
+    if given.power_law and (begins or any(a[0] == b[0] and a[1] != b[1] for a, b in pairwise(found.points))):
+        problem = "jumps, and the instantaneous modulus of a power law is infinite"
+        yield ConfigError("experiment.history" if found.history else "experiment.force_history", problem, "use a ramp")
+
+
+def _adhesion(config: Config, found: Adhesion) -> Iterator[ConfigError]:
+    """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
+    body, tip = config.body, config.indenter
+    key = "experiment.adhesion"
+    if isinstance(body, Strip | Box):
+        problem = f"the JKR limit is that of a disc, and a {body.shape} has none"
+        yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
+    if not tip.of_revolution:
+        problem = f"the JKR limit is that of a disc, and a {tip.shape} has none"
+        yield ConfigError(key, problem, "use a tip of revolution")
+    if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
+        problem = "the contact of a sharp flat punch does not shrink before it comes off at once"
+        yield ConfigError(key, problem, "give the punch an edge_radius")
+    if found.range and not hasattr(tip, "R"):
+        problem = f"is for the Tabor number of a round tip, and a {tip.shape} has no R"
+        yield ConfigError(f"{key}.range", problem, "leave it out")
 
 
 def _sizes(config: Config) -> list[ConfigError]:

@@ -12,8 +12,7 @@ import numpy as np
 from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.materials import Material
-from indent_sim.model.tagged import TaggedBy
-from indent_sim.model.units import LENGTH, Length
+from indent_sim.model.units import LENGTH, Length, TaggedBy
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]

@@ -28,6 +28,7 @@ SCENE = (
     Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
     Symbol("contact", "", "how contact is enforced", WORD),
     Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
+    Symbol("experiment", "", "adhesion, relaxation and the instrument, computed from the solved curve", WORD),
     Symbol("mesh", "", "element sizes, and how much of the body is modelled", WORD),
     Symbol("accuracy", "", "largest relative error of the force at any step, which chooses the mesh; fast = 0.05, "
            "balanced = 0.01, accurate = 0.001", "1"),
@@ -77,6 +78,10 @@ MATERIAL = (
     Symbol("model", "", "the elastic law; decides the other keys of `material`", WORD),
     Symbol("E", "E", "Young's modulus", "pressure"),
     Symbol("nu", r"\nu", "Poisson's ratio", "1"),
+    Symbol("E_z", "E_z", "Young's modulus along the axis z of a transversely isotropic material; E, nu: across it",
+           "pressure"),
+    Symbol("nu_z", r"\nu_z", "-eps_plane/eps_z under sigma_z, of a transversely isotropic material", "1"),
+    Symbol("G_z", "G_z", "shear modulus of planes through the axis z of a transversely isotropic material", "pressure"),
     Symbol("mu", r"\mu", "shear modulus (never a friction coefficient)", "pressure"),
     Symbol("kappa", r"\kappa", "bulk modulus", "pressure"),
     Symbol("C10", "C_{10}", "first invariant's coefficient (Mooney-Rivlin, Yeoh)", "pressure"),
@@ -124,6 +129,35 @@ LOADING = (
            "the body", "length"),
     Symbol("forces", "F_i", "the forces one by one instead of `force`, unloading too; 0: the tip just touches, at "
            "delta = 0", "force"),
+)  # fmt: skip
+
+EXPERIMENT = (
+    Symbol("adhesion", "", "attraction of tip and body in the limit of no range (JKR)", WORD),
+    Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "force/length"),
+    Symbol("range", "", "distance over which the attraction acts; for the Tabor and Maugis numbers", "length"),
+    Symbol("relaxation", "", "how the modulus falls with time, everywhere alike, nu being constant", WORD),
+    Symbol("prony", r"[g_i, \tau_i]", "terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 - "
+           "exp(-t/tau_i)))", "1, time"),
+    Symbol("power_law", "", "E(t) = E (t/time)^-exponent", WORD),
+    Symbol("exponent", "b", "of the power law, between 0 (elastic) and 1 (a liquid)", "1"),
+    Symbol("time", "t_0", "at which the power law's modulus is `material.E`", "time"),
+    Symbol("history", "", "the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]",
+           "time, length"),
+    Symbol("force_history", "", "the force in time, [t, force] each", "time, force"),
+    Symbol("cantilever", "", "the spring that holds the tip", WORD),
+    Symbol("frame", "", "what gives way beside the body", WORD),
+    Symbol("experiment.stiffness", "k", "of the cantilever; in `calibration` its relative uncertainty",
+           "force/length"),
+    Symbol("compliance", "c", "of the frame", "length/force"),
+    Symbol("frequencies", "", "cycles per time of small oscillations about the end of the history: dynamic.csv",
+           "1/time"),
+    Symbol("calibration", "", "relative uncertainties of the instrument", WORD),
+    Symbol("experiment.R", "R", "relative uncertainty of the tip's radius", "1"),
+    Symbol("t", "t", "time", "time"),
+    Symbol("branch", "", "approach, hold or retract; of an equilibrium curve stable or unstable", WORD),
+    Symbol("frequency", "", "cycles per time", "1/time"),
+    Symbol("storage", "K'", "in-phase stiffness of the contact", "force/length"),
+    Symbol("loss", "K''", "out-of-phase stiffness of the contact", "force/length"),
 )  # fmt: skip
 
 MESH = (
@@ -186,6 +220,10 @@ RESULTS = (
            "infinite", "pressure"),
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
+    Symbol("stiffness", r"\mathrm{d}F/\mathrm{d}\delta", "of the load curve at this row", "force/length"),
+    Symbol("area", "", "contact area, pi a^2; in plane strain its width, 2 a", "area"),
+    Symbol("E_hertz", "", "modulus that the half-space formula of the same tip reads off this one row; empty where "
+           "there is none", "pressure"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
     Symbol("force_error", "", "half-width of the error bar on the force", "force"),
@@ -225,7 +263,7 @@ STUDY_TABLE = (
     Symbol("force_error_worst", "", "largest |force / reference - 1| at any depth of the path", "1"),
     Symbol("a_error_vs", "", "a / reference - 1 at the last depth", "1"),
     Symbol("p_error_vs", "", "p_max / reference - 1 at the last depth", "1"),
-    Symbol("stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
+    Symbol("study.stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
     Symbol("dofs", "", "unknowns of the finite-element model", "1"),
     Symbol("cpu_resolve", "", "CPU seconds until everything is decided", "s"),
     Symbol("cpu_companions", "", "CPU seconds of the coarser meshes behind error bars, where there are any", "s"),
@@ -245,7 +283,8 @@ SURFACE = (
     Symbol("x", "x", "undeformed position along x; along the radius in an axisymmetric scene", "length"),
     Symbol("y", "y", "undeformed position along y; 0 in a scene with two dimensions", "length"),
     Symbol("u", "u", "displacement", "length"),
-    Symbol("z", "z", "height of the undeformed point: 0 on a flat top", "length"),
+    Symbol("z", "z", "height of the undeformed point, 0 on a flat top; in experiment.csv the way of the cantilever's "
+           "base, delta + force/k + c force", "length"),
     Symbol("u_x", "u_x", "displacement along x; along the radius in an axisymmetric scene", "length"),
     Symbol("u_y", "u_y", "displacement along y", "length"),
     Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),
@@ -273,6 +312,7 @@ GROUPS = {
     "Indenter": INDENTER,
     "Contact": CONTACT,
     "Loading": LOADING,
+    "Experiment": EXPERIMENT,
     "Mesh": MESH,
     "Solver": SOLVER,
     "Output": OUTPUT,

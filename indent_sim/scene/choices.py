@@ -82,7 +82,8 @@ def _key_of(region: Region, alone: bool) -> str:
 
 def _formulation(key: str, region: Region) -> Choice:
     nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
-    why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
+    like = "" if region.material.is_isotropic else "as compressible as "
+    why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(key, region.formulation, why)
 
 
@@ -300,6 +301,47 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         why = "as given" if wanted.h_inclusions else "by what the force feels of each; sizes grow from this around them"
         choices.append(Choice("mesh.h_inclusions", inside, why))
     return choices
+
+
+JKR_WHY = "the JKR limit: exact for this body where the attraction's range is short"
+TING_WHY = "Lee & Radok while the contact grows, Ting while it shrinks: exact for one body or layers that relax alike"
+STEP_WHY = "contact stepped in time on the compliance, to 1e-4: the history is no single cycle of depths"
+QUASI_WHY = "every point an equilibrium of the elastic curve"
+
+
+def experiment(config: Config, given: Given, solver: Choice) -> list[Choice]:
+    """How what is computed from the solved curve is; ConfigError where a curve does not determine it."""
+    found = given.experiment
+    if found is None:
+        return []
+    _refuse_experiment(config, given, solver)
+    choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if found.adhesion else []
+    if found.relaxation and found.points:
+        stepped = found.is_stepped
+        choices.append(Choice("experiment.relaxation", "time steps" if stepped else "quadrature",
+                              STEP_WHY if stepped else TING_WHY))  # fmt: skip
+    elif found.points and not found.adhesion:
+        choices.append(Choice("experiment.history", "elastic", QUASI_WHY))
+    return choices
+
+
+def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
+    assert given.experiment is not None
+    if any(getattr(config.contact, name, None) for name in ("friction", "adhesion")):
+        problem = "is determined by the curve of a tip without friction and adhesion, and contact has some"
+        raise ConfigError("experiment", problem, "leave one of the two out")
+    if solver.value == "newton":
+        problem = f"needs a linear body whose compliance is known, and this scene is solved whole: {solver.why}"
+        raise ConfigError("experiment", problem, "solver.method: condensed or theory says what stands against it")
+    if given.experiment.adhesion and given.part.kinematics.name != "axisymmetric":
+        problem = f"the JKR limit is that of a disc, and this scene is {given.part.kinematics.name.replace('_', ' ')}"
+        raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
+    if given.experiment.adhesion and solver.value == "theory" and not given.adhesive:
+        problem = "the contact that adheres so is wider than theory reaches, or there is none at that depth"
+        raise ConfigError("experiment.adhesion", problem, "check work, R and E: are they in the same units?")
+    if given.experiment.is_stepped and solver.value == "theory" and given.body.dim == 2:
+        problem = "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
+        raise ConfigError("experiment.relaxation", problem, "use solver.method: condensed")
 
 
 BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets

@@ -10,6 +10,7 @@ from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw
+from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -88,6 +89,8 @@ class Scene:
     sizes: Sizes
     solver: SolverSettings
     plan: Plan
+    experiment: Experiment | None = None  # what is computed from the solved curve, in the user's units
+    asked: float = 0.0  # the largest depth that its history may come to, without units
 
     @property
     def is_meshed(self) -> bool:
@@ -147,12 +150,13 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = Physics(given.scales, given.body, given.part, 0.0, given.tip, given.center, ActiveSet(), "reference",
                       given.path, given.deltas)  # fmt: skip
-    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given))
+    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given),
+              *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
     against = (*of_theory(given), *of_whole_contact(given))
     plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted)
     settings = dataclasses.replace(config.solver, method="theory")
-    return Scene(physics, sizing.surface_points(given), settings, plan)
+    return Scene(physics, sizing.surface_points(given), settings, plan, config.experiment, given.asked)
 
 
 def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
@@ -169,10 +173,11 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
-              solver)  # fmt: skip
+              solver, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
-    return Scene(physics, sizes, dataclasses.replace(config.solver, method=solver.value), plan)  # type: ignore[arg-type]
+    settings = dataclasses.replace(config.solver, method=solver.value)  # type: ignore[arg-type]
+    return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import ceil, inf, nan
 from typing import Any
 
@@ -172,9 +172,7 @@ def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tu
     return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
 
 
-def layer_theory(
-    body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
-) -> Theory | None:
+def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
     if isinstance(body, Meshed):
         return None
@@ -188,7 +186,7 @@ def layer_theory(
     wall, exact, why = _wall(body, center)
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
-    return _theory("layer theory", exact, why, layers, tip, contact, formulas)
+    return _isotropic(_theory("layer theory", exact, why, layers, tip, contact, formulas), layers)
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
@@ -200,6 +198,28 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
     contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
     why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
+
+
+def adhesive_radii(
+    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, deepest: float
+) -> tuple[float, float] | tuple[()]:
+    """Contact radii [length] of a tip that adheres without range: where it comes off, and at the deepest depth.
+
+    By theory, or that of a half-space of the first layer; empty where neither knows them.
+    """
+    from indent_sim.theory.surface.adhesion import Jkr  # with scipy's searches, which no other scene needs
+    from indent_sim.theory.surface.punches import LayerPunches
+
+    contact = theory.contact if theory else None
+    if not isinstance(contact, Layer):
+        known = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(deepest))
+        contact = known.contact if known else None
+    with contextlib.suppress(ValueError, ArithmeticError):
+        if isinstance(contact, Layer):
+            jkr = Jkr(LayerPunches(contact), work)
+            deep = jkr.stable(max(deepest, 0.0))
+            return (jkr.pull_off().a, deep.a) if deep else ()
+    return ()
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
@@ -224,7 +244,8 @@ def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
     formulas = _film_formulas(layers, tip)
-    return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
+    found = _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
+    return found if len(layers) == 1 else _isotropic(found, layers)
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
@@ -254,6 +275,13 @@ def _theory(
     moduli = [layer.material.constants.E for layer in layers if layer.material]
     error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / CONTRAST) ** STEEP
     return Theory(name, exact, why, contact, error, formulas)
+
+
+def _isotropic(found: Theory, layers: Sequence[BodyLayer]) -> Theory:
+    """Theory of layers, whose materials are isotropic: of the same indentation modulus where the body's are not."""
+    if all(layer.material and layer.material.is_isotropic for layer in layers):
+        return found
+    return replace(found, exact=False, why="theory's layers are isotropic")
 
 
 def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Formula]:
@@ -315,7 +343,7 @@ def section_depth(tip: Indenter, force: float, E_star: float, dim: int) -> float
 
 
 def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
-    """Name and depth of the half-space closed form of a tip at a force; None for the tips without one."""
+    """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a formula for."""
     start = section_depth(tip, force, E_star, 3)
     closed = half_space_force(tip, start, E_star)
     if closed is None:
@@ -325,11 +353,29 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
-    """Name and force of the half-space closed form of a tip (Hertz, Sneddon); None for the tips without one."""
+    """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a formula for."""
     known = TIPS.get(type(tip))
+    if known is None or delta <= 0 or isinstance(tip, Plate):
+        return None
     is_blunt = getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0
-    force = known.force(tip, delta, E_star) if known and delta > 0 and not is_blunt else None
-    return (known.half_space, force) if known and force is not None else None
+    if is_blunt or isinstance(tip, Profile):
+        force = _blunt_force(tip, delta, E_star)
+        return ("Sneddon (quadrature)", force) if force is not None else None
+    force = known.force(tip, delta, E_star)
+    return (known.half_space, force) if force is not None else None
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _blunt_force(tip: Indenter, delta: float, E_star: float) -> float | None:
+    """Force of a tip of revolution without a closed form, by Sneddon's integral; None past the end of the tip."""
+    shape = shape_of(tip) if tip.of_revolution else None
+    if shape is None:
+        return None
+    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
+    half_space = Layer.on(shape, Stack((Ply(unit, E_star, 0.0), Ply(inf, E_star, 0.0)), None))
+    with contextlib.suppress(ValueError, ArithmeticError):
+        return half_space.curve([delta])[0].force
+    return None
 
 
 def _depth_at(force_at: Callable[[float], float], force: float, start: float) -> float | None:

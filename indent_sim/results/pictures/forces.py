@@ -150,6 +150,9 @@ def _draw_theory(axes: Axes, theory: Mapping[str, Any], depth: Axis, force: Axis
         label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
         at = {**theory, **closed}  # the formula's force at the run's depth, or its depth at the run's force
         axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow("D", GREY), label=label)
+        beside = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
+        x, y = depth([0, *beside["delta"]]), force([0, *beside["force"]])
+        axes.plot(*curves.smooth(x, y), color=GREY, ls=":", lw=1.2, zorder=2)
 
 
 def _of_last(half: np.ndarray, y: np.ndarray) -> str:

@@ -13,7 +13,7 @@ from indent_sim.config import schema
 from indent_sim.config.key_types import core, hints, members
 from indent_sim.config.reference import DIMENSIONS, config_markdown, json_schema
 from indent_sim.config.schema import Config
-from indent_sim.model.state import COLUMNS, State, Surface
+from indent_sim.model.state import COLUMNS, READINGS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
@@ -42,14 +42,14 @@ def test_every_key_has_a_meaning(section, kind, name):
         assert symbol.dimension == DIMENSIONS[unit]
 
 
-@pytest.mark.parametrize("name", [*COLUMNS, "force_error", *SURFACE_COLUMNS])
+@pytest.mark.parametrize("name", [*COLUMNS, *READINGS, "force_error", *SURFACE_COLUMNS])
 def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", ["index", "run", *table.COLUMNS])
 def test_every_column_of_a_study_has_a_meaning(name):
-    assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
+    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", [*file.KEYS, *grid.RANGE, "zip"])
@@ -68,7 +68,8 @@ def test_one_entry_a_name():
 
 
 def test_an_entry_for_one_section_names_a_section_and_key():
-    known = {f"{section}.{name}" for section, _, name in yaml_fields()} | {f"study.{name}" for name in file.KEYS}
+    known = {f"{section}.{name}" for section, _, name in yaml_fields()}
+    known |= {f"study.{name}" for name in (*file.KEYS, *table.COLUMNS)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 
 
