@@ -191,12 +191,12 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
-    nodes = candidates(sizes, given.part)
+    nodes = candidates(sizes, given.part) * (given.dim if law.friction else 1)
     anchor, friction_choice = choices.friction(law, given)
     solver = choices.solver(config, given, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
-    cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
+    cost = _affordable(given, sizes, _work(given, str(solver.value), gap, law, anchor), fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
                       given.deltas, anchor)  # fmt: skip
@@ -233,10 +233,11 @@ def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
     return [Choice("p_max", "empty", why)] if why else []
 
 
-def _work(given: Given, solver: str, gap: str) -> Work:
-    solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1)
+def _work(given: Given, solver: str, gap: str, law: ContactLaw, anchor: Anchor) -> Work:
+    solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1) * (2 if anchor == "mid" else 1)
     mixed = any(region.formulation == "mixed" for region in given.part.regions)
-    return Work(solver, mixed, solves, gap == "current" or not given.small_strain)
+    is_nonlinear = gap == "current" or not given.small_strain or bool(law.friction)
+    return Work(solver, mixed, solves, is_nonlinear, bool(law.friction))
 
 
 def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:

@@ -69,6 +69,29 @@ def test_flat_punch_on_a_half_space(friction: float | str, nu: float, exact: flo
     assert rubbed / smooth == pytest.approx(exact, abs=2e-4)
 
 
+def in_layer(friction: float | str, slenderness: float, h: float, tip: dict[str, Any], delta: float) -> float:
+    """The force on an incompressible layer of thickness 1, bonded to its base, between roller walls far away."""
+    layer = THICK | {"radius": 4 * max(1.0, slenderness), "height": 1.0}
+    base = scene(layer, material=ELASTIC | {"nu": 0.5}, mesh={"h_contact": h}, indenter=tip,
+                 contact={"method": "augmented_lagrangian", "friction": friction}, loading={"delta": delta, "steps": 1})
+    return solve(base)[-1].force  # fmt: skip
+
+
+@pytest.mark.parametrize("tip", [PUNCH, PARABOLOID], ids=["punch", "paraboloid"])
+def test_incompressible_thick_layers_do_not_slip(tip: dict[str, Any]) -> None:
+    """At nu = 1/2 the surface of a half-space moves along itself nowhere: a tenth as wide as thick, 1e-4."""
+    rubbed, smooth = (in_layer(friction, 0.1, A / 20, tip, 0.1 * A) for friction in ("stick", 0.0))
+    assert rubbed / smooth == pytest.approx(1.0, abs=1e-4)
+
+
+def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
+    """Squeezed between a punch twenty thicknesses wide and the base: h^3/3 of flow below a free surface, h^3/12 between
+    two held ones; 3.292 at this width by a ring solution of the bonded layer, 1 %."""
+    punch = {"shape": "flat_punch", "radius": 20.0}
+    rubbed, smooth = (in_layer(friction, 20.0, 0.5, punch, 0.01) for friction in ("stick", 0.0))
+    assert rubbed / smooth == pytest.approx(3.292, rel=0.01)
+
+
 @pytest.mark.parametrize(("friction", "sticks"), [(0.1, 0.20), (0.2, 0.70), (0.3, 0.896), (0.5, 0.984)])
 def test_stick_radius_of_a_flat_punch(friction: float, sticks: float) -> None:
     """By the same boundary elements; half the last digit."""
@@ -154,6 +177,31 @@ def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> Non
                           indenter={"shape": "sphere", "R": 1.0}, loading={"delta": 0.3, "steps": 10},
                           contact={"method": "auto", "friction": f}))[-1].force for f in (friction, 0.0)]  # fmt: skip
     assert forces[0] / forces[1] == pytest.approx(F, abs=2e-3)
+
+
+@pytest.mark.parametrize("friction", [0.3, "stick"])
+def test_a_step_that_failed_leaves_no_trace(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fifth of ten steps is cut in two: another path, by no more than the steps' own error, half of a per cent."""
+    straight = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 8})
+    solve_once = equilibrium.CondensedEquilibrium.solve
+    failing = {0.5 * straight[-1].delta}
+
+    def solve_or_fail(self: Any, depth: float) -> bool:
+        here = depth * self.scene.physics.scales.depth
+        if any(abs(here - fails) < 1e-9 for fails in failing):
+            fails.append(here)
+            if len(fails) == 2:  # from the predicted state and from the last
+                failing.clear()
+            solve_once(self, depth)
+            return False
+        return solve_once(self, depth)
+
+    fails: list[float] = []
+    monkeypatch.setattr(equilibrium.CondensedEquilibrium, "solve", solve_or_fail)
+    cut = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 8})
+    assert [state.substeps for state in cut][3:6] == [1, 2, 1]
+    for one, other in zip(straight, cut, strict=True):
+        assert other.force == pytest.approx(one.force, rel=1e-12 if one.step < 5 else 5e-3)
 
 
 @pytest.mark.parametrize("friction", [0.1, "stick"])

@@ -99,7 +99,8 @@ class CondensedEquilibrium:
     def _widen(self) -> bool:
         """Condense to more of the surface; False where that is too much of it."""
         wider = min(GROWTH * self._reach, self._whole)
-        if (nodes := self.condenser.candidates(wider, self.scene.physics.center)) > MOST_CANDIDATES:
+        nodes = self.condenser.candidates(wider, self.scene.physics.center) * len(self.contact.forces)
+        if nodes > MOST_CANDIDATES:
             self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
                               f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
             return False
