@@ -18,9 +18,9 @@ COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "new
 class Surface:
     """The contact surface at one state: reference coordinates, displacement, gap and pressure, one entry a point.
 
-    x, y [length] (axisymmetric: x = r, y = 0; strip: y = 0); u (n, 3) [length]; gap [length] >= 0 open;
-    pressure [pressure] >= 0; shear [pressure] the tangential traction on the body, > 0 along x or the radius, in three
-    dimensions its size; None without friction.
+    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3) [length]; gap [length]
+    >= 0 open; pressure [pressure] >= 0; shear [pressure] the tangential traction on the body, > 0 along x or the
+    radius, in three dimensions its size; None without friction.
     """
 
     x: np.ndarray
@@ -28,13 +28,14 @@ class Surface:
     u: np.ndarray
     gap: np.ndarray
     pressure: np.ndarray
+    z: np.ndarray
     shear: np.ndarray | None = None
 
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
+        lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
         shear = None if self.shear is None else self.shear * pressure
-        lengths = (self.x * length, self.y * length, self.u * length, self.gap * length)
-        return Surface(*lengths, self.pressure * pressure, shear)
+        return Surface(pressure=self.pressure * pressure, shear=shear, **lengths)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
 INTEGERS = ("step", "newton_iterations")
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
-SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # and shear with friction
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
+SURFACE_HEADER = (*SURFACE_COLUMNS, "z")  # and shear with friction
 
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
@@ -75,7 +76,7 @@ def whole(cell: str) -> int:
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
     shear = () if surface.shear is None else (surface.shear,)
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, *shear])
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *shear])
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
@@ -83,7 +84,7 @@ def surface_block(step: int, surface: Surface) -> bytes:
 
 def surface_header(surface: Surface) -> bytes:
     """The first line of the surface table."""
-    return (",".join((*SURFACE_COLUMNS, *(() if surface.shear is None else ("shear",)))) + "\n").encode()
+    return (",".join((*SURFACE_HEADER, *(() if surface.shear is None else ("shear",)))) + "\n").encode()
 
 
 def table_of(items: Sequence[Any]) -> bytes:
@@ -101,14 +102,20 @@ def surface_blocks(path: Path) -> dict[int, bytes]:
 
 
 def drop_later_blocks(path: Path, steps: int) -> None:
-    """Keep the lines of a table of blocks that belong to the first `steps` steps, whole lines alone."""
+    """Keep the lines of a surface table that belong to the first `steps` steps, whole lines alone.
+
+    Those of an older version of this program get empty cells for the columns that they lack.
+    """
     if not path.exists():
         return
     data = path.read_bytes()
-    kept = data[: data.rfind(b"\n") + 1].splitlines(keepends=True)
-    kept = kept[:1] + [line for line in kept[1:] if _step(line) <= steps]
-    if sum(map(len, kept)) < len(data):
-        write_atomically(path, b"".join(kept))
+    head, *lines = data[: data.rfind(b"\n") + 1].splitlines() or [b""]
+    names = [name for name in head.decode().split(",") if name]
+    missing = [name for name in SURFACE_HEADER if name not in names]
+    lacking = b"," * len(missing)
+    kept = [",".join([*names, *missing]).encode(), *(line + lacking for line in lines if _step(line) <= steps)]
+    if (table := b"".join(line + b"\n" for line in kept)) != data:
+        write_atomically(path, table)
 
 
 def _number(value: float | None) -> str:

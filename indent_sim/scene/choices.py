@@ -7,6 +7,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
@@ -58,6 +59,13 @@ def model(given: Given) -> list[Choice]:
     ]
 
 
+def quantities(config: Config) -> list[Choice]:
+    """Quantities that carried units of their own, as they are in the scene's."""
+    own = f"{config.units.length} and {config.units.force}"
+    return [Choice(key_text(path), value, f"given as {text}; the scene is in {own}")
+            for path, (text, value) in config.source.quantities.items()]  # fmt: skip
+
+
 def formulations(given: Given) -> list[Choice]:
     """Displacements alone, or with a pressure, in each region."""
     regions = given.part.regions
@@ -74,7 +82,8 @@ def _key_of(region: Region, alone: bool) -> str:
 
 def _formulation(key: str, region: Region) -> Choice:
     nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
-    why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
+    like = "" if region.material.is_isotropic else "as compressible as "
+    why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(key, region.formulation, why)
 
 
@@ -355,12 +364,28 @@ def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
     if given.experiment.adhesion and given.part.kinematics.name != "axisymmetric":
         problem = f"the JKR limit is that of a disc, and this scene is {given.part.kinematics.name.replace('_', ' ')}"
         raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
-    if given.experiment.adhesion and solver.value == "theory" and not given.adhesive:
+    if given.experiment.adhesion and not given.adhesive:
         problem = "the contact that adheres so is wider than theory reaches, or there is none at that depth"
         raise ConfigError("experiment.adhesion", problem, "check work, R and E: are they in the same units?")
+    if given.experiment.adhesion and solver.value == "condensed" and given.adhesive:
+        _refuse_unlike_contacts(given, *given.adhesive)
     if given.experiment.is_stepped and solver.value == "theory" and given.body.dim == 2:
         problem = "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
         raise ConfigError("experiment.relaxation", problem, "use solver.method: condensed")
+
+
+SPREAD, FILLED = 500.0, 0.95  # of a mesh: between its contacts that come off and the deepest; of the way to the rim
+
+
+def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> None:
+    """ConfigError where no mesh holds the contacts with adhesion, from where the tip comes off to the deepest."""
+    L, rim = given.scales.length, given.body.rim_distance(given.center)
+    if largest > FILLED * rim:
+        problem = f"pulls the body around the tip to a radius of {largest * L:.3g}, its rim being at {rim * L:.3g}"
+        raise ConfigError("experiment.adhesion.work", problem, "check work, R and E: are they in the same units?")
+    if largest > SPREAD * smallest:
+        problem = f"lets the tip come off at a radius of {smallest * L:.3g}, far below the deepest, {largest * L:.3g}"
+        raise ConfigError("experiment.adhesion.work", problem, "do not go as deep, or solver.method: theory")
 
 
 BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets

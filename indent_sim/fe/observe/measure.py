@@ -247,11 +247,11 @@ def surface(body: Observed) -> Surface | None:
     X = np.where(np.abs(table[first, :dim]) < ROUNDOFF, 0.0, table[first, :dim])  # the axis is at 0, not at 1e-18
     u, gap = table[first, dim : 2 * dim], table[first, 2 * dim]
     # the deformed area has a kink between facets: take the mean
-    tractions = [np.bincount(place, column) / count for column in table[:, 2 * dim + 1 :].T]
+    pressure, *shear = (np.bincount(place, column) / count for column in table[:, 2 * dim + 1 :].T)
     zero = np.zeros(len(first))
     if dim == 2:
-        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, *tractions)
-    return Surface(X[:, 0], X[:, 1], u, gap, *tractions)
+        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure, X[:, 1], *shear)
+    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear)
 
 
 def _shear(body: Observed, s: Sample) -> np.ndarray:
