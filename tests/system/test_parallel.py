@@ -49,6 +49,18 @@ SCENES: dict[str, dict[str, Any]] = {
         "loading": {"delta": 0.01},
     },
     "box": {"body": BOX, "mesh": {"h_contact": 0.15}, "loading": {"delta": 0.04, "steps": 2}},
+    "rough": {
+        "body": CYLINDER,
+        "contact": {"method": "auto", "gap": "current", "friction": 0.5},
+        "mesh": {"h_contact": 0.03},
+        "loading": {"deltas": [0.005, 0.01, 0.005]},
+    },
+    "rough_box": {
+        "body": BOX,
+        "contact": {"method": "auto", "friction": 0.3},
+        "mesh": {"h_contact": 0.2},
+        "loading": {"delta": 0.04, "steps": 2},
+    },
     "ball": {
         "body": {"shape": "ball", "radius": 1.0},
         "indenter": {"shape": "plate"},

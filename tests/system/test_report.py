@@ -101,6 +101,7 @@ def test_nothing_to_report(tmp_path):
 
 @pytest.mark.parametrize("damage", [
     ("study.csv", None), ("study.csv", "a,b\n1,2,3\n"), ("study.csv", "\xff"), ("study.json", "[]"),
+    ("study.json", "{"),
 ])  # fmt: skip
 def test_a_damaged_study_is_told(tmp_path, damage):
     name, text = damage
