@@ -44,15 +44,27 @@ class Results:
 
 
 def read(path: Path | str) -> Results:
-    """Read a result folder or a force table; UsageError when there is none or it is damaged."""
+    """Read a result folder or a force table; UsageError when there is none or it is damaged.
+
+    Of a table that is no result's, a measured curve, the rows are numbered, and the contact radius may be unknown.
+    """
     path = Path(path)
-    columns = read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
+    columns = _force_table(path)
     surface = {}
     if os.path.lexists(path / SURFACE):
         surface = read_table(path / SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
     return Results(path, columns, checked_report(path), surface)
+
+
+def _force_table(path: Path) -> dict[str, np.ndarray]:
+    if not path.is_dir():
+        columns = read_table(path, ("delta", "force"))
+        if "step" not in columns:
+            rows = len(columns["delta"])
+            return {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
+    return read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
 
 
 def read_run(path: Path) -> Results:
