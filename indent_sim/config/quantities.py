@@ -26,7 +26,7 @@ FACTOR = re.compile(r"(?P<sign>[*/·]?)\s*(?P<name>[^\W\d_]+|[%°])(?:(?:\^|\*\*
 COMMA = re.compile(r"\s*[-+]?\d+,\d+\D*")
 POWERS = {"²": 2, "³": 3}
 EXAMPLES = {"length": "2.5 um", "pressure": "1 kPa", "force": "3 nN", "pressure/length": "2 kPa/um",
-            "force/length": "3 mN/m"}  # fmt: skip
+            "force/length": "3 mN/m", "time": "0.1 s", "1/time": "10 Hz"}  # fmt: skip
 ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / pi, "radian": 180 / pi}  # degrees
 OWN = {"length": "um", "force": "nN", "time": "s"}  # examples of a scene's own units
 DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length", Unit(1, 1): "force/length"}
@@ -63,7 +63,10 @@ def _dimension(spot: schema.Spot) -> str:
         return DIMENSIONS.get(unit, f"length^{unit.length} pressure^{unit.pressure}")
     names = [part for part in spot.path if isinstance(part, str)]
     symbol = lookup(names[-1], names[0]) if names else None
-    return symbol.dimension if symbol and symbol.dimension not in ("1", "word") else ""
+    dimensions = symbol.dimension.split(", ") if symbol else [""]  # of a row of numbers one each
+    place = spot.path[-1] if len(dimensions) > 1 else 0
+    found = dimensions[place] if isinstance(place, int) and place < len(dimensions) else ""
+    return found if found not in ("1", "word") else ""
 
 
 class Conversion:

@@ -69,7 +69,8 @@ def config_markdown() -> str:
     parts = [
         "# The scene file\n\nGenerated from the schema by `python -m indent_sim.config.reference`.\n",
         "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
-        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those.\n"
+        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those, times\n"
+        "to seconds.\n"
         "A section without a default is required. Unknown and repeated keys are errors.\n",
         _table(["section", "default", "meaning"], map(_section_row, schema.keys_at((), {}))),
     ]

@@ -28,15 +28,18 @@ class Unknowns:
     """Space, solution and dof numbering; `fields` maps the name of each unknown to its UFL expression.
 
     u has ORDER, the pressures of mixed regions one less, one each because they jump between materials, lam the order
-    given by `multiplier`, 0 for none. They are on the whole body, but constrained to zero off their region or surface.
+    given by `multiplier`, 0 for none, tau that of u and one component for each horizontal axis, where it is asked for.
+    They are on the whole body, but constrained to zero off their region or surface.
     """
 
-    def __init__(self, mesh: Any, *, pressures: Sequence[str], multiplier: int):
+    def __init__(self, mesh: Any, *, pressures: Sequence[str], multiplier: int, shear: bool = False):
         dim = mesh.geometry.dim
         elements = {"u": compat.lagrange(dim, ORDER, dim)}
         elements |= {name: compat.lagrange(dim, ORDER - 1) for name in pressures}
         if multiplier:
             elements["lam"] = compat.lagrange(dim, multiplier)
+        if shear:
+            elements["tau"] = compat.lagrange(dim, ORDER, None if dim == 2 else dim - 1)
         self.names = tuple(elements)
         self.dim = dim
         alone = len(elements) == 1
@@ -44,8 +47,12 @@ class Unknowns:
         self.space = compat.function_space(mesh, element)
         self.solution = fem.Function(self.space)
         self.x = compat.vector(self.solution)
-        parts = (self.solution,) if alone else ufl.split(self.solution)
-        self.fields = dict(zip(self.names, parts, strict=True))
+        self.fields = self.of(self.solution)
+
+    def of(self, function: Any) -> dict[str, Any]:
+        """The fields of any function of the space, by their names."""
+        parts = (function,) if len(self.names) == 1 else ufl.split(function)
+        return dict(zip(self.names, parts, strict=True))
 
     def subspace(self, name: str, component: int | None = None) -> Any:
         """The part of the space that holds a field, or one component of it."""
@@ -68,6 +75,12 @@ class Unknowns:
     def places(self, name: str) -> np.ndarray:
         """Where the dofs of the field's own space stand in the solution's local array."""
         return self._collapsed[name][1]
+
+    def components(self, name: str) -> dict[int | None, np.ndarray]:
+        """`places` of each component of the field, None for that of a scalar."""
+        size = {"u": self.dim, "tau": self.dim - 1}.get(name, 1)
+        places = self.places(name)
+        return {c: places[c::size] for c in range(size)} if size > 1 else {None: places}
 
     def displacement_places(self, nodes: np.ndarray) -> np.ndarray:
         """Indices (..., dim) into the local array of the displacement components at nodes of u's own space."""
@@ -115,14 +128,15 @@ def symbolic(item: Any, mesh: Any) -> Any:
 class Body:
     """The unknown fields of a scene's body on a mesh, what is held, and the measures of its volume and surfaces."""
 
-    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: int = 0):
+    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: int = 0, shear: bool = False):
         self.scene = scene
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
         regions = scene.physics.part.regions
         self.pressures = {region: f"q{k}" for k, region in enumerate(regions) if region.formulation == "mixed"}
-        self.unknowns = Unknowns(self.mesh, pressures=list(self.pressures.values()), multiplier=multiplier)
+        pressures = list(self.pressures.values())
+        self.unknowns = Unknowns(self.mesh, pressures=pressures, multiplier=multiplier, shear=shear)
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.physics.part.kinematics.weight(self.X)
@@ -185,12 +199,12 @@ class Body:
 
     def _constrain(self) -> None:
         unknowns, part, body_mesh = self.unknowns, self.scene.physics.part, self.body_mesh
-        held: list[tuple[int, np.ndarray]] = []
+        sides: list[tuple[int, str]] = []
         for surface, support in part.supports.items():
             normal = part.normal(surface)  # a curved wall has none and is guided weakly
             components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
-            facets = body_mesh.surfaces[surface]
-            held += [(c, unknowns.dofs_on("u", c, body_mesh.facet_dim, facets)) for c in components]
+            sides += [(c, surface) for c in components]
+        held = [(c, unknowns.dofs_on("u", c, body_mesh.facet_dim, body_mesh.surfaces[side])) for c, side in sides]
         pins = [(c, self._vertex_dofs(c, point)) for point, c in part.pins]
         self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
         self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
@@ -201,18 +215,35 @@ class Body:
             for region, name in self.pressures.items():
                 cells = np.flatnonzero(body_mesh.regions == part.regions.index(region)).astype(np.int32)
                 self._confine(name, unknowns.dofs_on(name, None, body_mesh.dim, cells))
+        top = (body_mesh.facet_dim, body_mesh.surfaces["top"])
         if "lam" in unknowns.names:
-            self._confine("lam", unknowns.dofs_on("lam", None, body_mesh.facet_dim, body_mesh.surfaces["top"]))
+            self._confine("lam", unknowns.dofs_on("lam", None, *top))
+        if "tau" in unknowns.names:
+            self._confine("tau", unknowns.dofs_on("tau", None, *top))
+            self._hold_shear(sides)
 
     def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
         return self.unknowns.dofs_on("u", component, 0, self.body_mesh.vertices_at(point))
 
     def _confine(self, name: str, dofs: np.ndarray) -> None:
         """A field lives on these dofs; its others are held at zero and cost nothing."""
-        unknowns = self.unknowns
-        off = np.setdiff1d(unknowns.places(name), dofs)
-        self.bcs.append(unknowns.zero(name, None, off))
-        own = off[off < unknowns.owned]
+        for component, places in self.unknowns.components(name).items():
+            self._hold(name, component, np.setdiff1d(places, dofs))
+
+    def _hold_shear(self, held: Sequence[tuple[int, str]]) -> None:
+        """tau is zero wherever its component of u is held: the modes of tau that do no work there would be free, and
+        make a wrong force of a residual that has converged."""
+        unknowns, body_mesh = self.unknowns, self.body_mesh
+        for component, surface in held:
+            if component < body_mesh.dim - 1:
+                along = component if body_mesh.dim == 3 else None
+                facets = body_mesh.surfaces[surface]
+                self._hold("tau", along, unknowns.dofs_on("tau", along, body_mesh.facet_dim, facets))
+
+    def _hold(self, name: str, component: int | None, dofs: np.ndarray) -> None:
+        """Hold dofs of a field that has no supports."""
+        self.bcs.append(self.unknowns.zero(name, component, dofs))
+        own = np.setdiff1d(dofs[dofs < self.unknowns.owned], self.constrained)
         self.constrained = np.union1d(self.constrained, own)
         self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)
 

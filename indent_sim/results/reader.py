@@ -15,7 +15,7 @@ from annotated_types import Ge
 from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
-from indent_sim.model.state import COLUMNS, ERRORS, READINGS, State
+from indent_sim.model.state import COLUMNS, ERRORS, OF_FRICTION, READINGS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
 from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
@@ -44,15 +44,27 @@ class Results:
 
 
 def read(path: Path | str) -> Results:
-    """Read a result folder or a force table; UsageError when there is none or it is damaged."""
+    """Read a result folder or a force table; UsageError when there is none or it is damaged.
+
+    Of a table that is no result's, a measured curve, the rows are numbered, and the contact radius may be unknown.
+    """
     path = Path(path)
-    columns = read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
+    columns = _force_table(path)
     surface = {}
     if os.path.lexists(path / SURFACE):
         surface = read_table(path / SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
     return Results(path, columns, checked_report(path), surface)
+
+
+def _force_table(path: Path) -> dict[str, np.ndarray]:
+    if not path.is_dir():
+        columns = read_table(path, ("delta", "force"))
+        if "step" not in columns:
+            rows = len(columns["delta"])
+            return {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
+    return read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
 
 
 def read_run(path: Path) -> Results:
@@ -65,7 +77,7 @@ def read_run(path: Path) -> Results:
 
 def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     """The rows of the force table as mappings from column to number."""
-    names = (*COLUMNS, *READINGS, *ERRORS)
+    names = (*COLUMNS, *READINGS, *OF_FRICTION, *ERRORS)
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
@@ -363,7 +375,8 @@ def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[
     if not lines:
         return (), COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= {*READINGS, *ERRORS}:
+    known = {*READINGS, *OF_FRICTION, *ERRORS}
+    if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= known:
         raise UsageError(f"{path} has other columns than this version writes")
     states: list[State] = []
     size = len(lines[0]) + 1

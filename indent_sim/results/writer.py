@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.model.state import COLUMNS, READINGS, State
+from indent_sim.model.state import COLUMNS, READINGS, State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -28,11 +28,11 @@ from indent_sim.results.tables import (
     DYNAMIC,
     EXPERIMENT,
     SURFACE,
-    SURFACE_HEADER,
     drop_later_blocks,
     row,
     surface_block,
     surface_blocks,
+    surface_header,
     table_of,
 )
 from indent_sim.results.xdmf import FieldWriter
@@ -44,7 +44,8 @@ SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses not
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
-    errors: columns of the force table that say how wrong others may be. mesh: text of the file that the config names.
+    more, errors: columns of the force table that not every run has, and those that say how wrong others may be. mesh:
+    text of the file that the config names.
     The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
@@ -57,6 +58,7 @@ class ResultFolder:
         config_yaml: str,
         *,
         surface: Keep = "last",
+        more: tuple[str, ...] = (),
         errors: tuple[str, ...] = (),
         report: Mapping[str, Any] | None = None,
         resume: bool = False,
@@ -67,7 +69,7 @@ class ResultFolder:
         self._target = Path(target)
         self._config_yaml, self._mesh = config_yaml, mesh
         self._surface = surface
-        self._columns = (*COLUMNS, *READINGS, *errors)
+        self._columns = (*COLUMNS, *READINGS, *more, *errors)
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None
@@ -122,7 +124,7 @@ class ResultFolder:
         with uninterrupted(), self._writing():
             sync = time.monotonic() - self._synced > SYNC_EVERY
             if state.surface is not None:
-                self._write_surface(state, surface_block(state.step, state.surface), sync)
+                self._write_surface(state, state.surface, sync)
             append_whole(self.path / TABLE, row(state, self._columns), sync)
             self.rows += 1
             if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
@@ -207,9 +209,9 @@ class ResultFolder:
         report = {**identity, "started": self._started, **ended, **self.report}
         write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
 
-    def _write_surface(self, state: State, block: bytes, sync: bool) -> None:
+    def _write_surface(self, state: State, surface: Surface, sync: bool) -> None:
         """Every state's surface, or those of the deepest and of the last."""
-        path, header = self.path / SURFACE, (",".join(SURFACE_HEADER) + "\n").encode()
+        path, header, block = self.path / SURFACE, surface_header(surface), surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
             append_whole(path, block, sync)
         elif self._surface != "none":

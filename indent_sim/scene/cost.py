@@ -33,12 +33,14 @@ DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condens
 
 @dataclass(frozen=True)
 class Work:
-    """What is done with the unknowns: solver, formulation, steps, and whether contact is nonlinear beyond its edge."""
+    """What is done with the unknowns: solver, formulation, steps, whether contact is nonlinear beyond its edge, and
+    whether there is friction, which has as many directions as the mesh."""
 
     method: str  # condensed | newton
     mixed: bool
     steps: int
     nonlinear: bool
+    rough: bool = False
 
     @property
     def iterations(self) -> float:
@@ -67,7 +69,7 @@ def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
     dofs = cells * (NODES[dim] * dim + (VERTICES[dim] if work.mixed else 0.0))
     memory = PROCESS + (6e3 * dofs if dim == 2 else 900.0 * dofs**1.25)
     if work.method == "condensed":
-        n = candidates(sizes, part)
+        n = candidates(sizes, part) * (dim if work.rough else 1)
         memory += DENSE * n**2
         solve = _condensed(dim, n, dofs, work)
     else:

@@ -337,6 +337,7 @@ class TestRuns:
             "force_indentation.csv",
             "surface.csv",
             "fields.xdmf",
+            "tip.xdmf",
             "fields",
             "config.yaml",
             "run.json",

@@ -2,10 +2,12 @@
 
 F are nodal forces pushing down (int p N_j), u_z the nodal displacements there. Everything a frictionless tip does to
 a linear body with a reference gap passes through C; every depth, tip and contact method after that is small and dense.
+With friction C has rows and columns for the horizontal axes too, after those of the downward one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -29,12 +31,14 @@ BLOCK = 128  # right-hand sides solved at once
 class Compliance:
     """C (n, n) [1/(pressure length)] between the candidates, nodes of the contact surface; the same on all ranks.
 
-    trace: the facets between the candidates, with `nodes` numbering rows of C; surface: all facets of the contact
-    surface, whose node places[i] is candidate i; support and stray (n,): what a unit force at a candidate makes the
-    supports and the rigid-mode pins feel.
+    whole (m n, m n): C, and with friction m - 1 horizontal axes after it; held (m - 1, nodes of the surface): where
+    their displacements are held. trace: the facets between the candidates, with `nodes` numbering rows of C; surface:
+    all facets of the contact surface, whose node places[i] is candidate i; support and stray (m n,): what a unit force
+    at a candidate makes the supports and the rigid-mode pins feel.
     """
 
-    C: np.ndarray
+    whole: np.ndarray
+    held: np.ndarray
     trace: Trace
     surface: Trace
     places: np.ndarray
@@ -44,7 +48,12 @@ class Compliance:
     @property
     def size(self) -> int:
         """Number of nodes."""
-        return len(self.C)
+        return len(self.places)
+
+    @property
+    def C(self) -> np.ndarray:
+        """Downward displacements for downward forces."""
+        return self.whole[: self.size, : self.size]
 
 
 class Condenser:
@@ -128,27 +137,39 @@ class Condenser:
         distance = np.linalg.norm(surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1).min(axis=1)
         return np.asarray(distance <= reach)
 
-    def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
-        """The compliance of all facets that come within `reach` [length] of the tip's axis."""
+    def condense(self, reach: float, center: tuple[float, ...], *, shear: bool = False) -> Compliance:
+        """The compliance of all facets that come within `reach` [length] of the tip's axis; also along the horizontal
+        axes with `shear`."""
         surface, near = self._surface, self._near(reach, center)
         places, nodes = np.unique(surface.nodes[near], return_inverse=True)
-        if self._last is None or not np.array_equal(places, self._last.places):
-            C, support, stray = self._solve(places)
+        axes = [surface.dim - 1, *range(surface.dim - 1)] if shear else [surface.dim - 1]
+        is_same = self._last is not None and np.array_equal(places, self._last.places)
+        if self._last is None or not is_same or len(self._last.held) != len(axes) - 1:
+            C, support, stray = self._solve(places, axes)
             nodes = nodes.reshape(surface.nodes[near].shape)
             trace = Trace(nodes, surface.X[near], nodes)
-            self._last = Compliance((C + C.T) / 2, trace, surface, places, support, stray)
+            self._last = Compliance((C + C.T) / 2, self._held(axes[1:]), trace, surface, places, support, stray)
         return self._last
 
     def spread(self, nodal: np.ndarray) -> np.ndarray:
         """Values at the nodes of the whole surface as (facets, nodes) of this rank's facets."""
         return nodal[self._rows]
 
-    def _solve(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """u_z at the candidates, support and pin reactions for unit downward forces at each of them."""
-        body, n = self.body, len(places)
+    def _held(self, axes: Sequence[int]) -> np.ndarray:
+        """Whether the displacement along each axis is held (axes, nodes of the whole surface)."""
+        dofs = self.body.unknowns.displacement_places(self._owned_nodes)[..., list(axes)]
+        held = np.zeros((len(axes), 1 + self._surface.nodes.max(initial=-1)))
+        held[:, self._owned_rows] = np.isin(dofs, self.body.constrained).T
+        return _summed(self.body.comm, held) > 0
+
+    def _solve(self, places: np.ndarray, axes: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Displacements of the candidates, support and pin reactions for a unit force at each of them: down, and along
+        the horizontal axes that follow."""
+        body, n = self.body, len(places) * len(axes)
         mine = np.isin(self._owned_rows, places)
-        columns = np.searchsorted(places, self._owned_rows[mine])
-        dofs = body.unknowns.displacement_places(self._owned_nodes[mine])[..., -1].reshape(-1)
+        here = np.searchsorted(places, self._owned_rows[mine])
+        columns = np.concatenate([here + k * len(places) for k in range(len(axes))])
+        dofs = body.unknowns.displacement_places(self._owned_nodes[mine])[..., list(axes)].T.reshape(-1)
         free = ~np.isin(dofs, body.constrained)
         self._placed = (dofs, columns, free)
         C, reactions = np.zeros((n, n)), np.zeros((1 + len(self._pin_rows), n))
@@ -159,9 +180,11 @@ class Condenser:
             reactions[0, start:stop] = self._support_rows @ X
             reactions[1:, start:stop] = [row @ X for row in self._pin_rows] if self._pin_rows else 0.0
         C, reactions = _summed(body.comm, C), _summed(body.comm, reactions)
+        down, along = slice(len(places)), slice(len(places), None)
+        C[down, along], C[along, down] = -C[down, along], -C[along, down]  # solved for forces that pull up
         held = _summed(body.comm, np.bincount(columns[~free], minlength=n).astype(float))
         stray = np.abs(reactions[1:]).max(axis=0, initial=0.0)
-        return C, held - reactions[0], stray
+        return C, np.concatenate([held[down] - reactions[0, down], reactions[0, along]]), stray
 
     def _block(self, dofs: np.ndarray, columns: np.ndarray, free: np.ndarray, start: int, stop: int) -> np.ndarray:
         """Solutions (this rank's rows) for unit forces at the nodes of columns start..stop."""
@@ -185,7 +208,8 @@ class Condenser:
         dofs, columns, free = self._placed
         load, response = self.body.x.duplicate(), self.body.x.duplicate()
         load.set(0.0)
-        load.array[dofs[free]] = -nodal_forces[columns[free]]
+        up = np.where(columns < len(self._last.places), -1.0, 1.0) if self._last else 1.0
+        load.array[dofs[free]] = (up * nodal_forces[columns])[free]
         self._pc.apply(load, response)
         self.body.set_solution(response)
 

@@ -118,6 +118,22 @@ def test_forces_on_a_strip_are_per_length():
         loads(text.replace("2 mN/m", "2 nN"))
 
 
+def test_experiments_take_them_too():
+    """Rows of numbers with a dimension each, times in seconds, frequencies in 1/s."""
+    experiment = ("experiment={relaxation: {prony: [[0.4, 100 ms]]}, history: [[0, 0], [2 s, 200 nm]], "
+                  "frequencies: [0.1 kHz]}")  # fmt: skip
+    text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5}")  # fmt: skip
+    found = loads(text, "", [experiment]).experiment
+    assert found.relaxation.prony == ((0.4, 0.1),) and found.history == ((0.0, 0.0), (2.0, 0.2))
+    assert found.frequencies == (100.0,)
+    with pytest.raises(ConfigError, match="a length, not a time"):
+        loads(text, "", [experiment.replace("2 s", "2 um")])
+    work = "experiment={adhesion: {work: 0.1 mJ/m^2}, cantilever: {stiffness: 0.05 N/m}}"
+    adhesive = loads(text, "", [work]).experiment
+    assert adhesive.adhesion.work == 0.1 and adhesive.cantilever.stiffness == 50.0
+
+
 def test_radians_are_degrees_to_rounding():
     assert loads(BASE.replace("half_angle: 70", "half_angle: 1.2 rad")).indenter.half_angle == pytest.approx(68.7549354)
 

@@ -564,6 +564,16 @@ class TestReading:
                 read(place)
 
 
+def test_a_measured_curve_is_read_as_it_is(tmp_path):
+    """A table with depths and forces alone: numbered rows, no contact radius."""
+    (tmp_path / "measured.csv").write_text("delta,force\n0.1,1\n0.2,3\n")
+    found = read(tmp_path / "measured.csv")
+    assert found["step"].tolist() == [1, 2] and found["force"].tolist() == [1, 3] and np.isnan(found["a"]).all()
+    with pytest.raises(UsageError, match="no column 'force'"):
+        (tmp_path / "measured.csv").write_text("delta,load\n0.1,1\n")
+        read(tmp_path / "measured.csv")
+
+
 class TestCompare:
     HEADER = "step,delta,force,a\n"
 
