@@ -91,14 +91,19 @@ def _cells(sizes: Sizes, part: Part) -> float:
 
 
 def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) -> float:
-    """Elements in an inclusion and in the shells around it, by size^dim; a mirror image counts for its own part."""
+    """Elements in an inclusion and in the shells around it, by size^dim, beyond those that would be there without it;
+    a mirror image counts for its own part."""
     dim = part.dim
     spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
     size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
     spans = inclusion.spans if dim == 3 else [((axis,), inclusion.half(axis)) for axis in (0, 2)]
     volume = np.prod([UNIT_BALLS[len(axes)] * (half + spread) ** len(axes) for axes, half in spans], axis=0)
     shares = part.copies * (2 if part.symmetry == "axisymmetric" else 1)
-    return float(volume[0] / inside**dim + (np.diff(volume) / size**dim).sum()) / shares
+    *across, z = inclusion.center
+    r = np.linalg.norm([c - axis for c, axis in zip(across, (*sizes.axis, 0.0), strict=False)])
+    there = sizes.at(np.array(r), np.array(-z))
+    beyond = [np.maximum(1 / h**dim - 1 / there**dim, 0.0) for h in (inside, size)]
+    return float(volume[0] * beyond[0] + (np.diff(volume) * beyond[1]).sum()) / shares
 
 
 def candidates(sizes: Sizes, part: Part) -> float:
