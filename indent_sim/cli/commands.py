@@ -230,8 +230,8 @@ def program() -> None:
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
-        is_met = _starts_mesher(config, overrides)
         require_room()
+        is_met = _starts_mesher(config, overrides)
         comm = _world() if is_met else Alone()
     with together(comm), stoppable(comm.rank):
         from indent_sim.config.file import load

@@ -59,7 +59,7 @@ class Simulation:
         if not self.scene.is_meshed:
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk: Any = TheoryWalk(self.scene, self.record.comm, self.clock.started - spent)
-            self._readings = Readings(self.scene)
+            self._readings: Any = Readings(self.scene)
             self._fields = self._mesh = None
             return
         record, scene, clock = self.record, self.scene, self.clock
@@ -164,7 +164,7 @@ class Simulation:
 
     def release(self) -> None:
         """Give the memory of the solution back (collective); a process may have many runs before it."""
-        self._walk = self._fields = None
+        self._walk = self._fields = self._readings = None
         if self._mesh is not None:
             backend().release(self._mesh)
 

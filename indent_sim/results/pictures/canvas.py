@@ -38,6 +38,7 @@ SUBTITLE, LABEL = 200, 120  # most letters
 THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 STYLE: dict[str, Any] = {
     "axes.titlesize": "medium",
+    "figure.dpi": 100,  # in which labels are measured
     "legend.fontsize": "small",
     "axes.spines.top": False,
     "axes.spines.right": False,
