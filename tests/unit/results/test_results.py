@@ -394,11 +394,14 @@ class TestKills:
         assert names(tmp_path) == {"run"}
 
     def test_a_signal_waits_for_the_end_of_a_write(self):
-        done = False
-        with pytest.raises(KeyboardInterrupt), uninterrupted():
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(0.01)
-            done = True
+        done, before = False, signal.signal(signal.SIGINT, signal.default_int_handler)  # another test may have changed it
+        try:
+            with pytest.raises(KeyboardInterrupt), uninterrupted():
+                os.kill(os.getpid(), signal.SIGINT)
+                time.sleep(0.01)
+                done = True
+        finally:
+            signal.signal(signal.SIGINT, before)
         assert done
 
 
