@@ -394,7 +394,7 @@ class TestKills:
         assert names(tmp_path) == {"run"}
 
     def test_a_signal_waits_for_the_end_of_a_write(self):
-        done, before = False, signal.signal(signal.SIGINT, signal.default_int_handler)  # another test may have changed it
+        done, before = False, signal.signal(signal.SIGINT, signal.default_int_handler)  # not another test's
         try:
             with pytest.raises(KeyboardInterrupt), uninterrupted():
                 os.kill(os.getpid(), signal.SIGINT)
