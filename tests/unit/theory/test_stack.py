@@ -330,7 +330,7 @@ def test_stacked_strip_conserves():
 
 
 CONTRASTS = (1e-3, 1e-2, 30.0, 1e3)
-SIZES = [(size, contrast) for size in (0.05, 1.0, 10.0) for contrast in CONTRASTS] + [(50.0, 1e-3), (50.0, 30.0)]
+SIZES = [(size, contrast) for size in (0.05, 1.0, 10.0) for contrast in CONTRASTS] + [(50.0, 1e-3)]
 
 
 @pytest.mark.parametrize(("size", "contrast"), SIZES)
