@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.experiment import Experiment
+from indent_sim.model.experiment import Experiment, Relaxation
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.readings import punches_of
 from indent_sim.scene.given import remaining
@@ -86,6 +86,14 @@ def _unreached() -> Iterator[None]:
         raise NotConverged(f"experiment: {error}") from error
 
 
+def modulus_of(law: Relaxation) -> Modulus:
+    """E(t)/E(0) of a relaxation law."""
+    if law.power_law is not None:
+        return PowerLaw(law.power_law.exponent, law.power_law.time)
+    fractions, times = zip(*(law.prony or ()), strict=True)
+    return Prony(fractions, times)
+
+
 class _Conduct:
     """One experiment, in the scene's units until its findings."""
 
@@ -116,12 +124,7 @@ class _Conduct:
     @property
     def modulus(self) -> Modulus:
         law = self.experiment.relaxation
-        if law is None:
-            return Prony((), ())
-        if law.power_law is not None:
-            return PowerLaw(law.power_law.exponent, law.power_law.time)
-        fractions, times = zip(*(law.prony or ()), strict=True)
-        return Prony(fractions, times)
+        return modulus_of(law) if law else Prony((), ())
 
     def curve_to(self, top: float) -> ElasticCurve:
         """The elastic curve up to a depth, by theory, by flat punches, or by equilibria of the condensed body."""
