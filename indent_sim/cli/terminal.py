@@ -7,6 +7,7 @@ import io
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.process.errors import printable
@@ -121,7 +122,7 @@ def requirements(found: Requirements, width: int = 120) -> str:
     from indent_sim.config.strict_yaml import dump
 
     table = Table("effect", "of the force", "from", "matters", box=None)
-    for effect in sorted(found.effects, key=lambda effect: -effect.size):
+    for effect in sorted(found.effects, key=lambda effect: (effect.size == inf, -effect.size)):
         if effect.applies:
             words = (effect.name.replace("_", " "), _change(effect), effect.source, effect.needs)
             table.add_row(*(Text(printable(word)) for word in words))

@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from math import atan, degrees, hypot, inf, isfinite, log, nan, radians, sqrt, tan
+from math import atan, degrees, hypot, inf, isfinite, log, nan, radians, tan
 from typing import Any
 
 import numpy as np
 
-from indent_sim.config.file import from_mapping, located, to_mapping
-from indent_sim.config.schema import Config
+from indent_sim.config.file import from_mapping, located, to_mapping, varied
+from indent_sim.config.schema import Config, Source
 from indent_sim.model.body import Ball, Box, Cap, Cylinder, Endless, HalfSpace, MeshFromFile, Strip
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, RegularPyramid, Sphere
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError
@@ -47,6 +46,8 @@ VARIED = 0.02  # relative change of R that says how the force grows with it
 WIDER, TINY = 1e-3, 1e-6  # of a contact with adhesion, where its search begins; of the depth, instead of one below 0
 SAMPLES = 60  # of an elastic curve
 DEFAULTED = ("units", "contact", "mesh", "solver", "output")  # sections left out of a scene where all is as usual
+ANY_SCENE: Document = {"body": {"shape": "half_space"}, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.0},
+                       "indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.1}}  # fmt: skip
 OF_A_MESH = {"solver", "mesh", "contact", "accuracy"}  # sections that a scene without a mesh does without
 
 
@@ -143,12 +144,17 @@ class _Bench:
         """How the sides of the body, or of its round stand-ins, are held; empty where there are none."""
         match self.config.body:
             case Cylinder(sides=sides):
-                return (sides,)
-            case Box():
-                return ("free", "fixed")
-            case Strip():
-                return ("its own",)
+                return (sides,) if sides != "roller" or not self.is_stood_for else ("free", "fixed")
+            case Box(sides=sides):
+                held = {sides.x_min, sides.x_max, sides.y_min, sides.y_max}
+                return (held.pop(),) if held in ({"free"}, {"fixed"}) else ("free", "fixed")
         return ()
+
+    @property
+    def is_stood_for(self) -> bool:
+        """Whether a cylinder up to its nearest side stands for the body."""
+        body = self.config.body
+        return isinstance(body, Box) or (isinstance(body, Cylinder) and any(self.config.center or ()))
 
     @cached_property
     def is_solvable(self) -> bool:
@@ -159,7 +165,7 @@ class _Bench:
     def plain(self) -> Document:
         document = to_mapping(self.config)
         body = self.body(self.walls[0] if self.walls else "")
-        tip = {key: value for key, value in _as_section(self.tip).items()}
+        tip = _as_section(self.tip)
         if isinstance(self.config.body, Strip | MeshFromFile) and self.config.center is not None:
             tip["center"] = list(self.config.center)
         found = {"body": body, "indenter": tip, "loading": {"delta": self.delta, "steps": 1}}
@@ -169,17 +175,16 @@ class _Bench:
 
     def body(self, sides: str = "", **changes: Any) -> Document:
         """The body's section; one that only a mesh in three dimensions has is a cylinder up to its nearest side."""
-        own, body = to_mapping(self.config)["body"], self.config.body
-        if isinstance(body, MeshFromFile):
-            own |= {"file": _absolute(self.config, body.file)}
+        body = self.config.body
+        own: Document = to_mapping(self.config)["body"]
         if isinstance(body, Box | Cylinder):
-            rim = self.config.body.rim_distance(self.config.center or body.center)  # type: ignore[union-attr]
+            rim = body.rim_distance(self.config.center or body.center)
             kept = {key: own[key] for key in ("base", "layers", "inclusions") if own.get(key)}
-            height = body.size[2] if isinstance(body, Box) else body.height
+            height = body.height
             own = {"shape": "cylinder", "radius": rim, "height": height, "sides": sides, **kept}
-            if isinstance(body, Box) or rim < body.radius:  # inclusions have their place in the whole
+            if self.is_stood_for:  # inclusions have their place in the whole
                 own.pop("inclusions", None)
-        return _each_small(own | changes)
+        return {key: value for key, value in _each_small(own | changes).items() if value is not None}
 
     def without_sides(self) -> Document | None:
         """The layer that the body is without its sides; None for one that is no layer."""
@@ -194,7 +199,7 @@ class _Bench:
 
     def force(self, **changes: Any) -> float | None:
         """Force of the plain scene with some sections replaced; None where there is none."""
-        if not self.is_solvable and changes.get("body", self.plain["body"])["shape"] == "mesh":
+        if not self.is_solvable and (changes.get("body") or self.plain["body"])["shape"] == "mesh":
             return None
         document = {key: value for key, value in (self.plain | changes).items() if value is not None}
         name = json.dumps(document, sort_keys=True)
@@ -215,8 +220,12 @@ class _Bench:
         """The scene of a document, its theory used wherever that is exact."""
         if not {"mesh", "contact"} & document.keys():
             with suppress(ConfigError):
-                return resolve(from_mapping(document | {"solver": {"method": "theory"}}))
-        return resolve(from_mapping(document))
+                return resolve(self.beside(document | {"solver": {"method": "theory"}}))
+        return resolve(self.beside(document))
+
+    def beside(self, document: Document) -> Config:
+        """The config of a document that stands where the scene's file does."""
+        return varied(document, Source(self.config.source.name), ())
 
     @cached_property
     def own(self) -> float:
@@ -230,7 +239,7 @@ class _Bench:
     def on_mesh(self) -> Document:
         """Sections that have a variation solved on one mesh, whatever theory knows."""
         document = self.plain | {"contact": {"method": "augmented_lagrangian"}}
-        scene = resolve(from_mapping(document))
+        scene = resolve(self.beside(document))
         h = scene.sizes.h_contact * scene.physics.scales.length
         if isinstance(self.config.body, MeshFromFile):
             return {"contact": document["contact"]}
@@ -284,18 +293,18 @@ class _Effects:
 
     def _by(self, name: str, ratio: float | None, source: str, needs: str = "") -> Effect:
         if ratio is None or not isfinite(ratio):
-            return Effect(name, None, None, None, f"not known: {source} was not solved", needs)
+            return Effect(name, None, None, None, f"not solved: {source}", needs)
         percent = 100 * (ratio - 1)
         return Effect(name, percent, percent, percent, source, needs)
 
     def _none(self, name: str, why: str) -> Effect:
         return Effect(name, 0.0, 0.0, 0.0, why)
 
-    def _from(self, name: str, key: str, value: float | None, source: str, side: str = "") -> Effect:
+    def _from(self, name: str, key: str, value: float | None, source: str, side: str = "", digits: int = 2) -> Effect:
         """That only a parameter is known, from which on the effect is telling."""
         if value is None or not isfinite(value):
             return Effect(name, None, None, None, source, f"{key}: below {100 * self.within:g} % whatever it is")
-        return Effect(name, None, None, None, source, f"{self.from_percent} {key} = {value:.2g}{side}")
+        return Effect(name, None, None, None, source, f"{self.from_percent} {key} = {value:.{digits}g}{side}")
 
     def _threshold(self, change: Callable[[float], float | None], start: float) -> float | None:
         """The parameter at which a change that grows with it is as large as the tolerance."""
@@ -313,10 +322,7 @@ class _Effects:
     @property
     def _how(self) -> str:
         """What stands for the scene, in words."""
-        round_body = isinstance(self.bench.config.body, Box) or (
-            isinstance(self.bench.config.body, Cylinder)
-            and self.bench.plain["body"]["radius"] < self.bench.config.body.radius)  # fmt: skip
-        stands = [*(["a cylinder up to the nearest side"] if round_body else []),
+        stands = [*(["a cylinder up to the nearest side"] if self.bench.is_stood_for else []),
                   *(["the cone of equal sections"] if self.bench.is_cone else [])]  # fmt: skip
         return f" ({', '.join(stands)} for it)" if stands else ""
 
@@ -343,13 +349,13 @@ class _Effects:
             return self._by(name, self.bench.ratio({}, sharp), f"the rounded tip over the sharp one{self._how}")
         body = self._theory_body
         if isinstance(tip, Profile) or body is None:
-            return Effect(name, None, None, None, "not known: no theory of this tip and body")
+            return Effect(name, None, None, None, "no theory of this tip and body")
         found = self._threshold(lambda x: self.bench.ratio(self._with_radius(tip, key, x) | body, sharp | body),
                                 0.1 * self.bench.delta)  # fmt: skip
         return self._from(name, f"indenter.{key}", found, f"theory{self._how}")
 
     def _with_radius(self, tip: Indenter, key: str, radius: float) -> Document:
-        return {"indenter": self._tip(**{k: v for k, v in _as_section(dataclasses.replace(tip, **{key: radius})).items()})}
+        return {"indenter": self._tip(**_as_section(tip) | {key: radius})}
 
     @property
     def _theory_body(self) -> Document | None:
@@ -406,16 +412,17 @@ class _Effects:
             return self._none(name, "in the row of the thickness, which takes the body as it is")
         found = [self._walled(sides, layer) for sides in bench.walls]
         if any(ratio is None for ratio in found):
-            return Effect(name, None, None, None, "not known: the body with its sides was not solved")
-        if len(found) == 1 and not self._how.startswith(" (a cylinder"):
-            return self._by(name, found[0], "the body with its sides over a layer without")
+            return Effect(name, None, None, None, "the body with its sides was not solved")
+        if not bench.is_stood_for:
+            return self._by(name, found[0], f"the body with its sides over a layer without{self._how}")
         low, high = (100 * (f(1.0, *filter(None, found)) - 1) for f in (min, max))
-        return Effect(name, None, low, high, "round bodies with free and fixed sides up to the nearest, over a layer")
+        words = f"between none and {' or '.join(bench.walls)} sides all around at the distance of the nearest"
+        return Effect(name, None, low, high, words)
 
     def _walled(self, sides: str, layer: Document) -> float | None:
         """Force with sides over that without: by theory for rollers, from which others differ on one mesh."""
         bench = self.bench
-        with_them, rollers = ({"body": bench.body(one)} for one in (sides, "roller"))
+        with_them, rollers = ({"body": bench.body(one, inclusions=None)} for one in (sides, "roller"))
         same = bench.ratio(rollers, {"body": layer})
         if sides == "roller" or same is None:
             return same
@@ -473,7 +480,7 @@ class _Effects:
     def _small_strain(self, name: str) -> Effect:
         bench = self.bench
         if not bench.is_isotropic or not bench.is_solvable:
-            return Effect(name, None, None, None, "not known: nothing solved in the plane stands for it")
+            return Effect(name, None, None, None, "nothing solved in the plane stands for it")
         finite = _with_matter(bench, _finite)
         with_it = finite | bench.on_mesh | {"contact": bench.on_mesh["contact"] | {"gap": "current"}}
         law = "its own law" if not bench.scene.physics.small_strain else "neo-Hookean"
@@ -483,14 +490,14 @@ class _Effects:
     def _incompressible(self, name: str) -> Effect:
         bench = self.bench
         if not bench.is_isotropic:
-            return Effect(name, None, None, None, "not known: the material is not isotropic")
+            return Effect(name, None, None, None, "the material is not isotropic")
         if all(material.constants.nu == 0.5 for material in bench.materials):
             body = self._theory_body
             if body is None:
-                return Effect(name, None, None, None, "not known: no theory of this body")
+                return Effect(name, None, None, None, "no theory of this body")
             small = lambda x: _with_matter(bench, lambda own: own | {"nu": 0.5 - x}, body["body"])  # noqa: E731
             found = self._threshold(lambda x: bench.ratio(body, small(min(x, 0.5))), 0.01)
-            return self._from(name, "nu", found and 0.5 - found, f"theory{self._how}", " down")
+            return self._from(name, "nu", found and 0.5 - found, f"theory{self._how}", " down", digits=4)
         still = _with_matter(bench, lambda own: own | {"nu": 0.5})
         return self._by(name, bench.ratio(still), f"nu = 0.5 at the same E{self._how}")
 
@@ -506,7 +513,7 @@ class _Effects:
             wider = (said.high - said.low) / 2 + MARGIN
             return Effect(name, None, said.low - wider, said.high + wider, f"no slip: {said.source}")
         if not bench.is_solvable:
-            return Effect(name, None, None, None, "not known: nothing solved in the plane stands for it")
+            return Effect(name, None, None, None, "nothing solved in the plane stands for it")
         rough = {"contact": bench.on_mesh["contact"] | {"friction": friction},
                  "loading": {"delta": bench.delta, "steps": ENOUGH_STEPS}}  # fmt: skip
         words = "no slip" if friction == "stick" else f"friction {friction:g}"
@@ -518,7 +525,7 @@ class _Effects:
             return self._none(name, "a flat punch touches the same disc with adhesion as without")
         contact = scene.plan.theory.contact if scene is not None and scene.plan.theory else None
         if scene is None or not isinstance(contact, Layer):
-            return Effect(name, None, None, None, "not known: the JKR limit is that of a disc")
+            return Effect(name, None, None, None, "the JKR limit is that of a disc")
         scales, punches = scene.physics.scales, LayerPunches(contact)
         unit, delta = scales.pressure * scales.length, bench.delta / scales.depth
         alone = contact.curve([delta])[0].force
@@ -535,7 +542,8 @@ class _Effects:
         if given is None:
             start = 0.01 * self.within * alone * unit / contact.curve([delta])[0].a
             return self._from(name, "work", self._threshold(pulled, start), f"the JKR limit{self._how}")
-        return self._by(name, pulled(given.work), f"the JKR limit{self._pull_off(given, punches, unit, alone)}{self._how}")
+        beside = self._pull_off(given, punches, unit, alone)
+        return self._by(name, pulled(given.work), f"the JKR limit{beside}{self._how}")
 
     def _pull_off(self, given: Any, punches: LayerPunches, unit: float, alone: float) -> str:
         """Pull-off over the largest force, and the Tabor number, in words."""
@@ -580,14 +588,14 @@ class _Effects:
                                     1.01 * bench.delta)  # fmt: skip
             return self._by(name, bench.along(depth) / force, "the way of the base taken for the depth")
         if not isfinite(force):
-            return Effect(name, None, None, None, "not known: the scene was not solved")
+            return Effect(name, None, None, None, "the scene was not solved")
         depth = self._depth_of(1 - self.within)
         stiffness = (1 - self.within) * force / (bench.delta - depth)
         return self._from(name, "stiffness", stiffness, "the way of the base taken for the depth", " down")
 
     def _contact_point(self, name: str) -> Effect:
         if not isfinite(self.bench.own):
-            return Effect(name, None, None, None, "not known: the scene was not solved")
+            return Effect(name, None, None, None, "the scene was not solved")
         offset = self.bench.delta - self._depth_of(1 - self.within)
         return self._from(name, "an error of the depth", offset, "the curve's own slope")
 
@@ -653,8 +661,6 @@ class _Model:
         """The scene with this model; None where it cannot be run."""
         config = bench.config
         found = to_mapping(config)
-        if isinstance(config.body, MeshFromFile):
-            found["body"]["file"] = _absolute(config, config.body.file)
         if self.body:
             found["body"] = bench.without_sides() if self.body == "layer" else _half_space(found["body"])
             found["indenter"].pop("center", None)
@@ -668,7 +674,7 @@ class _Model:
             found = _of_strain(found, self.is_finite)
         document = _usual(found)
         with suppress(ConfigError):
-            resolve(from_mapping(document))
+            resolve(bench.beside(document))
             return document
         return None
 
@@ -679,9 +685,11 @@ def _models(config: Config, found: Mapping[str, Effect]) -> Iterator[_Model]:
     has_friction = bool(getattr(config.contact, "friction", 0.0))
     knows_finite = found["small_strain"].percent is not None
     is_parabola = isinstance(config.indenter, Paraboloid)
-    transforms = [found[name] for name in ("adhesion", "rate", "cantilever") if config.experiment and found[name].size > 0]
+    names = ("adhesion", "rate", "cantilever") if config.experiment else ()
+    transforms = [found[name] for name in names if found[name].size > 0]
     must_be_linear = any(effect.size >= found["small_strain"].size for effect in transforms)
-    for finite, body, sphere, smooth in product((False, True), ("half_space", "layer", ""), (False, True), (True, False)):
+    bodies, no_yes = ("half_space", "layer", ""), (False, True)
+    for finite, body, sphere, smooth in product(no_yes, bodies, no_yes, (True, False)):
         if (body and (finite or not smooth or not _has(body, config))) or (sphere and not is_parabola):
             continue
         if finite and must_be_linear:  # no curve at finite strain determines an experiment
@@ -760,8 +768,7 @@ def _round_tip(tip: Indenter) -> tuple[Indenter, bool]:
 
 def _matter_of(section: Document) -> Any:
     """The material of a section, by its small-strain constants."""
-    return from_mapping({"body": {"shape": "half_space"}, "material": section, "indenter": {"shape": "sphere", "R": 1.0},
-                         "loading": {"delta": 0.1}}).material.canonical()  # type: ignore[union-attr]  # fmt: skip
+    return from_mapping(ANY_SCENE | {"material": section}).material.canonical()  # type: ignore[union-attr]
 
 
 def _small(section: Document) -> Document:
@@ -769,7 +776,7 @@ def _small(section: Document) -> Document:
     matter = _matter_of(section)
     if matter.small_strain and not matter.is_isotropic:
         return section
-    return {"model": "linear_elastic", "E": matter.constants.E, "nu": matter.constants.nu}
+    return {"model": "linear_elastic"} | _constants(matter)
 
 
 def _finite(section: Document) -> Document:
@@ -777,7 +784,12 @@ def _finite(section: Document) -> Document:
     matter = _matter_of(section)
     if not matter.small_strain:
         return section
-    return {"model": "neo_hookean", "E": matter.constants.E, "nu": matter.constants.nu}
+    return {"model": "neo_hookean"} | _constants(matter)
+
+
+def _constants(matter: Any) -> Document:
+    """E and nu to twelve digits, as what came of other constants has no more."""
+    return {name: float(f"{value:.12g}") for name, value in zip(("E", "nu"), matter.constants, strict=True)}
 
 
 def _changed(body: Document, change: Callable[[Document], Document]) -> Document:
@@ -828,17 +840,9 @@ def _is_small(document: Document) -> bool:
 
 def _usual(document: Document) -> Document:
     """A scene without the sections in which all is as usual."""
-    from indent_sim.config.file import to_mapping as whole
-
-    usual = whole(from_mapping({"body": {"shape": "half_space"}, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.0},
-                                "indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.1}}))  # fmt: skip
+    usual = to_mapping(from_mapping(ANY_SCENE))
     return {name: part for name, part in document.items()
             if part not in ({}, "") and not (name in DEFAULTED and part == usual.get(name))}  # fmt: skip
-
-
-def _absolute(config: Config, file: str) -> str:
-    """The name of a mesh file, wherever the scene goes."""
-    return os.path.abspath(os.path.join(os.path.dirname(config.source.name), file))
 
 
 def _deborah(law: Any, t: float) -> str:
