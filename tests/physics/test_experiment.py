@@ -79,7 +79,7 @@ def test_the_half_space_of_johnson_kendall_and_roberts() -> None:
 @pytest.mark.parametrize(("reach", "is_short"), [(1e-4, True), (0.1, False)])
 def test_a_long_range_is_warned_of_beforehand(reach: float, is_short: bool) -> None:
     experiment = {"adhesion": {"work": 1e-3, "range": reach}}
-    said = resolve(from_mapping(HALF_SPACE | {"experiment": experiment, "loading": {"delta": 0.01}})).plan.warnings
+    said = scene_of(HALF_SPACE, experiment, loading={"delta": 0.01}).plan.warnings
     assert any("Tabor" in warning for warning in said) is not is_short
 
 
