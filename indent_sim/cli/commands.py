@@ -293,6 +293,32 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
 
 
 @program.command()
+@click.argument("config", type=click.Path(path_type=Path))
+@set_option
+@click.option("--within", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.01, show_default=True,
+              help="Relative error of the force that is accepted.")  # fmt: skip
+@json_option
+def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bool) -> None:
+    """Say what a scene requires: every effect in per cent of the force. Writes nothing.
+
+    Ends with the cheapest model within the tolerance, as a scene that runs as it is.
+    """
+    _refuse_ranks()
+    require_room()
+    from indent_sim.config.file import load
+    from indent_sim.results.writer import to_json
+    from indent_sim.run import require as requirements
+
+    with _quiet_libraries(logging.ERROR), stoppable():
+        found = requirements.require(load(config, overrides), within)
+    if as_json:
+        return say(to_json(DONE | found.as_json()))
+    from indent_sim.cli import terminal
+
+    say(terminal.requirements(found, _width()))
+
+
+@program.command()
 @click.argument("first", metavar="A", type=click.Path(path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(path_type=Path))
 @click.option("--rtol", callback=_tolerances, metavar="X|COLUMN=X,...", default="1e-6", show_default=True,

@@ -7,6 +7,7 @@ import io
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.process.errors import printable
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
+    from indent_sim.run.require import Effect, Requirements
     from indent_sim.scene.scene import Scene
     from indent_sim.study import Plan
 
@@ -110,6 +112,32 @@ def plan(scene: Scene, width: int = 120) -> str:
     for name, value in scene.plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
     return _rendered(width, choices, "", expected)
+
+
+def requirements(found: Requirements, width: int = 120) -> str:
+    """What a scene requires: its effects by their size, what to model, and that model as a scene."""
+    from rich.table import Table
+    from rich.text import Text
+
+    from indent_sim.config.strict_yaml import dump
+
+    table = Table("effect", "of the force", "from", "matters", box=None)
+    for effect in sorted(found.effects, key=lambda effect: (effect.size == inf, -effect.size)):
+        if effect.applies:
+            words = (effect.name.replace("_", " "), _change(effect), effect.source, effect.needs)
+            table.add_row(*(Text(printable(word)) for word in words))
+    rest = ", ".join(effect.name.replace("_", " ") for effect in found.effects if not effect.applies)
+    absent = f"\nnot in this scene: {rest}" if rest else ""
+    return f"{_rendered(width, table)}{absent}\n\n{found.words}\n\n{dump(found.config)}".rstrip()
+
+
+def _change(effect: Effect) -> str:
+    """What an effect does to the force, as a number or a range."""
+    if effect.percent is not None:
+        return f"{effect.percent:+.2g} %"
+    if effect.low is None or effect.high is None:
+        return "" if effect.needs else "not known"
+    return f"{effect.low:+.2g} to {effect.high:+.2g} %"
 
 
 def study_plan(planned: Plan) -> str:

@@ -21,6 +21,7 @@ from indent_sim.results.pictures import panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.reader import Results, read_run
+from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.xdmf import kept_steps
 
 MOST_ROWS = 100  # of a table; more are thinned
@@ -28,6 +29,7 @@ DIGITS = 6
 WIDE = 110.0  # mm: what stays readable on a screen 400 pixels wide
 CAPTIONS = {"force": "Force over depth", "pressure": "Contact pressure at the largest force",
             "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
+OF_EXPERIMENT = "The experiment: force over depth, over the way of the base, over time or contact radius"
 NAME, STUDY = "report.html", "study.json"
 STUDY_PICTURES = {"curves.png": "Force over depth, and the last force over each varied number",
                   "study.png": "What accuracy costs"}  # fmt: skip
@@ -72,14 +74,15 @@ def of_run(folder: Path) -> str:
     if not report:
         raise UsageError(f"{folder} holds no result of {PROGRAM}: there is no run.json")
     failed = report.get("status") not in ("done", "running")
-    tables = [_rows(results), _choices(report), *_bars(report), _audit(report), _provenance(report)]
+    tables = [_rows(results), *_experiment(results), _choices(report), *_bars(report), _audit(report),
+              _provenance(report)]  # fmt: skip
     return _page(
         title=report.get("title") or folder.resolve().name,
         subtitle=_subtitle(results),
         failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
         numbers=_numbers(results),
-        said=_theory(results),
-        pictures=_pictures(results),
+        said=[*_theory(results), *_hertz(report), *_pull_off(results)],
+        pictures=[*_pictures(results), *_picture_of_experiment(folder)],
         warnings=report.get("warnings", []),
         tables=[table for table in tables if table.rows],
         scene=_scene(folder),
@@ -179,6 +182,37 @@ def _theory(results: Results) -> list[str]:
         beside = f"{formula['deviation']:+.1%} of this run"
         lines.append(f"{formula['name']}: {asked} {formula[asked]:.5g} {unit}, {beside}.")
     return lines
+
+
+def _hertz(report: Mapping[str, Any]) -> list[str]:
+    """What a fit of the half-space formula to the curve reads."""
+    fit = report.get("hertz")
+    return [f"A Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)."] if fit else []
+
+
+def _pull_off(results: Results) -> list[str]:
+    """Where a tip that adheres comes off."""
+    pulled = ((results.report.get("experiment") or {}).get("adhesion") or {}).get("pull_off") or {}
+    units = results.report.get("units") or {}
+    force, length = (in_print(unit_of(kind, units)) for kind in ("force", "length"))
+    return [f"Pull-off under {how.replace('_', ' ')}: force {found['force']:.5g} {force} "
+            f"at delta {found['delta']:.5g} {length}." for how, found in pulled.items()]  # fmt: skip
+
+
+def _picture_of_experiment(folder: Path) -> list[Picture]:
+    path = folder / "experiment.png"
+    return [Picture(_image(path, OF_EXPERIMENT), OF_EXPERIMENT, broad=True)] if path.exists() else []
+
+
+def _experiment(results: Results) -> list[Table]:
+    """The rows of experiment.csv."""
+    path = results.path / EXPERIMENT
+    rows = list(csv.reader(io.StringIO(content(path).decode("utf-8")))) if path.exists() else []
+    if len(rows) < 2:
+        return []
+    kept = _thinned(rows[1:])
+    cells = [[_short(cell) for cell in row] for row in kept]
+    return [Table(f"Rows of {EXPERIMENT}", rows[0], cells, _told(rows[1:], kept), True)]
 
 
 def _pictures(results: Results) -> list[Picture]:

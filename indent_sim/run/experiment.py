@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.experiment import Experiment
+from indent_sim.model.experiment import Experiment, Relaxation
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.readings import punches_of
 from indent_sim.scene.given import remaining
@@ -29,7 +29,6 @@ SHALLOWEST = 1e-5  # of the deepest depth: a power law below
 SAMPLES = 80  # of an elastic curve
 FEW = 2.0  # elements that a contact must have to be one of them
 DEEPER = 1.001  # of what is asked for: the curve is known up to there
-JKR_RIGHT = 0.01  # of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
 # By so many distances of nodes contact ends beyond where the edge pressure of nodal punches changes its sign: measured
 # against theory on layers of nu = 0 ... 0.5, 0.14 to 0.18 and 0.04 to 0.08
 EDGE = {"displacement": 0.16, "mixed": 0.06}
@@ -86,6 +85,14 @@ def _unreached() -> Iterator[None]:
         raise NotConverged(f"experiment: {error}") from error
 
 
+def modulus_of(law: Relaxation) -> Modulus:
+    """E(t)/E(0) of a relaxation law."""
+    if law.power_law is not None:
+        return PowerLaw(law.power_law.exponent, law.power_law.time)
+    fractions, times = zip(*(law.prony or ()), strict=True)
+    return Prony(fractions, times)
+
+
 class _Conduct:
     """One experiment, in the scene's units until its findings."""
 
@@ -116,12 +123,7 @@ class _Conduct:
     @property
     def modulus(self) -> Modulus:
         law = self.experiment.relaxation
-        if law is None:
-            return Prony((), ())
-        if law.power_law is not None:
-            return PowerLaw(law.power_law.exponent, law.power_law.time)
-        fractions, times = zip(*(law.prony or ()), strict=True)
-        return Prony(fractions, times)
+        return modulus_of(law) if law else Prony((), ())
 
     def curve_to(self, top: float) -> ElasticCurve:
         """The elastic curve up to a depth, by theory, by flat punches, or by equilibria of the condensed body."""
@@ -339,7 +341,7 @@ class _Conduct:
         return {name: getattr(row, name) for name in names}
 
     def _range(self) -> dict[str, float]:
-        """Tabor and Maugis numbers, and a warning where they speak against the JKR limit."""
+        """Tabor and Maugis numbers, and the pull-off force that the latter gives on a half-space."""
         adhesion, physics = self.experiment.adhesion, self.scene.physics
         assert adhesion is not None
         if adhesion.range is None:
@@ -350,11 +352,6 @@ class _Conduct:
         given = adhesion.work, adhesion.range, R, E_star
         parameter = maugis_lambda(*given)
         shape = maugis_pull_off(parameter)
-        if abs(shape / -1.5 - 1) > JKR_RIGHT:
-            self.warnings.append(
-                f"adhesion: at a Tabor number of {tabor(*given):.3g} its range is not short: on a half-space it holds "
-                f"with {-shape:.4g} pi work R (Maugis-Dugdale), in the JKR limit with 1.5"
-            )
         return {"tabor": tabor(*given), "maugis_lambda": parameter,
                 "maugis_pull_off": shape * np.pi * adhesion.work * R}  # fmt: skip
 

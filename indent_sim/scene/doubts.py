@@ -29,6 +29,7 @@ ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
 HARDLY = 0.45  # Poisson ratio from which a body is said to hardly compress
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
 DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
+JKR_RIGHT = 0.01  # of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
 STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
 
 
@@ -63,7 +64,7 @@ def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     """All that speaks against the model, whatever solves it."""
     if given.deepest <= 0:
         return (NO_CONTACT,)
-    return (*_of_model(given), *_of_tip(given, gap))
+    return (*_of_model(given), *_of_tip(given, gap), *_of_adhesion(given))
 
 
 def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
@@ -116,6 +117,22 @@ def _of_tip(given: Given, gap: str) -> Iterator[Doubt]:
     if delta > ABSURD * end:
         times = f"the depth is {delta / end:.3g} times the radius at which the tip ends"
         yield Doubt("units", f"{times}: are both in one unit?")
+
+
+def _of_adhesion(given: Given) -> Iterator[Doubt]:
+    """That the attraction's range is too long for the JKR limit, by Maugis-Dugdale on a half-space."""
+    adhesion = given.experiment.adhesion if given.experiment else None
+    if adhesion is None or adhesion.range is None or not isinstance(given.relative, Paraboloid | Sphere):
+        return
+    from indent_sim.theory.surface.adhesion import maugis_lambda, maugis_pull_off, tabor  # with scipy's searches
+
+    R, E_star = given.relative.R * given.scales.length, given.material.E_star * given.scales.pressure
+    parameters = adhesion.work, adhesion.range, R, E_star
+    shape = maugis_pull_off(maugis_lambda(*parameters))
+    if abs(shape / -1.5 - 1) > JKR_RIGHT:
+        words = (f"adhesion: at a Tabor number of {tabor(*parameters):.3g} its range is not short: on a half-space it "
+                 f"holds with {-shape:.4g} pi work R (Maugis-Dugdale), in the JKR limit with 1.5")  # fmt: skip
+        yield Doubt("adhesion", words)
 
 
 def _of_contact(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> Iterator[Doubt]:

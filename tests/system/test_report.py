@@ -76,6 +76,15 @@ def test_the_report_of_a_run(tmp_path):
     assert text.count("<svg") == 3
 
 
+def test_the_report_of_an_experiment(tmp_path):
+    scene = Path(__file__).parents[2] / "configs" / "sticky_gel.yaml"
+    for words in (["run", str(scene), "--output", str(tmp_path / "gel"), "--quiet"], ["report", str(tmp_path / "gel")]):
+        assert CliRunner().invoke(commands.program, words).exit_code == 0
+    text = check(tmp_path / "gel" / "report.html")
+    words = ("A Hertz fit of this curve reads E = 10.79", "Pull-off under depth control", "Rows of experiment.csv")
+    assert [word for word in words if word not in text] == [] and text.count("data:image/png") == 1
+
+
 def test_text_of_strangers_stays_text(tmp_path):
     text = check(written(tmp_path, title="'<script>alert(1)</script> $x$ & {{ 7*7 }} \\x1b'"))
     assert "&lt;script&gt;" in text and "<script" not in text and "49" not in re.search(r"<h1>.*</h1>", text)[0]  # type: ignore[index]
