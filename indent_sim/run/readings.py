@@ -42,9 +42,9 @@ class Readings:
         if state.stiffness is not None:  # theory's own
             return state.stiffness
         physics = self.scene.physics
-        if physics.has_memory:  # it is another on the way out
+        if physics.has_friction:  # it is another on the way out
             return nan
-        if state.delta <= 0 or state.force <= 0:
+        if not physics.adheres and (state.delta <= 0 or state.force <= 0):
             return 0.0
         if self._equilibrium is None:
             return nan
