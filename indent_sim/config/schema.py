@@ -165,8 +165,8 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _inclusions, _constants, _friction, _cohesion, _path, _axis, _tip, _experiment, _sizes, _file,
-                  _petsc, _directory)  # fmt: skip
+        checks = (_cap, _layers, _inclusions, _constants, _friction, _cohesion, _path, _axis, _tip, _experiment, _sizes,
+                  _file, _petsc, _directory)  # fmt: skip
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self

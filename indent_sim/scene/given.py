@@ -78,6 +78,8 @@ class Given:
     @property
     def a(self) -> float:
         """The contact radius [length] to expect at the deepest point, adhesion included."""
+        if self.adhesive and self.deepest <= 0:  # no other tip touches there
+            return max(self.adhesive)
         return max([self.radius(self.deepest), *self.adhesive])
 
     @cached_property

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
 PER_ADHESIVE = 30.0  # per radius of a contact that comes off: its pull-off within 0.2 %, measured on bonded layers
 PER_ZONE = 2.0  # elements in the cohesive zone of a tip that adheres: the force within 0.3 %, measured
+PER_HELD = {2: 8.0, 3: 4.0}  # elements in the radius of the contact that comes off, by dim
 MOST_ACROSS = {2: 1000.0, 3: 60.0}  # elements in the radius of a contact for the sake of its cohesive zone, by dim
 PER_STEPPED = 25.0  # per radius of a contact that is stepped in time by nodal pressures: 0.03 % of the force, measured
 POINTS = 40  # of theory's surface in every contact radius
@@ -188,6 +189,8 @@ def _in_cohesive_zone(config: Config, given: Given, settled: SettledSizes) -> Se
         return settled
     E_star, most = given.material.E_star, MOST_ACROSS[given.dim]
     usual = settled.h_contact or min(a / PER_RADIUS[given.dim], given.part.height / 4)
+    if given.adhesive:
+        usual = min(usual, given.adhesive[0] / PER_HELD[given.dim])
     h = min(usual, found.zone(E_star) / PER_ZONE)
     if h * most < a:
         least = found.resolved_by(PER_ZONE * a / most, E_star) * L
