@@ -128,8 +128,8 @@ def contact(body: Observed) -> dict[str, float]:
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
     projected on the horizontal plane; 0 for delta <= 0 without adhesion. The peak is over the contact quadrature points
     and the nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the
-    contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap function
-    may know nothing; 0 with a reference gap.
+    contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap
+    function may know nothing; 0 with a reference gap.
     """
     dim = body.trace.dim
     grid, simplices = lattice(dim)

@@ -110,7 +110,9 @@ class Walk:
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""
         self._before, substeps = self._points, self._substeps
-        if not self._control.press(force, self.equilibrium.scene.physics.deltas[step - 1]):
+        physics = self.equilibrium.scene.physics
+        expected = physics.deltas[step - 1] or (physics.contact.adhesion.range if physics.contact.adhesion else 0.0)
+        if not self._control.press(force, expected or 0.0):
             return 0
         # the tries between them are too close together to extrapolate from
         self._points = [*self._before[-2:], self._last]
@@ -157,7 +159,16 @@ class Walk:
                     return substeps
             else:
                 self._steps.failed()
-        return 0
+        return substeps + 1 if self._adheres and target < self._last.delta and self._comes_off(target) else 0
+
+    def _comes_off(self, delta: float) -> bool:
+        """Solve at delta from the untouched body: where a contact that pulls has no equilibrium any more."""
+        self.equilibrium.restore(self._untouched.state, delta)
+        if not self.equilibrium.solve(delta):
+            self.return_to_last()
+            return False
+        self._points = [Point(delta, self.equilibrium.snapshot(), self._last.dissipated)]
+        return True
 
     def _attempt(self, delta: float) -> bool:
         """Solve at delta, first from the predicted state, then from the last one."""
