@@ -134,9 +134,9 @@ LOADING = (
 )  # fmt: skip
 
 EXPERIMENT = (
-    Symbol("adhesion", "", "attraction of tip and body: of the contact over a range, of an experiment in its limit of none (JKR)", WORD),
+    Symbol("adhesion", "", "attraction of tip and body: of a contact over a range, of an experiment without (JKR)", WORD),
     Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "force/length"),
-    Symbol("range", "", "distance over which the attraction falls by e; of an experiment for the Tabor and Maugis numbers alone", "length"),
+    Symbol("range", "", "gap over which attraction falls by e; an experiment's for its Tabor number alone", "length"),
     Symbol("relaxation", "", "how the modulus falls with time, everywhere alike, nu being constant", WORD),
     Symbol("prony", r"[g_i, \tau_i]", "terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 - "
            "exp(-t/tau_i)))", "1, time"),

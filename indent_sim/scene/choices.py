@@ -179,8 +179,8 @@ def adhesion(law: ContactLaw, given: Given, sizes: Sizes) -> list[Choice]:
         raise ConfigError("contact.adhesion.range", "is missing: the distance over which the attraction acts", remedy)
     zone = found.zone(E_star)
     if h > COARSEST * zone * (1 + 1e-9):
-        problem = (f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not resolve it: they may be "
-                   f"{COARSEST:g} times as large")  # fmt: skip
+        problem = (f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not resolve it, "
+                   f"as those of {COARSEST:g} times its size at most do")  # fmt: skip
         remedy = f"a range of at least {smallest:.3g}, or mesh.h_contact of at most {COARSEST * zone * L:.3g}"
         raise ConfigError("contact.adhesion.range", problem, remedy)
     why = f"cohesive zone {zone * L:.3g}, {zone / h:.3g} elements in it"
