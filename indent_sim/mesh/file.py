@@ -111,7 +111,8 @@ def _read(path: Path, file: str, version: tuple[int, ...]) -> MeshFile:
     except BackendError:
         raise
     except Exception as failure:  # readers raise whatever they stumble over
-        words = str(failure) or type(failure).__name__
+        is_number = isinstance(failure, KeyError)  # of a kind of cell that the reader does not know, say
+        words = f"its reader does not know {failure}" if is_number else str(failure) or "it is empty or cut short"
         raise refused(f"'{file}' is not a mesh that can be read: {words}", "write it anew, as gmsh 4.1 say") from None
     return _taken(found, file)
 
@@ -215,9 +216,10 @@ def _named(mesh: Any) -> Iterator[tuple[str, int, np.ndarray]]:
         for block, tags in enumerate(mesh.cell_data.get("gmsh:physical", ())):
             if VERTICES.get(mesh.cells[block].type, 0) == dim + 1:
                 yield name, block, np.flatnonzero(np.asarray(tags) == tag)
+    without = ("gmsh:geometrical", "gmsh:physical" if mesh.field_data else "")  # named above, or the drawing's own
     for name, blocks in mesh.cell_data.items():
         for block, values in enumerate(map(np.asarray, blocks)):
-            if values.ndim == 1 and np.issubdtype(values.dtype, np.integer) and name != "gmsh:geometrical":
+            if values.ndim == 1 and np.issubdtype(values.dtype, np.integer) and name not in without:
                 yield name, block, np.flatnonzero(values)
                 kinds = np.unique(values)
                 yield from ((f"{name}={kind}", block, np.flatnonzero(values == kind)) for kind in kinds[:MOST_KINDS])

@@ -22,7 +22,7 @@ WORD = "word"  # the dimension of a choice, a text or a switch
 
 SCENE = (
     Symbol("title", "", "what the scene is about; printed on pictures", WORD),
-    Symbol("units", "", "labels of the units the numbers are meant in; nothing is converted", WORD),
+    Symbol("units", "", "units that numbers are meant in; one with a unit of its own is converted to them", WORD),
     Symbol("body", "", "the soft body: its shape and how it is held", WORD),
     Symbol("material", "", "the elastic law of the body, of its layers where they have none of their own", WORD),
     Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
@@ -48,6 +48,9 @@ BODY = (
     Symbol("size", "(l_x, l_y, l_z)", "edges of the box [0, l_x] x [0, l_y] x [-l_z, 0]", "length"),
     Symbol("base", "", "support of the lower face; roller: slides, does not lift; a ball's: docs/conventions.md", WORD),
     Symbol("sides", "", "support of the walls; roller: no normal displacement", WORD),
+    Symbol("surfaces.contact", "", "name in the file of the surface that the tip may touch", WORD),
+    Symbol("surfaces.base", "", "name in the file of the surface that `base` holds", WORD),
+    Symbol("surfaces.sides", "", "name in the file of the surface that `sides` holds", WORD),
     Symbol("x_min", "", "support of the wall at x = 0", WORD),
     Symbol("x_max", "", "support of the wall at the largest x", WORD),
     Symbol("y_min", "", "support of the wall at y = 0", WORD),
@@ -222,6 +225,7 @@ RESULTS = (
            "infinite", "pressure"),
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
+    Symbol("cantilever.stiffness", "k", "spring constant of the cantilever", "force/length"),
     Symbol("stiffness", r"\mathrm{d}F/\mathrm{d}\delta", "of the load curve at this row", "force/length"),
     Symbol("area", "", "contact area, pi a^2; in plane strain its width, 2 a", "area"),
     Symbol("E_hertz", "", "modulus that the half-space formula of the same tip reads off this one row; empty where "

@@ -283,7 +283,8 @@ def theory(config: Config, given: Given) -> Choice | None:
         raise ConfigError("solver.method", f"'theory' does not fit this scene: {obstacle}", "use 'auto'")
     if obstacle or given.theory is None:
         return None
-    why = f"{given.theory.why}: exact but for {given.theory.error:.0e} of the force, nothing is meshed"
+    good = "too large a force" if given.theory.pull else f"exact but for {given.theory.error:.0e} of the force"
+    why = f"{given.theory.why}: {good}, nothing is meshed"
     return Choice("solver.method", "theory", f"as given; {why}" if wanted == "theory" else why)
 
 

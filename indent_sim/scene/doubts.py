@@ -44,6 +44,9 @@ class Doubt:
     force_error: float = 0.0
 
 
+CONTRAST = 1001.0  # of moduli, up to which random stacks were held to theory
+
+
 NO_CONTACT = Doubt("no_contact", "the tip never reaches the body: every depth is <= 0")
 
 
@@ -67,7 +70,7 @@ def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
     """What theory's contact has that none has that is pushed alone."""
     if not (given.theory and given.theory.pull):
         return ()
-    words = f"{given.theory.why}; pushed alone, the body has a smaller one: only a mesh knows its a and its pressure"
+    words = f"{given.theory.why}; pushed alone, the body has a smaller one and feels less: only a mesh knows how much"
     return (Doubt("pull", words, given.theory.pull),)
 
 
@@ -137,6 +140,10 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
 
     Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: a is wrong by up to 5 %.
     """
+    moduli = [region.material.constants.E for region in given.part.regions]
+    if max(moduli) > CONTRAST * min(moduli):
+        words = f"moduli {max(moduli) / min(moduli):.0e} times apart: sizes are known to suit up to 1000 times"
+        yield Doubt("contrast", f"{words}; ask for an accuracy, and compare")
     if sizes.corner_error >= TELLING:
         words = ("coarse elements at corners that the contact feels: the force may be too high by up to "
                  f"{in_words(sizes.corner_error)}; use smaller sizes everywhere, or leave them to the program")

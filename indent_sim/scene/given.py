@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 D = TypeVar("D")
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
+AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -350,6 +351,8 @@ def _expected_radius(
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
+    if isinstance(body, Meshed) and rim <= AT_RIM * body.reach(center):
+        rim = body.reach(center)  # half of a symmetric body, cut where the tip stands
     if delta <= 0:
         return 0.2 * rim if isfinite(rim) else 1.0
     if isinstance(body, Meshed):

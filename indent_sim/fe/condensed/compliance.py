@@ -25,6 +25,7 @@ from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.process.errors import NotConverged
 
 BLOCK = 128  # right-hand sides solved at once
+PIVOTING = 200  # per cent more room than foreseen for pivots that wait: layers far apart in stiffness have many
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,8 @@ class Condenser:
         self._pc.setOperators(matrix)
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
+        self._pc.setFactorSetUpSolverType()
+        self._pc.getFactorMatrix().setMumpsIcntl(14, PIVOTING)
         self._pc.setUp()
         self._refuse_singular()
         self._owned_nodes, self._owned_rows, self._rows = self._number_surface_nodes()

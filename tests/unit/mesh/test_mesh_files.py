@@ -35,11 +35,11 @@ loading: {{delta: 0.02}}
 
 
 def piece(folder: Path, body: dict[str, Any], kinematics: Any = "axisymmetric", name: str = "part.msh",
-          surfaces: MeshSurfaces = SURFACES, **others: Any) -> Piece:  # fmt: skip
+          surfaces: MeshSurfaces = SURFACES, has_material: bool = True, **others: Any) -> Piece:  # fmt: skip
     """What is read of a body that is written into a file."""
     write(folder / name, body)
     source = MeshFromFile(name, kinematics, surfaces, **others)
-    return inspection.piece_of(file.read(str(folder), name), source, True)
+    return inspection.piece_of(file.read(str(folder), name), source, has_material)
 
 
 def scene(folder: Path, name: str = "part.msh", kinematics: str = "axisymmetric", *settings: str) -> Scene:
@@ -92,11 +92,26 @@ def test_sets_of_points_name_the_facets_between_them(tmp_path: Path) -> None:
 def test_the_copy_of_a_piece_is_the_piece(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
     """Coordinates are written with all their digits, so that the hash, of all bytes, is the same."""
     body["points"][:, :2] *= 1 / 3
-    found = piece(tmp_path, body, kinematics, regions={"gel": None})
+    found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
     (tmp_path / "copy.msh").write_text(as_msh(found, source), encoding="utf-8")
-    again = inspection.piece_of(file.read(str(tmp_path), "copy.msh"), source, True)
+    again = inspection.piece_of(file.read(str(tmp_path), "copy.msh"), source, False)
     assert again.hash == found.hash and again.names == found.names == ("gel",)
+
+
+def test_a_material_of_no_cell_is_refused(tmp_path: Path) -> None:
+    """As where every layer has its own: it would be ignored."""
+    with pytest.raises(ConfigError, match="every cell is of a region") as refused:
+        piece(tmp_path, section(), regions={"gel": None})
+    assert refused.value.key == "material"
+
+
+@pytest.mark.parametrize("indenter", ["{shape: paraboloid, R: 1}", "{shape: cone, half_angle: 70}"])
+def test_half_of_a_symmetric_section_is_cut_where_the_tip_stands(tmp_path: Path, indenter: str) -> None:
+    """Its contact has one side, and the size of an overlap: not none."""
+    write(tmp_path / "part.msh", section())
+    found = scene(tmp_path, "part.msh", "plane_strain", f"indenter={indenter}")
+    assert found.sizes.a > 0 and not found.plan.theory
 
 
 def test_the_order_of_corners_is_not_the_shape(tmp_path: Path) -> None:

@@ -21,11 +21,12 @@ from indent_sim.study import file, grid, table
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
-    """Section, dataclass and name of every key of the scene file; the section of a list's items is the list."""
+    """Section, dataclass and name of every key of the scene file; keys inside, and those of items, are of their own."""
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
         for kind in kinds:
-            owners = [(section, kind), *((section, core(hint)) for hint in hints(kind).values())]
+            inside = {name: core(hint) for name, hint in hints(kind).items()}
+            owners = [(section, kind), *((section, hint) for hint in inside.values()), *inside.items()]
             lists = {name: core(hint) for name, hint in hints(kind).items() if get_origin(core(hint)) is tuple}
             owners += [(name, item) for name, hint in lists.items() for item in members(get_args(hint)[0])]
             found += [(where, owner, name) for where, owner in owners if dataclasses.is_dataclass(owner)

@@ -54,7 +54,7 @@ class TestText:
         assert shown.exit_code == 0 and printable(title) in shown.stdout and "\x1b" not in shown.stdout
         assert json.loads(said("plan", tmp_path / "scene.yaml", "--json").stdout)["title"] == title
 
-    @pytest.mark.parametrize("title", TITLES[:6])
+    @pytest.mark.parametrize("title", TITLES[:6:2])
     def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
         monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
         run = a_result(title=title, units={"length": title, "force": title})
