@@ -137,7 +137,7 @@ LOADING = (
 )  # fmt: skip
 
 EXPERIMENT = (
-    Symbol("adhesion", "", "attraction of tip and body: of a contact over a range, of an experiment without (JKR)", WORD),
+    Symbol("adhesion", "", "attraction of tip and body: of a contact over a range, of an experiment without", WORD),
     Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "force/length"),
     Symbol("range", "", "gap over which attraction falls by e; an experiment's for its Tabor number alone", "length"),
     Symbol("relaxation", "", "how the modulus falls with time, everywhere alike, nu being constant", WORD),
