@@ -165,8 +165,8 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _inclusions, _constants, _friction, _path, _axis, _tip, _experiment, _sizes, _file,
-                  _petsc, _directory)  # fmt: skip
+        checks = (_cap, _layers, _inclusions, _constants, _friction, _cohesion, _path, _axis, _tip, _experiment, _sizes,
+                  _file, _petsc, _directory)  # fmt: skip
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -323,6 +323,19 @@ def _friction(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction")
 
 
+def _cohesion(config: Config) -> Iterator[ConfigError]:
+    """That a tip that adheres has a range and slips freely."""
+    found = config.contact.adhesion
+    if found is None:
+        return
+    if config.contact.friction:
+        yield ConfigError("contact.adhesion", "together with friction is not verified", "leave one of the two out")
+    if found.range == 0:
+        problem = "is 0, a limit that no mesh resolves"
+        remedy = "give a range above 0, or experiment.adhesion: {work: ...} for that limit"
+        yield ConfigError("contact.adhesion.range", problem, remedy)
+
+
 def _path(config: Config) -> list[ConfigError]:
     if config.loading is None:
         if config.experiment is not None and config.experiment.points:
@@ -333,7 +346,7 @@ def _path(config: Config) -> list[ConfigError]:
         return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
     if len(given) > 1:
         return [ConfigError(f"loading.{given[1]}", f"contradicts {given[0]}", f"give one of {', '.join(WAYS)}")]
-    if config.loading.forces is not None and not any(config.loading.forces):
+    if config.loading.forces is not None and not any(config.loading.forces) and not config.contact.adhesion:
         return [ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")]
     return []
 

@@ -120,6 +120,8 @@ def symbolic(item: Any, mesh: Any) -> Any:
     def constant(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(constant, value))
+        if dataclasses.is_dataclass(value):
+            return symbolic(value, mesh)
         return fem.Constant(mesh, value) if isinstance(value, float) else value
 
     return dataclasses.replace(item, **{f.name: constant(getattr(item, f.name)) for f in dataclasses.fields(item)})

@@ -6,17 +6,21 @@ With p_hat = lam - epsilon_n g the contact term of the potential is
 
 its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 is the pressure
 (signs: gap g >= 0 open, lam >= 0 a pressure, so lam = -lambda of the notes).
+
+A tip that adheres adds gamma(g) = -work exp(-g/range) for g > 0, continued straight for g < 0: the traction is then
+<p_hat> - sigma with sigma = dgamma/dg >= 0 [pressure], and lam is the pressure of contact alone, on top of -sigma.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
-from indent_sim.model.algebra import macaulay
-from indent_sim.model.units import Auto, ContactStiffness
+from indent_sim.model.algebra import exp, macaulay
+from indent_sim.model.units import ADHESION, Auto, ContactStiffness, LengthOrZero
 
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
@@ -27,6 +31,38 @@ Anchor = Literal["implicit", "glue", "mid"]
 
 
 @dataclass(frozen=True)
+class Cohesion:
+    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral is `work`.
+
+    Without a range the smallest is named that the mesh resolves; 0 is the limit of `experiment.adhesion`.
+    """
+
+    work: Annotated[float, Gt(0), ADHESION]
+    range: LengthOrZero | None = None
+
+    @property
+    def _reach(self) -> Any:
+        return self.range
+
+    def energy(self, g: Any) -> Any:
+        """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length], negative."""
+        opened, reach = macaulay(g), self._reach
+        return self.work * ((g - opened) / reach - exp(-opened / reach))
+
+    def pull(self, g: Any) -> Any:
+        """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is closed."""
+        return self.work / self._reach * exp(-macaulay(g) / self._reach)
+
+    def zone(self, E_star: float) -> float:
+        """l = (pi/4) E* range^2/work [length]: how far the attraction reaches beside the edge of a contact."""
+        return float(pi / 4 * E_star * self._reach**2 / self.work)
+
+    def resolved_by(self, zone: float, E_star: float) -> float:
+        """The range [length] that has this cohesive zone [length]."""
+        return (4 / pi * self.work * zone / E_star) ** 0.5
+
+
+@dataclass(frozen=True)
 class AutoContact:
     """The program chooses the method and says why."""
 
@@ -34,6 +70,7 @@ class AutoContact:
     gap: Gap = "auto"
     friction: Friction = 0.0
     epsilon_t: ContactStiffness | Auto = "auto"
+    adhesion: Cohesion | None = None
 
 
 class _StiffnessLaw:
@@ -43,18 +80,22 @@ class _StiffnessLaw:
     stiffness: Any
     friction: Any = 0.0
     epsilon_t: Any = "auto"
+    adhesion: Any = None
 
     def trial_pressure(self, g: Any, lam: Any) -> Any:
         """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
         return lam - self.stiffness * g
 
     def potential(self, g: Any, lam: Any) -> Any:
-        """( <p_hat>^2 - lam^2 ) / (2 stiffness) per area [pressure length]."""
-        return (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
+        """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area [pressure length]."""
+        pushed = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
+        return pushed + self.adhesion.energy(g) if self.adhesion else pushed
 
     @property
     def uncondensed(self) -> str:
         """Why a condensed body, which has this potential written out, cannot have the law; "" where it can."""
+        if self.adhesion:
+            return "a tip that adheres is solved on the whole body"
         is_other = type(self).potential is not _StiffnessLaw.potential
         return f"{self.method} has a potential of its own" if is_other else ""
 
@@ -91,6 +132,7 @@ class AugmentedLagrangian(_NormalStiffness):
     gap: Gap = "auto"
     friction: Friction = 0.0
     epsilon_t: ContactStiffness | Auto = "auto"
+    adhesion: Cohesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
     auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
@@ -146,6 +188,7 @@ class ActiveSet:
     uncondensed: ClassVar[str] = ""
     friction: ClassVar[float] = 0.0
     epsilon_t: ClassVar[Any] = "auto"
+    adhesion: ClassVar[None] = None
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

@@ -137,9 +137,9 @@ LOADING = (
 )  # fmt: skip
 
 EXPERIMENT = (
-    Symbol("adhesion", "", "attraction of tip and body in the limit of no range (JKR)", WORD),
+    Symbol("adhesion", "", "attraction of tip and body: of a contact over a range, of an experiment without", WORD),
     Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "force/length"),
-    Symbol("range", "", "distance over which the attraction acts; for the Tabor and Maugis numbers", "length"),
+    Symbol("range", "", "gap over which attraction falls by e; an experiment's for its Tabor number alone", "length"),
     Symbol("relaxation", "", "how the modulus falls with time, everywhere alike, nu being constant", WORD),
     Symbol("prony", r"[g_i, \tau_i]", "terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 - "
            "exp(-t/tau_i)))", "1, time"),

@@ -169,7 +169,7 @@ class Ways:
 def ways(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Ways | None:
     """What the steps of a path with friction may cost: half of what lies between its anchor's two ends, which enclose
     it; or what steps half as long change, continued to none. None without friction."""
-    if not scene.physics.has_memory:
+    if not scene.physics.has_friction:
         return None
     if scene.physics.anchor == "mid":
         implicit, glue = (follow(scene.with_physics(anchor=anchor)) for anchor in ("implicit", "glue"))

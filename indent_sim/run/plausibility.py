@@ -3,6 +3,7 @@
 The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force grows with the depth
 and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface stays below the tip. The force is
 theory's where theory is exact, and of one order with it where it is nearly so. None of this says how accurate a row is.
+A tip that adheres may pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
 A rough surface gives back less than was put in: its forces are compared while the tip goes in, never on the way back.
 
 Each rule is a function of the scene, a converged state and the states before it (in the user's units) to a sentence, or
@@ -57,7 +58,7 @@ def _is_not_a_number(scene: Scene, state: State, earlier: Sequence[State]) -> st
 
 def _pulls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force >= 0."""
-    if state.force >= -_noise(scene, state, earlier):
+    if scene.physics.adheres or state.force >= -_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, and nothing holds on to the tip"
 
@@ -71,7 +72,7 @@ def _pushes_from_afar(scene: Scene, state: State, earlier: Sequence[State]) -> s
 
 def _touches_nothing(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
-    if state.force > 0 and state.a > 0:
+    if (state.force > 0 or scene.physics.adheres) and state.a > 0:
         return None
     missed = "no force" if state.force <= 0 else "no contact radius"
     elements = scene.sizes.h_contact * scene.physics.scales.length
@@ -118,7 +119,7 @@ def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | Non
 
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """0 <= Pi <= force delta, as of any force that grows with the depth."""
-    if scene.physics.has_memory and any(one.delta > state.delta for one in earlier):
+    if scene.physics.adheres or (scene.physics.has_friction and any(one.delta > state.delta for one in earlier)):
         return None
     work = state.force * state.delta
     if -SLACK * work <= state.energy <= (1 + SLACK) * work or _may_soften(scene):
@@ -128,7 +129,8 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    if scene.physics.has_memory and any(later.delta < one.delta for one, later in pairwise((*earlier, state))):
+    went_back = any(later.delta < one.delta for one, later in pairwise((*earlier, state)))
+    if scene.physics.adheres or (scene.physics.has_friction and went_back):
         return None
     fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
@@ -146,7 +148,7 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str
     """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
     delta, unit = state.delta / scene.physics.scales.depth, scene.physics.scales.force
     solution = scene.plan.theory.at(delta) if scene.plan.theory else None
-    if scene.plan.theory is None or solution is None or solution.force <= 0:
+    if scene.plan.theory is None or solution is None or solution.force <= 0 or scene.physics.adheres:
         return None
     expected = solution.force * unit
     lowest, highest = _range(scene, solution)

@@ -42,9 +42,9 @@ class Readings:
         if state.stiffness is not None:  # theory's own
             return state.stiffness
         physics = self.scene.physics
-        if physics.has_memory:  # it is another on the way out
+        if physics.has_friction:  # it is another on the way out
             return nan
-        if state.delta <= 0 or state.force <= 0:
+        if not physics.adheres and (state.delta <= 0 or state.force <= 0):
             return 0.0
         if self._equilibrium is None:
             return nan
@@ -88,7 +88,9 @@ def hertz_force(scene: Scene, delta: float) -> float | None:
 
 def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, float] | None:
     """The modulus E in the user's units that a least-squares fit of the half-space formula to a curve reads, and by how
-    many `percent` it is off; None where there is no formula or no contact."""
+    many `percent` it is off; None where there is no formula or no contact, or a tip that adheres."""
+    if scene.physics.adheres:
+        return None
     D, F = scene.physics.scales.depth, scene.physics.scales.force
     points = [(state.force / F, force) for state in states if (force := hertz_force(scene, state.delta / D))]
     total = sum(force**2 for _, force in points)

@@ -203,7 +203,7 @@ class Simulation:
 
     def _audit(self, state: State) -> None:
         largest = max([abs(state.force), *(abs(earlier.force) for earlier in self.states)])
-        size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest)
+        size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, self._held)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
         stray = state.stray_reaction / size if size > 0 else 0.0
         self._worst_audit = max(self._worst_audit, difference, stray)
@@ -213,6 +213,13 @@ class Simulation:
                 f"{state.reaction:.10g}, largest reaction of the rigid-mode pins {state.stray_reaction:.3g}; "
                 f"they must agree to {AUDIT_TOLERANCE:g}"
             )
+
+    @property
+    def _held(self) -> float:
+        """About what pulls under a tip that adheres [force]: the force may be less, where as much pushes."""
+        physics, a = self.scene.physics, self.scene.plan.prediction["a"]
+        adhesion = physics.scales.unscaled(physics.contact).adhesion
+        return float(adhesion.work * a) if adhesion else 0.0
 
     def _refuse_impossible(self, state: State) -> None:
         if said := contradiction(self.scene, state, self.states):

@@ -12,7 +12,7 @@ from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Endless, HalfSpace, Meshed
-from indent_sim.model.contact import Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
+from indent_sim.model.contact import Anchor, AugmentedLagrangian, AutoContact, Cohesion, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
@@ -115,7 +115,8 @@ def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | No
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
         law, why = AugmentedLagrangian(), "auto: no penetration to pay for, smooth pressures, fewest iterations"
-        law = dataclasses.replace(law, friction=wanted.friction, epsilon_t=given.scales.scaled(wanted).epsilon_t)
+        law = dataclasses.replace(law, friction=wanted.friction, epsilon_t=given.scales.scaled(wanted).epsilon_t,
+                                  adhesion=given.attraction)  # fmt: skip
     else:  # the scene says which gap
         law, why = dataclasses.replace(given.scales.scaled(wanted), gap="auto"), "as given"  # type: ignore[assignment]
     name = next((f.name for f in dataclasses.fields(law) if f.name in ("epsilon_n", "gamma")), None)
@@ -155,6 +156,47 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
         return "implicit", [Choice("contact.friction", law.friction, "new contact sticks where its step began")]
     why = "new contact sticks half way through its step, found in a pass without friction for it"
     return "mid", [Choice("contact.friction", law.friction, why)]
+
+
+COARSEST = 1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured
+
+
+def adhesion(law: ContactLaw, given: Given, sizes: Sizes) -> list[Choice]:
+    """What to say of a tip that adheres, the number of elements in its cohesive zone; nothing where none does.
+
+    ConfigError for a range that the elements do not resolve, and for plane strain, where it was never verified.
+    """
+    found = law.adhesion
+    if found is None:
+        return []
+    if given.body.dim == 2:
+        problem = "was never verified in plane strain"
+        raise ConfigError("contact.adhesion", problem, "use an axisymmetric or a three-dimensional body")
+    L, E_star, h = given.scales.length, given.material.E_star, sizes.h_contact
+    smallest = found.resolved_by(h / COARSEST, E_star) * L
+    if found.range is None:
+        remedy = f"at least {smallest:.3g} where h_contact = {h * L:.3g}; its limit 0 is experiment.adhesion"
+        raise ConfigError("contact.adhesion.range", "is missing: the distance over which the attraction acts", remedy)
+    zone = found.zone(E_star)
+    if h > COARSEST * zone * (1 + 1e-9):
+        problem = (f"has a cohesive zone of {zone * L:.3g}, and elements of {h * L:.3g} do not resolve it, "
+                   f"as those of {COARSEST:g} times its size at most do")  # fmt: skip
+        remedy = f"a range of at least {smallest:.3g}, or mesh.h_contact of at most {COARSEST * zone * L:.3g}"
+        raise ConfigError("contact.adhesion.range", problem, remedy)
+    why = f"cohesive zone {zone * L:.3g}, {zone / h:.3g} elements in it"
+    return [Choice("contact.adhesion", found.range * L, f"{why}{_numbers(found, given)}")]
+
+
+def _numbers(found: Cohesion, given: Given) -> str:
+    """The Tabor and Maugis numbers of a round tip, in words."""
+    R = getattr(given.relative, "R", None)
+    if R is None:
+        return ""
+    from indent_sim.theory.surface.adhesion import maugis_lambda, tabor  # with scipy, which no other scene needs
+
+    assert found.range is not None
+    numbers = found.work, found.range, R, given.material.E_star
+    return f"; Tabor number {tabor(*numbers):.3g}, Maugis' lambda {maugis_lambda(*numbers):.3g}"
 
 
 def _stiffness(law: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
@@ -275,6 +317,7 @@ def unlike_theory(config: Config) -> str:
         (config.contact.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(config.contact, AutoContact), f"contact.method: {config.contact.method} is for a mesh"),
         (bool(config.contact.friction), "theory knows no friction"),
+        (config.contact.adhesion is not None, "theory knows no attraction with a range"),
         (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
         (solver != type(solver)(), "rtol, max_iterations and petsc of solver are for a mesh"),
         (any(material.formulation != "auto" for material in materials), "material.formulation is for a mesh"),

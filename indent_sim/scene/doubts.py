@@ -54,7 +54,7 @@ NO_CONTACT = Doubt("no_contact", "the tip never reaches the body: every depth is
 def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt, ...]:
     """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
     if given.deepest <= 0:
-        return (NO_CONTACT,)
+        return () if given.attraction else (NO_CONTACT,)
     of_model = of_theory(given, gap)
     of_mesh = (*_of_mesh(given, sizes), *_of_facets(given, sizes))
     return (*of_model, *_of_contact(given, law, gap, sizes), *of_mesh, *_of_truncation(given))
@@ -63,7 +63,7 @@ def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt
 def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     """All that speaks against the model, whatever solves it."""
     if given.deepest <= 0:
-        return (NO_CONTACT,)
+        return () if given.attraction else (NO_CONTACT,)
     return (*_of_model(given), *_of_tip(given, gap), *_of_adhesion(given))
 
 

@@ -16,6 +16,7 @@ from indent_sim.mesh import file, inspection, meshed
 from indent_sim.mesh.part import Part, Region
 from indent_sim.mesh.piece import Piece
 from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, Layer, Meshed, MeshFromFile
+from indent_sim.model.contact import Cohesion
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import Loading, LoadPath
 from indent_sim.model.materials import LOCKING, Material
@@ -57,6 +58,7 @@ class Given:
     deltas: tuple[float, ...]  # requested, or expected at the requested forces
     experiment: Experiment | None  # in the user's units
     asked: float  # the largest depth that the experiment's history may come to; 0 without one
+    attraction: Cohesion | None  # of the contact
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
     @property
@@ -77,12 +79,16 @@ class Given:
     @property
     def a(self) -> float:
         """The contact radius [length] to expect at the deepest point, adhesion included."""
+        if self.adhesive and self.deepest <= 0:  # no other tip touches there
+            return max(self.adhesive)
         return max([self.radius(self.deepest), *self.adhesive])
 
     @cached_property
     def adhesive(self) -> tuple[float, float] | tuple[()]:
-        """Contact radii [length] with the experiment's adhesion, the smallest that comes off and the deepest one's."""
+        """Contact radii [length] with adhesion, without range: the smallest that comes off and the deepest one's."""
         adhesion = self.experiment.adhesion if self.experiment else None
+        if self.attraction and self.body.dim == 3:
+            return adhesive_radii(self.theory, self.relative, self.layers, self.attraction.work, self.deepest)
         if adhesion is None or self.part.kinematics.name != "axisymmetric":
             return ()
         work = adhesion.work / (self.scales.pressure * self.scales.length)
@@ -110,7 +116,10 @@ def on_finite_body(config: Config, given: Given) -> Given:
     """The scene on a body that can be meshed: one large enough stands for a body without end."""
     if not isinstance(config.body, Endless):
         return given
-    found = truncate(config.body, config.indenter, _layers(config), given.deepest * given.scales.length)
+    deepest = given.deepest
+    if given.adhesive:  # as deep as a tip that does not adhere has this contact
+        deepest = max(deepest, 2 * float(given.tip.height(given.a, 0.0)))
+    found = truncate(config.body, config.indenter, _layers(config), deepest * given.scales.length)
     return _given(config, found.body, found.layers, found)
 
 
@@ -143,7 +152,7 @@ def _given(
     return Given(
         scales, body, truncation, layers, material, tip, relative, center, path, part, part_why,
         theory=theory and theory.along((*deltas, *reached)), deltas=deltas,
-        experiment=config.experiment, asked=max(reached),
+        experiment=config.experiment, asked=max(reached), attraction=scales.scaled(config.contact).adhesion,
         radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
 

@@ -56,14 +56,24 @@ class Physics:
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
 
     @property
-    def has_memory(self) -> bool:
-        """Whether an equilibrium depends on the path to it."""
+    def has_friction(self) -> bool:
+        """Whether the tip drags on the surface."""
         return bool(self.contact.friction)
+
+    @property
+    def adheres(self) -> bool:
+        """Whether the tip pulls the surface across the gap."""
+        return self.contact.adhesion is not None
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether an equilibrium depends on the path to it: with adhesion two may be stable at one depth."""
+        return self.has_friction or self.adheres
 
     @property
     def sideways(self) -> dict[str, int]:
         """The horizontal axes, by name, along which friction may push the tip: no mirror plane cuts the body there."""
-        if not self.has_memory or self.part.kinematics.name == "axisymmetric":
+        if not self.has_friction or self.part.kinematics.name == "axisymmetric":
             return {}
         walls = self.part.distances(self.center)
         axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
@@ -72,7 +82,7 @@ class Physics:
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the force table that only some scenes have, in order."""
-        if not self.has_memory:
+        if not self.has_friction:
             return ()
         across = [f"side_force_{axis}" for axis in self.sideways]
         return tuple(name for name in OF_FRICTION if not name.startswith("side") or name in across)
@@ -138,7 +148,8 @@ class Scene:
         theory = self.plan.theory
         parts = (
             (not self.physics.small_strain, "strain is finite, theory's small"),
-            (self.physics.has_memory, "the surface is rough, theory's frictionless"),
+            (self.physics.has_friction, "the surface is rough, theory's frictionless"),
+            (self.physics.adheres, "the tip adheres, theory's does not"),
             (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
         )
@@ -193,6 +204,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     nodes = candidates(sizes, given.part) * (given.dim if law.friction else 1)
     anchor, friction_choice = choices.friction(law, given)
+    adhesion_choice = choices.adhesion(law, given, sizes)
     solver = choices.solver(config, given, law, gap, nodes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
@@ -201,11 +213,11 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
                       given.deltas, anchor)  # fmt: skip
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
-              *friction_choice,
+              *friction_choice, *adhesion_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
-    said = None if law.friction else _stick(config, given)
+    said = None if law.friction or law.adhesion else _stick(config, given)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
     settings = dataclasses.replace(config.solver, method=solver.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
@@ -236,7 +248,7 @@ def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
 def _work(given: Given, solver: str, gap: str, law: ContactLaw, anchor: Anchor) -> Work:
     solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1) * (2 if anchor == "mid" else 1)
     mixed = any(region.formulation == "mixed" for region in given.part.regions)
-    is_nonlinear = gap == "current" or not given.small_strain or bool(law.friction)
+    is_nonlinear = gap == "current" or not given.small_strain or bool(law.friction) or law.adhesion is not None
     return Work(solver, mixed, solves, is_nonlinear, bool(law.friction))
 
 

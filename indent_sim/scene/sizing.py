@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
 PER_ADHESIVE = 30.0  # per radius of a contact that comes off: its pull-off within 0.2 %, measured on bonded layers
+PER_ZONE = 2.0  # elements in the cohesive zone of a tip that adheres: the force within 0.3 %, measured
+PER_HELD = {2: 8.0, 3: 4.0}  # elements in the radius of the contact that comes off, by dim
+MOST_ACROSS = {2: 1000.0, 3: 60.0}  # elements in the radius of a contact for the sake of its cohesive zone, by dim
 PER_STEPPED = 25.0  # per radius of a contact that is stepped in time by nodal pressures: 0.03 % of the force, measured
 POINTS = 40  # of theory's surface in every contact radius
 GRADING = 0.2  # growth of the size per unit distance
@@ -157,7 +160,9 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     stepped = given.experiment is not None and given.experiment.is_stepped and given.dim == 2
     if stepped and settled.h_contact is None:
         settled = replace(settled, h_contact=rounded(min(a / PER_STEPPED, height / 4)))
-    if given.adhesive and settled.h_contact is None:  # as fine in the smallest contact as in the deepest one
+    if given.attraction:
+        settled = _in_cohesive_zone(config, given, settled)
+    elif given.adhesive and settled.h_contact is None:  # as fine in the smallest contact as in the deepest one
         settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE),
                           h_axis=rounded(given.adhesive[0] / PER_ADHESIVE))  # fmt: skip
     plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
@@ -171,6 +176,30 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         size = float(found.at(np.array(edge), np.array(0.0)))
         _refuse_coarse_edge(edge * given.scales.length, size * given.scales.length)
     return found
+
+
+def _in_cohesive_zone(config: Config, given: Given, settled: SettledSizes) -> SettledSizes:
+    """The sizes with elements of half the cohesive zone wherever a contact may end, unless the config gives them.
+
+    ConfigError for a zone that would take more elements than a mesh may have.
+    """
+    found, a, L = given.attraction, given.a, given.scales.length
+    assert found is not None
+    if config.mesh.h_contact != "auto" or not found.range:
+        return settled
+    E_star, most = given.material.E_star, MOST_ACROSS[given.dim]
+    usual = settled.h_contact or min(a / PER_RADIUS[given.dim], given.part.height / 4)
+    if given.adhesive:
+        usual = min(usual, given.adhesive[0] / PER_HELD[given.dim])
+    h = min(usual, found.zone(E_star) / PER_ZONE)
+    if h * most < a:
+        least = found.resolved_by(PER_ZONE * a / most, E_star) * L
+        problem = (f"is too short for a mesh: its cohesive zone is {found.zone(E_star) * L:.3g}, the contact radius "
+                   f"{a * L:.3g}")  # fmt: skip
+        raise ConfigError("contact.adhesion.range", problem, f"at least {least:.3g}, or experiment.adhesion, its limit")
+    on_axis = settled.h_axis and min(settled.h_axis, h)
+    edge, corner = (size and min(size, h) for size in (settled.h_edge, settled.h_corner))
+    return replace(settled, h_contact=rounded(h), h_axis=on_axis, h_edge=edge, h_corner=corner)
 
 
 def _of_file(part: MeshedPart, given: Given, edge: float | None, refinements: int) -> Sizes:

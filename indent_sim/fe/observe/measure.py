@@ -56,7 +56,8 @@ class Sample:
     """Fields at points of the contact facets, each (facets, points[, dim]).
 
     X reference coordinates, u displacement, gap g, p_hat nominal trial pressure (negative out of contact),
-    pressure >= 0 (nominal with a reference gap, true with a current one); area: true over nominal area.
+    pressure >= 0, but for what a tip that adheres pulls (nominal with a reference gap, true with a current one); area:
+    true over nominal area.
     """
 
     X: np.ndarray
@@ -75,6 +76,8 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
     gap = _gap(body, X, u)
     p_hat = body.multiplier_at(points) - _edge_stiffness(body) * gap
     pressure = np.where(p_hat > 0, np.maximum(body.pressure_at(points), 0.0), 0.0)
+    if adhesion := scene.physics.contact.adhesion:
+        pressure = pressure - adhesion.pull(gap)
     area = _area_ratio(body, nodal, points, X, u) if scene.physics.gap == "current" else 1.0
     return Sample(X, u, gap, p_hat, pressure / area, area)
 
@@ -123,10 +126,10 @@ def contact(body: Observed) -> dict[str, float]:
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
-    projected on the horizontal plane; 0 for delta <= 0. The peak is over the contact quadrature points and the
-    nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the contact
-    quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap function
-    may know nothing; 0 with a reference gap.
+    projected on the horizontal plane; 0 for delta <= 0 without adhesion. The peak is over the contact quadrature points
+    and the nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the
+    contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap
+    function may know nothing; 0 with a reference gap.
     """
     dim = body.trace.dim
     grid, simplices = lattice(dim)
@@ -136,14 +139,15 @@ def contact(body: Observed) -> dict[str, float]:
     x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
     size = _region(body, s.X[:, :begin, :-1], x[:, :begin, :-1], s.p_hat[:, :begin], simplices)
     size = body.scene.physics.part.copies * body.comm.allreduce(size, op=MPI.SUM)
-    size = size if body.depth > 0 else 0.0  # no tip touches a body at rest before; what is there is round-off
+    may_touch = body.depth > 0 or body.scene.physics.adheres  # no other before; what is there is round-off
+    size = size if may_touch else 0.0
     a = body.scene.physics.part.kinematics.contact_radius(size)
     peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
     peak = peak if body.scene.has_peak(a) else float("nan")
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
     overlap = body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
     found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
-    return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.scene.physics.has_memory else {})
+    return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.scene.physics.has_friction else {})
 
 
 def _stick_radius(body: Observed, a: float, s: Sample, x: np.ndarray, grid: np.ndarray) -> float:
@@ -233,7 +237,7 @@ def surface(body: Observed) -> Surface | None:
     """The surface table at the nodes, sorted by (x, y), gathered on rank 0; None on the others."""
     s = sample(body, body.trace.node_points())
     dim = body.trace.dim
-    tractions = [s.pressure, *([_shear(body, s)] if body.scene.physics.has_memory else [])]
+    tractions = [s.pressure, *([_shear(body, s)] if body.scene.physics.has_friction else [])]
     columns = np.concatenate([s.X, s.u, s.gap[..., None], np.stack(tractions, axis=-1)], axis=-1)
     columns = columns.reshape(-1, 2 * dim + 1 + len(tractions))
     parts: Any = body.comm.gather(columns, root=0)

@@ -4,6 +4,9 @@ The force of a frictionless elastic body grows with the depth, nearly as a power
 the depth is found by inverse interpolation in (log force, log delta), where a power is a straight line, from what is
 known of the curve: the rows before, and the depths tried for this one. A bracket keeps every try between those that
 pushed less and those that pushed more.
+
+A tip that adheres pulls where it first touches, at delta = 0. Forces are counted from there: that curve begins with no
+force, too, and grows with the depth.
 """
 
 from __future__ import annotations
@@ -33,6 +36,12 @@ class LoadControl:
         self._deepest = deepest
         self._tolerance = tolerance
         self._curve: list[Pair] = []  # in order of the force
+        self._pull: float | None = None  # of a tip that adheres, at delta = 0
+
+    def begin(self) -> None:
+        """Find out how a tip that adheres pulls where it first touches."""
+        self._pull = max(-self._reach(0.0)[0], 0.0)
+        self._curve = []
 
     def know(self, force: float, delta: float) -> None:
         """A point of the curve, from which others are predicted."""
@@ -41,12 +50,14 @@ class LoadControl:
 
     def press(self, force: float, expected: float) -> bool:
         """Stand at the depth of a force, near `expected` if nothing better is known; 0 where the tip just touches."""
-        if force == 0:
+        if self._pull is not None:
+            force += self._pull
+        elif force == 0:
             return self._reach(0.0)[1] == 0.0
         known, tried = self._around(force), list[Pair]()
         delta = min(predicted(force, known) or expected, self._deepest)
         for _ in range(TRIES):
-            tried.append(self._reach(delta))
+            tried.append(self._counted(delta))
             found, reached = tried[-1]
             if abs(found - force) <= self._tolerance * force:
                 self.know(found, reached)
@@ -57,6 +68,11 @@ class LoadControl:
             delta = min(_next(force, [*known, *tried], lower, upper, len(tried)), self._deepest)
         self.failure = f"{TRIES} depths gave other forces"
         return False
+
+    def _counted(self, delta: float) -> Pair:
+        """The force from where the curve begins, and the depth that was reached."""
+        force, reached = self._reach(delta)
+        return force + (self._pull or 0.0), reached
 
     def _around(self, force: float) -> list[Pair]:
         place = bisect_left(self._curve, (force, 0.0))

@@ -14,8 +14,9 @@ class StepRule:
     The length is kept from one target to the next: where one has failed, the next target does not begin with it.
     """
 
-    def __init__(self, limit: float = inf):
-        """limit: no step is longer [length]."""
+    def __init__(self, limit: float = inf, free: float = 0.0):
+        """limit: no step is longer; free: nothing is felt below this depth, and no step needed [length]."""
+        self._free = free
         self.limit = self.longest = limit  # that is tried now
         self._smallest = self._step = 0.0
         self._failures = self._successes = 0  # successes at this length
@@ -28,11 +29,11 @@ class StepRule:
     def goal(self, at: float, target: float) -> float | None:
         """The next depth on the way from `at` to `target` [length]; None where it is given up.
 
-        Out of contact, where depths are negative, the way is gone at once.
+        Out of contact, below the depth `free`, the way is gone at once.
         """
         if self._failures >= PATIENCE or self.longest <= self._smallest / 2:
             return None
-        start = max(at, min(target, 0.0))
+        start = max(at, min(target, self._free))
         parts = max(1, ceil(abs(target - start) / self.longest - 1e-9))
         self._step = abs(target - start) / parts
         return target if parts == 1 else start + (target - start) / parts

@@ -36,13 +36,19 @@ class Walk:
 
     def __init__(self, equilibrium: Equilibrium, started: float | None = None):
         self.equilibrium = equilibrium
+        physics = equilibrium.scene.physics
+        self._adheres, self._drags = physics.adheres, physics.has_friction
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0, equilibrium.snapshot())]  # the untouched body at rest
-        self._row = self._points[0]
+        self._row = self._untouched = self._points[0]
         self._before = self._points  # the search for a force
-        self._steps = StepRule(_longest(equilibrium.scene))
+        self._steps = self._step_rule()
         self._substeps = 0  # so far
         self._control = LoadControl(self._go, equilibrium.scene.physics.body.height, equilibrium.force_tolerance)
+
+    def _step_rule(self) -> StepRule:
+        """Of a path on which nothing has failed yet; a tip that adheres is felt before it touches."""
+        return StepRule(_longest(self.equilibrium.scene), -inf if self._adheres else 0.0)
 
     @property
     def _last(self) -> Point:
@@ -50,8 +56,8 @@ class Walk:
 
     @property
     def points(self) -> list[tuple[float, list[np.ndarray]]]:
-        """The last equilibria, for `resume`: depth and arrays; with memory that of the last row, on its own path."""
-        points = [self._row] if self.equilibrium.has_memory else self._points
+        """The last equilibria, for `resume`: depth and arrays; with friction that of the last row, on its own path."""
+        points = [self._row] if self._drags else self._points
         packed = [(point.delta, self.equilibrium.pack(point.state)) for point in points]
         return [(delta, arrays) for delta, arrays in packed if arrays]
 
@@ -62,13 +68,13 @@ class Walk:
         from which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
         """
         kept = [Point(delta, state) for delta, arrays in points if (state := self.equilibrium.unpack(arrays))]
-        self._points = [*self._points, *kept][-3:]
+        self._points = kept if kept and self._adheres else [*self._points, *kept][-3:]
         self.return_to_last()
         self._control.know(*self._pair)
         start, has_memory = self._points, self.equilibrium.has_memory
         if not has_memory and all(self._reach(delta) for delta in deltas[-3:]):
             return True
-        self._points, self._steps = start, StepRule(_longest(self.equilibrium.scene))
+        self._points, self._steps = start, self._step_rule()
         self.return_to_last()
         is_there = all(self._reach(delta) for delta in deltas)
         self._row = self._last
@@ -84,6 +90,9 @@ class Walk:
         body = self.equilibrium
         if path.control == "force":
             body.sharpen()
+            if self._adheres:
+                self._before = self._points
+                self._control.begin()
         for step, value in enumerate(path.values[done:], start=done + 1):
             iterations = body.iterations
             substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
@@ -95,13 +104,15 @@ class Walk:
             dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
             surface = body.surface() if wants_surface(step) else None
             yield State(step=step, delta=self._last.delta, newton_iterations=iterations, substeps=substeps,
-                        dissipation=dissipated if body.has_memory else None,
+                        dissipation=dissipated if self._drags else None,
                         wall_s=time.perf_counter() - self.started, surface=surface, **body.numbers())  # fmt: skip
 
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""
         self._before, substeps = self._points, self._substeps
-        if not self._control.press(force, self.equilibrium.scene.physics.deltas[step - 1]):
+        physics = self.equilibrium.scene.physics
+        expected = physics.deltas[step - 1] or (physics.contact.adhesion.range if physics.contact.adhesion else 0.0)
+        if not self._control.press(force, expected or 0.0):
             return 0
         # the tries between them are too close together to extrapolate from
         self._points = [*self._before[-2:], self._last]
@@ -135,8 +146,8 @@ class Walk:
         the way in stops where it begins, for nothing sticks before.
         """
         if self.equilibrium.has_memory:
-            self._steps = StepRule(_longest(self.equilibrium.scene))
-            if self._last.delta < 0 < target:
+            self._steps = self._step_rule()
+            if self._last.delta < 0 < target and not self._adheres:
                 return (first := self._reach(0.0)) and (rest := self._reach(target)) and first + rest
         substeps = 0
         self._steps.begin(target - self._last.delta)
@@ -148,7 +159,16 @@ class Walk:
                     return substeps
             else:
                 self._steps.failed()
-        return 0
+        return substeps + 1 if self._adheres and target < self._last.delta and self._comes_off(target) else 0
+
+    def _comes_off(self, delta: float) -> bool:
+        """Solve at delta from the untouched body: where a contact that pulls has no equilibrium any more."""
+        self.equilibrium.restore(self._untouched.state, delta)
+        if not self.equilibrium.solve(delta):
+            self.return_to_last()
+            return False
+        self._points = [Point(delta, self.equilibrium.snapshot(), self._last.dissipated)]
+        return True
 
     def _attempt(self, delta: float) -> bool:
         """Solve at delta, first from the predicted state, then from the last one."""
@@ -159,7 +179,9 @@ class Walk:
                 self.return_to_last()
                 return False
         dissipated = self._last.dissipated + self.equilibrium.dissipation
-        self._points = [*self._points[-2:], Point(delta, self.equilibrium.snapshot(), dissipated)]
+        is_at_rest = self._last is self._untouched and self._adheres
+        before = [] if is_at_rest else self._points[-2:]  # which is no equilibrium under a tip that adheres
+        self._points = [*before, Point(delta, self.equilibrium.snapshot(), dissipated)]
         return True
 
     def _extrapolate(self, delta: float) -> bool:

@@ -20,7 +20,7 @@ ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiff
 BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
-PROBE = 1e-6  # of the depth: over it a tangent is one, and a residual has ten digits left
+PROBE = 1e-6  # of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits left
 CORRECTIONS, SETTLED = 6, 1e-5  # of a derivative by an old factor, and the share of the residual that ends them
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
 
@@ -176,7 +176,8 @@ class Newton:
         if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
             return nan
         start, depth, force = problem.x.copy(), problem.depth, problem.force()
-        step, settled, first, way = PROBE * abs(depth), False, 0.0, problem.x.duplicate()
+        acting = (problem.law.adhesion.range or 0.0) if problem.law.adhesion else 0.0
+        step, settled, first, way = PROBE * max(abs(depth), acting), False, 0.0, problem.x.duplicate()
         way.set(0.0)
         begin, left, correction = (problem.b.duplicate() for _ in range(3))
         self._function(self.snes, start, begin)

@@ -72,9 +72,11 @@ def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterat
 
 
 def from_zero(axes: Axes, *curves: Any) -> None:
-    """Show from 0 to a little above the highest point."""
-    highest = max((np.nanmax(curve) for curve in curves if np.size(curve) and np.isfinite(curve).any()), default=0)
-    axes.set_ylim(0, 1.08 * highest if highest > 0 else 1)
+    """Show from 0, or a little below the lowest point where one is negative, to a little above the highest one."""
+    known = [curve for curve in curves if np.size(curve) and np.isfinite(curve).any()]
+    highest = max((np.nanmax(curve) for curve in known), default=0)
+    lowest = min((np.nanmin(curve) for curve in known), default=0)
+    axes.set_ylim(1.08 * min(lowest, 0), 1.08 * highest if highest > 0 else 1)
 
 
 def hollow(marker: str, colour: str) -> dict[str, Any]:

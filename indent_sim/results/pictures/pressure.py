@@ -141,13 +141,14 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, objec
 
 
 def _draw_profile(axes: Axes, profile: tuple[np.ndarray, np.ndarray], length: Axis, pressure: Axis, typical: float,
-                  name: str, colour: object) -> float:  # fmt: skip
-    """One profile; returns the height that shows it."""
+                  name: str, colour: object) -> tuple[float, float]:  # fmt: skip
+    """One profile; returns what shows it: its height, and what of it pulls."""
     x, shown_p = profile
     if not name:
         axes.fill_between(length(x), pressure(shown_p), color=colour, alpha=0.12, lw=0)
     axes.plot(length(x), pressure(shown_p), color=colour, label=name or None)
-    return float(min(np.nanmax(pressure(shown_p), initial=0.0), PEAK * pressure(typical)))
+    top = min(np.nanmax(pressure(shown_p), initial=0.0), PEAK * pressure(typical))
+    return float(top), float(np.nanmin(pressure(shown_p), initial=0.0))
 
 
 def _say_infinite(axes: Axes, contacts: Sequence[Contact], middle: float, length: Axis) -> None:
@@ -170,9 +171,10 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     largest = float(contact.p[contact.bounded()].max(initial=0.0))
     top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or 1.0
     places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
-    filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(0, top, 25), cmap="cividis",
+    low = float(pressure(p[near].min(initial=0.0)))
+    filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
                               extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
-    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(0, top, 4))
+    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(low, top, 4))
     bar.ax.yaxis.set_major_formatter("{x:.3g}")
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
     axes.set_aspect("equal")

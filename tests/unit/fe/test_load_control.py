@@ -83,3 +83,16 @@ def test_prediction_far_from_what_is_known_is_no_polynomial() -> None:
     points = [(1.0 + n * 0.01, (1.0 + n * 0.01) ** (2 / 3) * (1 + 1e-9 * n**2)) for n in range(3)]
     assert predicted(1e4, points) == pytest.approx(1e4 ** (2 / 3), rel=0.01)
     assert predicted(1.0, []) is None
+
+
+def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
+    """F = -2 + delta^(1/2): at delta = 0 the tip pulls with 2, and pushes with nothing at delta = 4."""
+    reached: list[float] = []
+
+    def reach(delta: float) -> tuple[float, float]:
+        reached.append(delta)
+        return -2.0 + delta**0.5, delta
+
+    control = LoadControl(reach, 100.0)
+    control.begin()
+    assert control.press(0.0, 1.0) and reached[-1] == pytest.approx(4.0, rel=1e-9)

@@ -67,7 +67,9 @@ class Spring:
     """F = delta^2; it solves no step longer than `reach`, and with `memory` going back wears it out."""
 
     def __init__(self, reach: float = inf, memory: bool = False):
-        physics = SimpleNamespace(body=SimpleNamespace(height=10.0), deltas=(1.0,) * 9, gap="reference")
+        physics = SimpleNamespace(body=SimpleNamespace(height=10.0), deltas=(1.0,) * 9, gap="reference",
+                                  adheres=False, has_friction=memory,
+                                  contact=SimpleNamespace(adhesion=None))  # fmt: skip
         self.scene = SimpleNamespace(physics=physics)
         self.depth, self.worn, self.solves, self.has_memory = 0.0, 0.0, 0, memory
         self.reach, self.failure, self.force_tolerance = reach, "too far", 1e-10

@@ -1,0 +1,134 @@
+"""Adhesion with a range: an independent solution on a half-space, energy, both ways of a path, three dimensions."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import E_STAR, scene, solve
+from scipy.special import ellipe, ellipk
+
+from indent_sim.model.contact import Cohesion
+from indent_sim.theory.surface.adhesion import LAMBDA_PER_TABOR, maugis_pull_off
+
+# 2000 contact radii thick and wide: a half-space to a few hundredths of a per cent
+THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
+WORK = 1e-4
+DEPTH = (pi * WORK / E_STAR) ** (2 / 3)  # of JKR's equations, at R = 1
+LOOSE = {"adhesion": {"work": 1e-2, "range": 5e-2}}  # Maugis' lambda 1 at R = E = 1
+
+
+def reach(parameter: float) -> float:
+    """The range of WORK at Maugis' lambda under a paraboloid of R = 1."""
+    return float((WORK**2 / (E_STAR**2 * (parameter / LAMBDA_PER_TABOR) ** 3)) ** (1 / 3))
+
+
+def attracted(parameter: float, *depths: float) -> Any:
+    adhesion = {"work": WORK, "range": reach(parameter)}
+    return solve(scene(THICK, contact={"adhesion": adhesion}, loading={"deltas": [d * DEPTH for d in depths]}))
+
+
+def on_rings(law: Cohesion, depths: list[float], rings: int = 100, inside: float = 0.08) -> list[float]:
+    """Force over pi work R of a paraboloid, R = 1, on a half-space, by rings of constant pressure (Newton).
+
+    A disc of unit pressure and radius b displaces by (4/(pi E*)) b E(r/b) inside, (4/(pi E*)) r (E(b/r) - (1 - b^2/r^2)
+    K(b/r)) outside (Johnson, Contact Mechanics, 3.4).
+    """
+    assert law.range
+    far = max((2 * 10 * law.range) ** 0.5, 2 * inside)  # where the gap is ten ranges
+    outside = inside * (far / inside) ** np.linspace(0, 1, rings // 2 + 1)[1:]
+    edges = np.concatenate([np.linspace(0, inside, rings + 1), outside])
+    r, area = 0.5 * (edges[1:] + edges[:-1]), pi * np.diff(edges**2)
+    discs = np.array([_disc(r, b) for b in edges[1:]]).T
+    C = discs - np.column_stack([np.zeros_like(r), discs[:, :-1]])
+    n, one, stiff = len(r), np.eye(len(r)), E_STAR / edges[1]
+    x, found = np.zeros(2 * n), []
+    for depth in depths:
+        for _ in range(100):
+            q, lam = x[:n], x[n:]
+            g = r**2 / 2 - depth + C @ q
+            p, pull = lam - stiff * g, law.pull(g)
+            on, slope = (p > 0)[:, None], np.where(g > 0, -pull / law.range, 0.0)[:, None]
+            residual = np.concatenate([q - np.maximum(p, 0.0) + pull, lam - np.maximum(p, 0.0)])
+            if np.abs(residual).max() < 1e-12:
+                break
+            tangent = np.block([[one + (on * stiff + slope) * C, -one * on], [on * stiff * C, one * ~on]])
+            x = x - np.linalg.solve(tangent, residual)
+        found.append(float(x[:n] @ area) / (pi * law.work))
+    return found
+
+
+def _disc(r: np.ndarray, b: float) -> np.ndarray:
+    k2 = np.where(r < b, r / b, b / r) ** 2
+    outside = r * (ellipe(k2) - (1 - k2) * ellipk(k2))
+    return 4 / (pi * E_STAR) * np.where(r < b, b * ellipe(k2), outside)
+
+
+@pytest.mark.parametrize("parameter", [0.5, 1.0, 2.0])
+def test_the_force_is_that_of_rings_on_a_half_space(parameter: float) -> None:
+    """Near the greatest pull and beyond first touch. 0.2 %: 0.05 % of the finite body, 0.1 % of a hundred rings."""
+    depths = [0.3, 0.0, -0.4]
+    expected = on_rings(Cohesion(WORK, reach(parameter)), [d * DEPTH for d in depths])
+    found = [state.force / (pi * WORK) for state in attracted(parameter, *depths)]
+    assert found == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_greatest_pull_lies_between_those_of_dugdales_law_and_of_no_range_at_all() -> None:
+    """An exponential attraction acts farther than a step of the same strength and work: it holds with more than
+    Maugis-Dugdale's, and with less than 2 pi work R."""
+    deepest = min(state.force for state in attracted(0.5, 0.0, -0.3, -0.4, -0.45, -0.5)) / (pi * WORK)
+    assert -2.0 < deepest < maugis_pull_off(0.5)
+    assert deepest == pytest.approx(-1.797, rel=2e-3)  # of four hundred rings
+
+
+def test_without_work_the_force_is_the_same_as_without_adhesion() -> None:
+    """On the same elements: work 1e-12 pulls with 5e-12 of 1.5e-3."""
+    mesh, sticky = {"h_contact": 0.01}, {"adhesion": {"work": 1e-12, "range": 1e-3}}
+    (clean,), (held,) = (solve(scene(THICK, contact=contact, mesh=mesh)) for contact in ({}, sticky))
+    assert held.force == pytest.approx(clean.force, rel=1e-6)
+
+
+def test_in_and_out_is_one_curve_where_nothing_jumps_and_its_energy_the_work() -> None:
+    """At lambda 0.5 nothing jumps: the same rows on the way back, to what Newton leaves; and the change of the energy
+    is the integral of the force (Simpson on 8 intervals: 1e-4)."""
+    way = [2.0, 1.75, 1.5, 1.25, 1.0, 0.75, 0.5, 0.25, 0.0]
+    rows = attracted(0.5, *way, *way[-2::-1])
+    for going, coming in zip(rows[:9], rows[:7:-1], strict=True):
+        assert going.force == pytest.approx(coming.force, rel=1e-7, abs=1e-9 * WORK)
+    simpson = np.array([1, 4, 2, 4, 2, 4, 2, 4, 1]) * 0.25 * DEPTH / 3
+    work = float(simpson @ [row.force for row in rows[:9]])
+    assert rows[0].energy - rows[8].energy == pytest.approx(work, rel=1e-3, abs=1e-3 * abs(rows[8].energy))
+    assert rows[0].stiffness is None or rows[0].force > 0 > rows[8].force
+
+
+def test_snap_in_and_pull_off_at_finite_strain() -> None:
+    """Two states are stable at one depth: which one is found depends on where the tip comes from."""
+    material = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
+    body = {"shape": "cylinder", "radius": 4.0, "height": 2.0, "base": "fixed", "sides": "roller"}
+    adhesion = {"work": 0.02, "range": 0.03}  # Maugis' lambda 2.8
+    rows = solve(scene(body, material=material, indenter={"shape": "sphere", "R": 1.0}, contact={"adhesion": adhesion},
+                       loading={"deltas": [-0.2, -0.1, 0.05, -0.1, -0.3]}, mesh={"h_contact": 0.04}))  # fmt: skip
+    far, near, pressed, held, off = rows
+    assert far.a == near.a == off.a == 0.0 and held.a > 0.1 and pressed.a > held.a
+    assert held.force < 3 * near.force < 0 and abs(off.force) < 1e-2 * abs(held.force)
+
+
+def test_a_force_of_zero_is_a_depth_where_push_and_pull_are_equal() -> None:
+    adhesion = {"work": WORK, "range": reach(0.5)}
+    rows = solve(scene(THICK, contact={"adhesion": adhesion}, loading={"forces": [0.0, 1e-3, 0.0]}))
+    assert [row.force for row in rows] == pytest.approx([0.0, 1e-3, 0.0], abs=1e-12)  # 1e-9 of the largest
+    assert 0 < rows[0].delta < rows[1].delta
+    assert rows[2].delta == pytest.approx(rows[0].delta, rel=1e-8)
+
+
+def test_three_dimensions_give_the_force_of_the_body_of_revolution() -> None:
+    """A box and the cylinder of the same section, wider than the tip feels: 1 %, of coarse elements."""
+    wide, loading = 4.0, {"deltas": [-0.05, 0.02]}
+    box = {"shape": "box", "size": [wide, wide, 1.0], "base": "fixed", "sides": "free"}
+    disc = {"shape": "cylinder", "radius": wide / pi**0.5, "height": 1.0, "base": "fixed", "sides": "free"}
+    solid, turned = (solve(scene(body, contact=LOOSE, loading=loading, mesh={"h_contact": h}))
+                     for body, h in ((box, 0.12), (disc, 0.03)))  # fmt: skip
+    for one, other in zip(solid, turned, strict=True):
+        assert one.force == pytest.approx(other.force, rel=1e-2)
