@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,14 @@ class Unknowns:
         self.x = compat.vector(self.solution)
         parts = (self.solution,) if alone else ufl.split(self.solution)
         self.fields = dict(zip(self.names, parts, strict=True))
+
+    def variation(self, name: str, argument: Any) -> Any:
+        """A test or trial function of one field alone as a variation of the whole solution."""
+        if len(self.names) == 1:
+            return argument
+        parts = {field: [0.0] * (self.dim if field == "u" else 1) for field in self.names}
+        parts[name] = [argument[k] for k in range(self.dim)] if name == "u" else [argument]
+        return ufl.as_vector(list(chain.from_iterable(parts.values())))
 
     def subspace(self, name: str, component: int | None = None) -> Any:
         """The part of the space that holds a field, or one component of it."""
@@ -89,9 +98,23 @@ class Unknowns:
         """Local dofs of a field on facets, cells or vertices, of whatever rank they are (collective)."""
         return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
 
-    def zero(self, name: str, component: int | None, dofs: np.ndarray) -> Any:
-        """Hold dofs of a field at zero."""
-        return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), self.subspace(name, component))
+
+def held(space: Any, body_mesh: BodyMesh) -> tuple[list[tuple[int, np.ndarray]], list[tuple[int, np.ndarray]]]:
+    """What supports and pins hold at zero in a space of displacements: component and local dofs of each (collective)."""
+    part, supports = body_mesh.part, []
+    for surface, support in part.supports.items():
+        normal = part.normal(surface)  # a curved wall has none and is guided weakly
+        components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
+        facets = body_mesh.surfaces[surface]
+        supports += [(c, fem.locate_dofs_topological(space.sub(c), body_mesh.facet_dim, facets)) for c in components]
+    pins = [(c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point))) for point, c in part.pins]
+    return supports, pins
+
+
+def zero(space: Any, dofs: np.ndarray) -> Any:
+    """Hold dofs of a space at zero."""
+    return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
+
 
 CONTACT, WALL = 1, 2  # facet tags: the top surface, the curved wall of a cylinder in three dimensions
 
@@ -183,16 +206,11 @@ class Body:
 
     def _constrain(self) -> None:
         unknowns, part, body_mesh = self.unknowns, self.scene.physics.part, self.body_mesh
-        held: list[tuple[int, np.ndarray]] = []
-        for surface, support in part.supports.items():
-            normal = part.normal(surface)  # a curved wall has none and is guided weakly
-            components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
-            facets = body_mesh.surfaces[surface]
-            held += [(c, unknowns.dofs_on("u", c, body_mesh.facet_dim, facets)) for c in components]
-        pins = [(c, self._vertex_dofs(c, point)) for point, c in part.pins]
-        self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
-        self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
-        self.z_supports = _owned([dofs for c, dofs in held if c == part.dim - 1], unknowns.owned)
+        displacement = unknowns.subspace("u")
+        supported, pins = held(displacement, body_mesh)
+        self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
+        self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
+        self.z_supports = _owned([dofs for c, dofs in supported + pins if c == part.dim - 1], unknowns.owned)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
         self.constrained, self.active_dofs = self.supports, unknowns.total
         if len(part.regions) > 1:
@@ -202,14 +220,11 @@ class Body:
         if "lam" in unknowns.names:
             self._confine("lam", unknowns.dofs_on("lam", None, body_mesh.facet_dim, body_mesh.surfaces["top"]))
 
-    def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
-        return self.unknowns.dofs_on("u", component, 0, self.body_mesh.vertices_at(point))
-
     def _confine(self, name: str, dofs: np.ndarray) -> None:
         """A field lives on these dofs; its others are held at zero and cost nothing."""
         unknowns = self.unknowns
         off = np.setdiff1d(unknowns.places(name), dofs)
-        self.bcs.append(unknowns.zero(name, None, off))
+        self.bcs.append(zero(unknowns.subspace(name), off))
         own = off[off < unknowns.owned]
         self.constrained = np.union1d(self.constrained, own)
         self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)

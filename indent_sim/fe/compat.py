@@ -126,6 +126,16 @@ def evaluate(expression: Any, mesh: Any, cells: np.ndarray) -> np.ndarray:
     return np.asarray(expression.eval(cells) if VERSION < (0, 7) else expression.eval(mesh, cells))
 
 
+def interpolation_matrix(coarse: Any, fine: Any) -> Any:
+    """The PETSc matrix that interpolates functions of a space in another one on the same mesh."""
+    if VERSION >= (0, 8):
+        matrix = fem_petsc.interpolation_matrix(coarse, fine)
+    else:
+        matrix = dolfinx.cpp.fem.petsc.interpolation_matrix(coarse._cpp_object, fine._cpp_object)
+    matrix.assemble()
+    return matrix
+
+
 def create_vector(form: Any, space: Any) -> Any:
     """A ghosted PETSc vector that the form assembles into."""
     return fem_petsc.create_vector(space) if VERSION >= (0, 10) else fem_petsc.create_vector(form)
