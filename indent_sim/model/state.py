@@ -9,6 +9,7 @@ import numpy as np
 from indent_sim.model.units import Scales
 
 ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
+EFFORT = ("krylov_iterations",)  # with an iterative linear solver
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
 
@@ -38,7 +39,8 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). Errors are
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), krylov_iterations those of
+    an iterative linear solver. Errors are
     half-widths of error bars, None where there are none.
     """
 
@@ -53,6 +55,7 @@ class State:
     wall_s: float
     reaction: float = float("nan")
     stray_reaction: float = 0.0
+    krylov_iterations: int | None = None
     overlap: float = 0.0
     substeps: int = 1
     converged: bool = True

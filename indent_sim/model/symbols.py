@@ -149,6 +149,8 @@ SOLVER = (
         "or solved whole by Newton's method; auto: the program chooses and says why",
         WORD,
     ),
+    Symbol("linear", "", "how linear systems are solved, by factorisation or iteratively; changes digits below 1e-8 "
+           "alone", WORD),
     Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
     Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
@@ -179,6 +181,7 @@ RESULTS = (
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
+    Symbol("krylov_iterations", "", "iterations of these linear solves, where they are iterative", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
     Symbol("force_error", "", "half-width of the error bar on the force", "force"),
     Symbol("a_error", "", "half-width of the error bar on the contact radius", "length"),

@@ -159,18 +159,19 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
-    nodes = candidates(sizes, given.part)
-    solver = choices.solver(config, given, law, gap, nodes)
+    solver, linear, cost = _solver(config, given, law, gap, sizes)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
-    cost = _affordable(given, sizes, _work(given, str(solver.value), gap), fineness is not None)
+    if cost.memory > machine_memory():
+        raise _unaffordable(config, given, law, gap, sizes, cost, fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
     chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *tip_choice, *wall_choice,
-              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver)  # fmt: skip
+              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver, linear)  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
-    return Scene(physics, sizes, dataclasses.replace(config.solver, method=solver.value), plan)  # type: ignore[arg-type]
+    settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
+    return Scene(physics, sizes, settings, plan)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
@@ -187,21 +188,33 @@ def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
     return [Choice("p_max", "empty", why)] if why else []
 
 
-def _work(given: Given, solver: str, gap: str) -> Work:
+def _solver(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Choice, Choice, Cost]:
+    """What solves the scene, how its linear systems are solved, and what that will cost."""
+    method = choices.solver(config, given, law, gap, candidates(sizes, given.part))
+    direct = cost_of(sizes, given.part, _work(given, str(method.value), "direct", gap))
+    iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap))
+    linear = choices.linear(config, given, law, direct, iterative, machine_memory())
+    if linear.value == "direct":
+        return method, linear, direct
+    why = method.why if method.value == "newton" else "solver.linear: iterative is for the whole body"
+    return Choice("solver.method", "newton", why), linear, iterative
+
+
+def _work(given: Given, method: str, linear: str, gap: str) -> Work:
     solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1)
     mixed = any(region.formulation == "mixed" for region in given.part.regions)
-    return Work(solver, mixed, solves, gap == "current" or not given.small_strain)
+    return Work(method, linear, mixed, solves, gap == "current" or not given.small_strain)
 
 
-def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
-    """What the scene will cost; ConfigError when that is beyond this machine."""
-    found = cost_of(sizes, given.part, work)
-    available = machine_memory()
-    if found.memory > available:
-        key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
-        raise ConfigError(key, f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
-                          f"machine has {available / 1e9:.3g} GB", f"use a larger {name}, or symmetry")  # fmt: skip
-    return found
+def _unaffordable(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Sizes, cost: Cost, is_chosen: bool
+                  ) -> ConfigError:  # fmt: skip
+    """What to say of a scene that is beyond this machine, and what would fit."""
+    room, key = machine_memory(), "accuracy" if is_chosen else "mesh.h_contact"  # whoever set the sizes
+    said = f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this machine has {room / 1e9:.3g} GB"
+    iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap)).memory
+    if iterative <= room and not choices.against_iterative(config, given, law):
+        return ConfigError(key, said, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB")
+    return ConfigError(key, said, f"use a larger {'accuracy' if is_chosen else 'h_contact'}, or symmetry")
 
 
 def _expected(given: Given) -> dict[str, float]:

@@ -26,7 +26,7 @@ Forces = tuple[np.ndarray, np.ndarray]  # nodal forces and multiplier, at the no
 class CondensedEquilibrium:
     """Contact on the compliance of the candidate surface; see `path.Equilibrium`."""
 
-    has_memory = False
+    has_memory, krylov_iterations = False, None
     force_tolerance = FORCE_TOLERANCE
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):

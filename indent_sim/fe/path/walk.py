@@ -81,17 +81,20 @@ class Walk:
         if path.control == "force":
             body.sharpen()
         for step, value in enumerate(path.values[done:], start=done + 1):
-            iterations = body.iterations
+            iterations, krylov = body.iterations, body.krylov_iterations
             substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
             iterations = body.iterations - iterations
+            if krylov is not None and body.krylov_iterations is not None:
+                krylov = body.krylov_iterations - krylov
             if not substeps:
                 yield failed_state(body.scene, step, value, iterations, self._pair, self.started, self.failure,
                                    body.crushed())  # fmt: skip
                 return
             self._row = self._last
             surface = body.surface() if wants_surface(step) else None
-            yield State(step=step, delta=self._last.delta, newton_iterations=iterations, substeps=substeps,
-                        wall_s=time.perf_counter() - self.started, surface=surface, **body.numbers())  # fmt: skip
+            yield State(step=step, delta=self._last.delta, newton_iterations=iterations, krylov_iterations=krylov,
+                        substeps=substeps, wall_s=time.perf_counter() - self.started, surface=surface,
+                        **body.numbers())  # fmt: skip
 
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""

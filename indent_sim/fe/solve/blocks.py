@@ -20,6 +20,7 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
 
+from indent_sim.fe import compat
 from indent_sim.fe.body import held, zero
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.terms.strain import Strain
@@ -140,4 +141,4 @@ def _bcs(problem: Problem, space: Any) -> list[Any]:
 def _form(problem: Problem, terms: Sequence[Any], test: tuple[str, Any], trial: tuple[str, Any]) -> Any:
     """The tangent of some terms between two fields."""
     ways = (problem.unknowns.variation(*test), problem.unknowns.variation(*trial))
-    return fem.form(reduce(add, (term.work(*ways)[1] for term in terms)))
+    return fem.form(compat.differentiated(reduce(add, (term.work(*ways)[1] for term in terms))))

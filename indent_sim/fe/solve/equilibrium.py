@@ -51,6 +51,11 @@ class BodyEquilibrium:
         return self.newton.iterations
 
     @property
+    def krylov_iterations(self) -> int | None:
+        """Iterations of these linear solves so far; None where systems are factored."""
+        return self.newton.krylov_iterations
+
+    @property
     def failure(self) -> str:
         """Why the last solve did not converge."""
         return self.newton.failure

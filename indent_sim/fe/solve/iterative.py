@@ -69,6 +69,7 @@ class Iterative:
         for field, factor in zip(self._beside, self._schur, strict=True):
             field.assemble()
             factor.setOperators(field.schur())
+        self._ksp.getOperators()[0].assemble()
         if self._rate >= WORN * self._fresh:
             self._multigrid.renew()
             self._fresh = 0.0
