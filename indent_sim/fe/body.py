@@ -100,7 +100,7 @@ class Unknowns:
 
 
 def held(space: Any, body_mesh: BodyMesh) -> tuple[list[tuple[int, np.ndarray]], list[tuple[int, np.ndarray]]]:
-    """What supports and pins hold at zero in a space of displacements: component and local dofs of each (collective)."""
+    """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
     part, supports = body_mesh.part, []
     for surface, support in part.supports.items():
         normal = part.normal(surface)  # a curved wall has none and is guided weakly

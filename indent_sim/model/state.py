@@ -39,9 +39,9 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), krylov_iterations those of
-    an iterative linear solver. Errors are
-    half-widths of error bars, None where there are none.
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only),
+    krylov_iterations those of an iterative linear solver. Errors are half-widths of error bars, None where there are
+    none.
     """
 
     step: int

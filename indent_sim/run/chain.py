@@ -103,7 +103,7 @@ class Run:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    errors=self._more_columns(scene), mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
+                    columns=self._columns(scene), mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
                     "auto": left_open(config, decided)}  # fmt: skip
@@ -124,7 +124,7 @@ class Run:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
-    def _more_columns(self, scene: Scene) -> tuple[str, ...]:
+    def _columns(self, scene: Scene) -> tuple[str, ...]:
         """Columns that apply to the scene: of its linear solver, and of the error bars.
 
         The depth has one where it is found, not given.

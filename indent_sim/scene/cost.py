@@ -1,8 +1,8 @@
 """Cost of a run: cells, unknowns, memory and processor seconds, before anything is meshed.
 
-Counts come from the integrals of 1/size^dim over the modelled part and of 1/size^(dim-1) over its surface. The constants below were fitted on this program
-(`make bench` prints prediction beside measurement for every scene of configs/): one core of about 2020, OpenBLAS, forms
-compiled before.
+Counts come from the integrals of 1/size^dim over the modelled part and, in three dimensions, of 1/size^2 over its
+surface. The constants below were fitted on this program (`make bench` prints prediction beside measurement for every
+scene of configs/): one core of about 2020, OpenBLAS, forms compiled before.
 """
 
 from __future__ import annotations

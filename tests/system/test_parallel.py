@@ -41,6 +41,13 @@ SCENES: dict[str, dict[str, Any]] = {
         "loading": {"delta": 0.06, "steps": 1},
         "solver": {"method": "newton"},
     },
+    "iterative": {
+        "body": BOX,
+        "material": ELASTIC | {"nu": 0.4999},
+        "mesh": {"h_contact": 0.2},
+        "loading": {"delta": 0.06, "steps": 1},
+        "solver": {"linear": "iterative", "rtol": 1e-11},
+    },
     "penalty": {
         "body": CYLINDER,
         "contact": {"method": "penalty"},

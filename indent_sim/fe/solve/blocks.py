@@ -89,8 +89,8 @@ class Beside:
         self._M = mass.createSubMatrix(self._free, self._free)
         low, high = self._whole[0].getOwnershipRange()
         self._all = PETSc.IS().createStride(high - low, low, 1, problem.comm)
-        self.B: PETSc.Mat | None = None
-        self.C: PETSc.Mat | None = None
+        self.B: Any = None
+        self.C: Any = None
         self.assemble()
         self._S = self._M.copy()
 

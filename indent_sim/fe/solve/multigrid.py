@@ -98,7 +98,7 @@ def _rigid_modes(space: Any) -> PETSc.NullSpace:
         modes[k, :, k] = 1.0
     for mode, (i, j) in zip(modes[dim:], turns, strict=True):
         mode[:, i], mode[:, j] = X[:, j], -X[:, i]
-    vectors = []
+    vectors: list[PETSc.Vec] = []
     for mode in modes:
         vector = PETSc.Vec().createMPI((dim * owned, PETSc.DETERMINE), comm=space.mesh.comm)
         vector.array[:] = mode[:owned].ravel()
