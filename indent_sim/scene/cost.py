@@ -143,7 +143,7 @@ def candidates(sizes: Sizes, part: Part) -> float:
 
 def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
     """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
-    body = 1e-5 * dofs if dim == 2 else 1.6e-5 * dofs + 4.6e-10 * dofs**2 + 8e-3 * n * (dofs / 83e3) ** 1.55
+    body = 1e-5 * dofs if dim == 2 else 1.6e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55
     return body + work.iterations * (3e-4 + 3e-11 * n**3)
 
 

@@ -22,7 +22,9 @@ from indent_sim.fe.observe.surface import Trace
 from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.process.errors import NotConverged
 
-BLOCK = 128  # right-hand sides solved at once
+BLOCK = 256  # right-hand sides solved at once
+
+Own = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -129,60 +131,67 @@ class Condenser:
         return np.asarray(distance <= reach)
 
     def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
-        """The compliance of all facets that come within `reach` [length] of the tip's axis."""
+        """The compliance of all facets that come within `reach` [length] of the tip's axis, or of more of them."""
         surface, near = self._surface, self._near(reach, center)
         places, nodes = np.unique(surface.nodes[near], return_inverse=True)
-        if self._last is None or not np.array_equal(places, self._last.places):
-            C, support, stray = self._solve(places)
+        if self._last is None or not np.isin(places, self._last.places).all():
             nodes = nodes.reshape(surface.nodes[near].shape)
             trace = Trace(nodes, surface.X[near], nodes)
-            self._last = Compliance((C + C.T) / 2, trace, surface, places, support, stray)
+            self._last = Compliance(trace=trace, surface=surface, places=places, **self._columns(places))
         return self._last
 
     def spread(self, nodal: np.ndarray) -> np.ndarray:
         """Values at the nodes of the whole surface as (facets, nodes) of this rank's facets."""
         return nodal[self._rows]
 
-    def _solve(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """u_z at the candidates, support and pin reactions for unit downward forces at each of them."""
-        body, n = self.body, len(places)
+    def _columns(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """C, and what unit forces make supports and pins feel; nodes condensed to before are not solved for again."""
+        own = self._own(places)
+        dofs, is_free = self._numbers(*own, len(places))
+        n, known = len(places), self._last
+        C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        old = np.zeros(n, dtype=bool) if known is None else np.isin(places, known.places)
+        if known is not None:
+            there = np.isin(known.places, places)
+            C[np.ix_(old, old)] = known.C[np.ix_(there, there)]
+            support[old], stray[old] = known.support[there], known.stray[there]
+        for block in _blocks(np.flatnonzero(~old)):
+            C[:, block], support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
+        new = ~old
+        C[np.ix_(new, old)] = C[np.ix_(old, new)].T
+        return {"C": (C + C.T) / 2, "support": support, "stray": stray}
+
+    def _own(self, places: np.ndarray) -> Own:
+        """This rank's own nodes among the candidates: dofs of u_z in its local array, columns, which are free."""
         mine = np.isin(self._owned_rows, places)
+        local = self.body.unknowns.displacement_places(self._owned_nodes[mine])[..., -1].reshape(-1)
         columns = np.searchsorted(places, self._owned_rows[mine])
-        dofs = body.unknowns.displacement_places(self._owned_nodes[mine])[..., -1].reshape(-1)
-        free = ~np.isin(dofs, body.constrained)
-        self._placed = (dofs, columns, free)
-        C, reactions = np.zeros((n, n)), np.zeros((1 + len(self._pin_rows), n))
-        for start in range(0, n, BLOCK):
-            stop = min(start + BLOCK, n)
-            X = self._block(dofs, columns, free, start, stop)
-            C[columns, start:stop] = X[dofs]
-            reactions[0, start:stop] = self._support_rows @ X
-            reactions[1:, start:stop] = [row @ X for row in self._pin_rows] if self._pin_rows else 0.0
-        C, reactions = _summed(body.comm, C), _summed(body.comm, reactions)
-        held = _summed(body.comm, np.bincount(columns[~free], minlength=n).astype(float))
-        stray = np.abs(reactions[1:]).max(axis=0, initial=0.0)
-        return C, held - reactions[0], stray
+        return local, columns, ~np.isin(local, self.body.constrained)
 
-    def _block(self, dofs: np.ndarray, columns: np.ndarray, free: np.ndarray, start: int, stop: int) -> np.ndarray:
-        """Solutions (this rank's rows) for unit forces at the nodes of columns start..stop."""
-        comm, owned = self.body.comm, self.body.unknowns.owned
-        sizes = ((owned, PETSc.DETERMINE), (PETSc.DECIDE, stop - start))
-        B, X = PETSc.Mat().createDense(sizes, comm=comm), PETSc.Mat().createDense(sizes, comm=comm)
-        for matrix in (B, X):
-            matrix.setUp()
-        here = free & (columns >= start) & (columns < stop)
-        B.getDenseArray()[dofs[here], columns[here] - start] = 1.0
-        for matrix in (B, X):
-            matrix.assemble()
-        self._pc.getFactorMatrix().matSolve(B, X)
-        solutions: np.ndarray = X.getDenseArray().copy()
-        for matrix in (B, X):
-            matrix.destroy()  # left to Python they stay until the end: all blocks at once
-        return solutions
+    def _numbers(self, local: np.ndarray, columns: np.ndarray, free: np.ndarray, n: int
+                 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """The number of u_z at each of n candidates among the unknowns of all ranks, and whether it is free."""
+        numbers, is_free = np.zeros((2, n), dtype=np.int32)
+        numbers[columns], is_free[columns] = local + self.body.x.getOwnershipRange()[0], free
+        return _summed(self.body.comm, numbers), _summed(self.body.comm, is_free) > 0
 
-    def recover(self, nodal_forces: np.ndarray) -> None:
-        """Put the whole body's response to forces at the nodes last condensed to into the body's solution."""
-        dofs, columns, free = self._placed
+    def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+        """u_z at n candidates, the reaction of the supports and the largest of the pins, for unit forces at dofs."""
+        comm, owned, (local, columns, _) = self.body.comm, self.body.unknowns.owned, own
+        X = PETSc.Mat().createDense(((owned, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
+        X.setUp()
+        X.assemble()
+        self._pc.getFactorMatrix().matSolve(_unit_forces(comm, dofs, is_free, self.body.unknowns.total), X)
+        solutions, C = X.getDenseArray(), np.zeros((n, len(dofs)))
+        C[columns] = solutions[local]
+        reactions = _summed(comm, np.array([row @ solutions for row in (self._support_rows, *self._pin_rows)]))
+        X.destroy()  # left to Python they stay until the end: all blocks at once
+        return _summed(comm, C), ~is_free - reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0)
+
+    def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
+        """Put the whole body's response to forces at the nodes of a compliance into the body's solution."""
+        dofs, columns, free = self._own(compliance.places)
         load, response = self.body.x.duplicate(), self.body.x.duplicate()
         load.set(0.0)
         load.array[dofs[free]] = -nodal_forces[columns[free]]
@@ -196,6 +205,23 @@ def _stiffness(body: Body, terms: list[Any]) -> PETSc.Mat:
     matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, (term.work(test, trial)[1] for term in terms))))
     matrix.assemble()
     return matrix
+
+
+def _blocks(columns: np.ndarray) -> list[np.ndarray]:
+    return [columns[start : start + BLOCK] for start in range(0, len(columns), BLOCK)]
+
+
+def _unit_forces(comm: Any, dofs: np.ndarray, is_free: np.ndarray, total: int) -> PETSc.Mat:
+    """Unit forces at some dofs, a column each, and none where the body is held.
+
+    Sparse, as the transpose of rows that rank 0 has: MUMPS then leaves out the factors that they do not reach.
+    """
+    here = comm.rank == 0
+    sizes = ((len(dofs) if here else 0, PETSc.DETERMINE), (total if here else 0, PETSc.DETERMINE))
+    starts = np.concatenate([[0], np.cumsum(is_free)]) if here else np.zeros(1)
+    reached = dofs[is_free] if here else dofs[:0]
+    rows = PETSc.Mat().createAIJ(sizes, csr=(starts.astype(np.int32), reached, np.ones(len(reached))), comm=comm)
+    return PETSc.Mat().createTranspose(rows)
 
 
 def _summed(comm: Any, values: np.ndarray) -> np.ndarray:
