@@ -65,10 +65,30 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
     if theory.get("formulas"):
         lines.append(_formulas(theory))
-    picture = outcome.directory / "force_indentation.png"
-    if picture.exists():
-        lines.append(f"picture: {picture}")
+    if fit := report.get("hertz"):
+        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)")
+    lines += _experiment(report.get("experiment") or {})
+    pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
+    lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
     return lines + [f"warning: {warning}" for warning in report.get("warnings", [])]
+
+
+def _experiment(report: dict[str, Any]) -> list[str]:
+    """What an experiment came to: where the tip comes off, and how the history was followed."""
+    lines = []
+    for how, found in ((report.get("adhesion") or {}).get("pull_off") or {}).items():
+        words = how.replace("_", " ")
+        lines.append(f"pull-off under {words}: force {found['force']:.6g} at delta {found['delta']:.6g}")
+    for when, found in (report.get("cantilever") or {}).items():
+        if found:
+            said = f"force {found['force']:.6g}, delta {found['delta']:.6g}"
+            lines.append(f"{when.replace('_', ' ')} at z {found['z']:.6g}: {said}")
+    if "relaxation" in report:
+        lines.append(f"relaxation by {report['relaxation']['method']}")
+    if "calibration" in report:
+        force, modulus = report["calibration"]["force"], report["calibration"]["modulus"]
+        lines.append(f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}")
+    return lines
 
 
 def plan(scene: Scene, width: int = 120) -> str:

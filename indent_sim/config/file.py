@@ -208,7 +208,7 @@ def _validated(document: dict[str, Any], source: Source) -> Config:
     try:
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
-        if LISTS & set(config.loading.given) and "steps" in document["loading"]:
+        if config.loading is not None and LISTS & set(config.loading.given) and "steps" in document["loading"]:
             of, given = ("delta", "deltas") if config.loading.deltas is not None else ("force", "forces")
             raise ConfigError("loading.steps", f"belongs to {of}, and {given} are given", "remove one of them")
     except ValidationError as error:

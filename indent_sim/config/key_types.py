@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 
-from indent_sim.model.tagged import TaggedBy
+from indent_sim.model.units import TaggedBy
 
 
 def remedy_of(hint: Any) -> str:
@@ -87,7 +87,8 @@ def common(kind: Any) -> Any:
     """The type that all fields of a dataclass share (the walls of a box), so that one value says them all."""
     if dataclasses.is_dataclass(kind):
         first, *others = hints(kind).values()  # type: ignore[arg-type]
-        return first if others and all(other == first for other in others) else None  # one field is a tag
+        are_alike = get_origin(first) is Literal and others and all(other == first for other in others)
+        return first if are_alike else None  # one field is a tag
     return kind
 
 

@@ -35,9 +35,10 @@ def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError
 def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> Iterator[KeyPath]:
     """Keys whose error only repeats another: the misspelt key that is missing, the list with wrong items."""
     for path, (found, *_) in groups.items():
-        if path and isinstance(path[-1], int):
-            yield path[:-1]
-        elif found["type"] in _UNKNOWN:
+        yield from (path[:k] for k, part in enumerate(path) if isinstance(part, int))
+        if not path or isinstance(path[-1], int):
+            continue
+        if found["type"] in _UNKNOWN:
             meant = closest(path[-1], schema.keys_at(path[:-1], document)) or ""
             missing = (*path[:-1], meant)
             if missing in groups and groups[missing][0]["type"] in _MISSING:

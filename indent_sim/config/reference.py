@@ -8,19 +8,31 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic.json_schema import GenerateJsonSchema
 
 from indent_sim.config import petsc_options, schema
-from indent_sim.config.key_types import common, core, describe, field_names, hints, kinds_of, tag_of, words_of
+from indent_sim.config.key_types import (
+    common,
+    core,
+    describe,
+    field_names,
+    hints,
+    kinds_of,
+    listed,
+    members,
+    tag_of,
+    words_of,
+)
 from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
 
-DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length"}
+DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length",
+              Unit(1, 1): "force/length"}  # fmt: skip
 
 
 def json_schema() -> dict[str, Any]:
@@ -98,7 +110,7 @@ def _described(found: Any, kind: Any, section: str) -> Any:
         if symbol := lookup(name, section):
             unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
             entry["description"] = symbol.meaning + unit
-        if dataclasses.is_dataclass(core(hints(kind)[name])) and words_of(hints(kind)[name]) and section:
+        if words_of(hints(kind)[name]) and dataclasses.is_dataclass(core(hints(kind)[name])) and section:
             _allow_one_word(entry, hints(kind)[name])
     tag = schema.tags().get(section)
     if tag and kind is not type(Config.model_fields[section].default):
@@ -121,7 +133,8 @@ def _section_row(name: str) -> list[str]:
     field = Config.model_fields[name]
     if name not in schema.sections():
         return [f"`{name}`", _shown(field.default), _meaning(name)]
-    default = "**required**" if field.is_required() or field.default is None else _shown_section(name)
+    required = field.is_required() or (field.default is None and name != "experiment")
+    default = "**required**" if required else _shown_section(name) if field.default is not None else "none"
     return [f"[`{name}`](#{name})", default, _meaning(name)]
 
 
@@ -142,10 +155,22 @@ def _kind_markdown(section: str, kind: type) -> str:
 
 
 def _key_rows(section: str, kind: type, name: str, outside: str = "") -> list[list[str]]:
-    """The row of a key, and those of the keys of each item where it is a list of sections."""
-    items = [core(part) for part in get_args(core(hints(kind)[name])) if dataclasses.is_dataclass(core(part))]
-    inside = [row for item in items for key in field_names(item) for row in _key_rows(section, item, key, f"{name}[].")]
-    return [_key_row(section, kind, name, outside), *(inside if get_origin(core(hints(kind)[name])) is tuple else [])]
+    """The row of a key, and those of the keys inside where it is a section or a list of them."""
+    hint = hints(kind)[name]
+    is_list = get_origin(core(hint)) is tuple
+    item = get_args(core(hint))[0] if is_list else None if words_of(hint) or tag_of(hint) else hint
+    within = f"{outside}{name}[]." if is_list else f"{outside}{name}."
+    return [_key_row(section, kind, name, outside), *_rows_inside(name, item, within)]
+
+
+def _rows_inside(name: str, item: Any, within: str) -> Iterator[list[str]]:
+    """The rows of the keys of an item, each once: of all kinds that it may be, after the key that chooses."""
+    tag, kinds = tag_of(item), [core(part) for part in members(item) if dataclasses.is_dataclass(core(part))]
+    if tag:
+        yield [f"`{within}{tag}`", listed(list(kinds_of(item, tag))), "**required**", "", _meaning(tag)]
+    owners = {key: kind for kind in kinds for key in field_names(kind) if key != tag}
+    for key, kind in owners.items():
+        yield from _key_rows(name, kind, key, within)
 
 
 def _key_row(section: str, kind: type, name: str, outside: str = "") -> list[str]:

@@ -8,25 +8,40 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from math import isclose
+from itertools import accumulate, pairwise
+from math import inf, isclose
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from annotated_types import Ge, Gt, Le, Lt, MinLen
+from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
 from indent_sim.config import limits, petsc_options
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import AnyBody, Ball, Box, Cap, Cylinder, Endless, HalfSpace, Layer, MeshFromFile, Strip
+from indent_sim.model.body import (
+    SAME_PLACE,
+    AnyBody,
+    Ball,
+    Box,
+    BoxInclusion,
+    Cap,
+    Cylinder,
+    Endless,
+    HalfSpace,
+    Inclusion,
+    Layer,
+    MeshFromFile,
+    Strip,
+)
 from indent_sim.model.contact import AutoContact, Contact
+from indent_sim.model.experiment import Adhesion, Experiment
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
-from indent_sim.model.tagged import TaggedBy
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
-from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt
+from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
 
 LONGEST_NAME, LONGEST_PATH = 200, 1000  # of a folder [bytes]; room for the names beside it
@@ -40,7 +55,9 @@ When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
 STEEPEST = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
+SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_far", "grading")
+MIRROR = "the mirror plane"
+LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
 
@@ -60,6 +77,7 @@ class MeshSettings:
     h_axis: Length | None = None
     h_edge: Length | None = None
     h_corner: Length | None = None
+    h_inclusions: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
     order: Annotated[Literal[2], NO_LINEAR] = 2
@@ -120,7 +138,8 @@ class Config(BaseModel):
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
-    loading: Loading
+    loading: Loading | None = None  # may be left out where the experiment has a history
+    experiment: Experiment | None = None
     mesh: MeshSettings = MeshSettings()
     accuracy: Annotated[float, Gt(0), Lt(1)] | Preset | None = None
     solver: SolverSettings = SolverSettings()
@@ -146,14 +165,15 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _constants, _path, _axis, _tip, _sizes, _file, _petsc, _directory)
+        checks = (_cap, _layers, _inclusions, _constants, _path, _axis, _tip, _experiment, _sizes, _file, _petsc,
+                  _directory)  # fmt: skip
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
 
 
 def _magnitudes(config: Config) -> list[ConfigError]:
-    return limits.beyond({name: getattr(config, name) for name in sections()})
+    return limits.beyond({name: part for name in sections() if (part := getattr(config, name)) is not None})
 
 
 def _cap(config: Config) -> Iterator[ConfigError]:
@@ -202,6 +222,77 @@ def _height(thick: float, height: float) -> Iterator[ConfigError]:
         yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
+def _inclusions(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with inclusions: out of the body or of a layer, too near to a surface or to one another."""
+    inclusions = config.body.inclusions or ()
+    if config.mesh.h_inclusions is not None and len(config.mesh.h_inclusions) != len(inclusions):
+        problem = f"has {len(config.mesh.h_inclusions)} sizes, and the body {len(inclusions)} inclusions"
+        yield ConfigError("mesh.h_inclusions", problem, "give one for each, or leave it out")
+    faces = _faces(config) if inclusions else []
+    for k, inclusion in enumerate(inclusions):
+        near = [m for m in range(k) if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))]
+        found = _beside(config.body, inclusion) or _across(faces, inclusion)
+        if foreign := _foreign(config.body, inclusion):
+            yield ConfigError(key_of_inclusion(k), *foreign)
+        elif found or near:
+            problem = found or f"overlaps or touches {key_of_inclusion(near[0])}"
+            remedy = f"move it, or make it smaller: {_apart(inclusion):.3g} must be left between it and any surface"
+            yield ConfigError(key_of_inclusion(k), problem, remedy)
+
+
+def _foreign(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+    """Why a body of this kind has no such inclusion, and what it may have."""
+    if isinstance(body, Strip) and inclusion.center[1]:
+        return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
+    if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
+        why = "a box is no body of revolution" if isinstance(inclusion, BoxInclusion) else "it is off the axis"
+        return f"a {body.shape} is modelled about its axis: {why}", "use a ball or a cylinder at x = y = 0"
+    return None
+
+
+def _beside(body: AnyBody, inclusion: Inclusion) -> str:
+    """That an inclusion leaves the body through a side, or nearly does."""
+    room = (body.dome if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
+    if room >= _apart(inclusion):
+        return ""
+    return f"leaves the body through its side, by {-room:.4g}" if room < 0 else f"is {room:.3g} from the body's side"
+
+
+def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
+    """That an inclusion crosses the top, the base, or an interface, or nearly does."""
+    z, half, apart = inclusion.center[2], inclusion.half(2), _apart(inclusion)
+    for name, height in faces:
+        if name == MIRROR and isclose(z, height, rel_tol=SAME_PLACE):
+            return ""
+        if abs(z - height) < half:
+            return f"crosses {name} at z = {height:.6g}: it spans z = {z - half:.6g} to {z + half:.6g}"
+        if abs(z - height) < half + apart:
+            return f"is {abs(z - height) - half:.3g} from {name} at z = {height:.6g}"
+    top, bottom = faces[0][1], faces[-1][1]
+    return "" if bottom < z < top else f"is outside the body, which spans z = {bottom:.6g} to {top:.6g}"
+
+
+def _faces(config: Config) -> list[tuple[str, float]]:
+    """Names and heights of the level faces from the top; a mirror plane is none for an inclusion centered on it."""
+    body = config.body
+    depths = list(accumulate(layer.thickness or inf for layer in config.layers))
+    if isinstance(body, Cap | Ball):
+        depths = [body.dome.height]
+    ends = [f"the interface below {key_of_layer(k)}" for k in range(len(depths) - 1)]
+    ends.append(MIRROR if isinstance(body, Ball) and body.base == "roller" else "the base")
+    return [("the top", 0.0), *((name, -depth) for name, depth in zip(ends, depths, strict=True))]
+
+
+def _apart(*inclusions: Inclusion) -> float:
+    """What must be left between inclusions, or one and any surface [length]: elements have to fit in."""
+    return LEAST_ROOM * min(inclusion.thinnest for inclusion in inclusions)
+
+
+def key_of_inclusion(number: int) -> str:
+    """The key of one of the body's inclusions."""
+    return f"body.inclusions[{number}]"
+
+
 def key_of_layer(layer: int) -> str:
     """The key of one of the body's layers, from the top."""
     return f"body.layers[{layer}]"
@@ -214,6 +305,8 @@ def _kinds_of_material() -> str:
 def _constants(config: Config) -> Iterator[ConfigError]:
     materials = [(config.material_key(k), layer.material) for k, layer in enumerate(config.layers)]
     materials += [(f"body.regions.{name}", own) for name, own in (getattr(config.body, "regions", None) or {}).items()]
+    inclusions = enumerate(config.body.inclusions or ())
+    materials += [(f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions]
     for key, material in materials:
         try:
             if material is not None:
@@ -225,6 +318,10 @@ def _constants(config: Config) -> Iterator[ConfigError]:
 
 
 def _path(config: Config) -> list[ConfigError]:
+    if config.loading is None:
+        if config.experiment is not None and config.experiment.points:
+            return []
+        return [ConfigError("loading", "this section is missing", f"its keys are {', '.join(field_names(Loading))}")]
     given = config.loading.given
     if not given:
         return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
@@ -270,6 +367,85 @@ def _tip(config: Config) -> list[ConfigError]:
     except ValueError as error:
         return [ConfigError("indenter.points", str(error))]
     return []
+
+
+def _experiment(config: Config) -> Iterator[ConfigError]:
+    """What of an experiment contradicts itself or the scene, as far as the file alone tells."""
+    found = config.experiment
+    if found is None:
+        return
+    if found.history and found.force_history:
+        yield ConfigError("experiment.force_history", "contradicts history", "give one of the two")
+    yield from _history(found)
+    yield from _relaxation(found)
+    if found.adhesion and found.relaxation:
+        problem = "is not known together with relaxation: the work that a relaxing body gives to its edge has no limit"
+        yield ConfigError("experiment.adhesion", problem, "give one of the two")
+    if found.adhesion:
+        yield from _adhesion(config, found.adhesion)
+    if found.calibration and found.calibration.stiffness and not found.cantilever:
+        problem = "is the uncertainty of a cantilever's stiffness, and there is none"
+        yield ConfigError("experiment.calibration.stiffness", problem, "give experiment.cantilever, or leave it out")
+    if found.calibration and found.calibration.R and not hasattr(config.indenter, "R"):
+        problem = f"is the uncertainty of a tip's radius R, and a {config.indenter.shape} has none"
+        yield ConfigError("experiment.calibration.R", problem, "leave it out")
+    if not any(vars(found).values()):
+        yield ConfigError("experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}")
+
+
+def _history(found: Experiment) -> Iterator[ConfigError]:
+    key = "experiment.history" if found.history else "experiment.force_history"
+    times = [t for t, _ in found.points]
+    back = next((k for k, (one, other) in enumerate(pairwise(times), start=1) if other < one), None)
+    if back is not None:
+        yield ConfigError(f"{key}[{back}]", f"time goes back from {times[back - 1]:g} to {times[back]:g}")
+    elif times and times[0] == times[-1]:
+        yield ConfigError(key, "lasts no time", "let time go on")
+    if found.points and max(value for _, value in found.points) <= 0:
+        yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
+    low = min((value for _, value in found.force_history or ()), default=0.0)
+    if low < 0 and not found.adhesion:
+        yield ConfigError(key, f"a force of {low:g} pulls, and nothing holds on to the tip", "give experiment.adhesion")
+
+
+def _relaxation(found: Experiment) -> Iterator[ConfigError]:
+    key, given = "experiment.relaxation", found.relaxation
+    if given is None:
+        if found.frequencies:
+            yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give experiment.relaxation")
+        return
+    if (given.prony is None) == (given.power_law is None):
+        yield ConfigError(key, "must be one of two laws", "give prony or power_law")
+    for k, (fraction, time) in enumerate(given.prony or ()):
+        if not (0 <= fraction < 1 and time > 0):
+            problem = f"[{fraction:g}, {time:g}] is no term [fraction of the instantaneous modulus, time]"
+            yield ConfigError(f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0")
+    if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
+        yield ConfigError(f"{key}.prony", f"the fractions sum to {total:g}: nothing would bear in the end", "below 1")
+    if not found.points and not found.frequencies:
+        yield ConfigError(key, "needs a time", "give experiment.history, force_history or frequencies")
+    begins = found.points[:1] and found.points[0][1] > 0
+    if given.power_law and (begins or any(a[0] == b[0] and a[1] != b[1] for a, b in pairwise(found.points))):
+        problem = "jumps, and the instantaneous modulus of a power law is infinite"
+        yield ConfigError("experiment.history" if found.history else "experiment.force_history", problem, "use a ramp")
+
+
+def _adhesion(config: Config, found: Adhesion) -> Iterator[ConfigError]:
+    """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
+    body, tip = config.body, config.indenter
+    key = "experiment.adhesion"
+    if isinstance(body, Strip | Box):
+        problem = f"the JKR limit is that of a disc, and a {body.shape} has none"
+        yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
+    if not tip.of_revolution:
+        problem = f"the JKR limit is that of a disc, and a {tip.shape} has none"
+        yield ConfigError(key, problem, "use a tip of revolution")
+    if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
+        problem = "the contact of a sharp flat punch does not shrink before it comes off at once"
+        yield ConfigError(key, problem, "give the punch an edge_radius")
+    if found.range and not hasattr(tip, "R"):
+        problem = f"is for the Tabor number of a round tip, and a {tip.shape} has no R"
+        yield ConfigError(f"{key}.range", problem, "leave it out")
 
 
 def _sizes(config: Config) -> list[ConfigError]:

@@ -96,6 +96,8 @@ class Unknowns:
 
     def dofs_on(self, name: str, component: int | None, dim: int, entities: np.ndarray) -> np.ndarray:
         """Local dofs of a field on facets, cells or vertices, of whatever rank they are (collective)."""
+        topology = self.space.mesh.topology
+        topology.create_connectivity(dim, topology.dim)  # newer dolfinx wants it for the cells of a region, too
         return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
 
 

@@ -171,7 +171,9 @@ def _taken(mesh: Any, file: str) -> MeshFile:
         raise refused(f"'{file}' has no points, or some that are no numbers")
     points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     cells: dict[int, list[np.ndarray]] = {}
-    where, edges, middles = [], [np.empty((0, 2), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+    edges: list[np.ndarray] = [np.empty((0, 2), dtype=np.int64)]
+    middles: list[np.ndarray] = [np.empty(0, dtype=np.int64)]
+    where = []
     for block in mesh.cells:
         if block.type in IGNORED or len(block.data) == 0:
             where.append((0, 0))

@@ -14,7 +14,8 @@ import numpy as np
 from indent_sim.mesh.grid import DIGITS, Grid, named_surfaces, regions_of_cells
 from indent_sim.mesh.meshed import MeshedPart, refined
 from indent_sim.mesh.part import Part, Side
-from indent_sim.mesh.sizes import Sizes, size_formula
+from indent_sim.mesh.sizes import Sizes, formula_around, size_formula
+from indent_sim.model.body import BallInclusion, CylinderInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.ranks import is_one_of_several
@@ -132,6 +133,42 @@ def _draw(gmsh: Any, part: Part, sizes: Sizes) -> None:
         _draw_round(gmsh, part)
     else:
         _draw_box(gmsh, part, sizes)
+    _draw_inclusions(gmsh, part)
+
+
+def _kernel(gmsh: Any, part: Part) -> Any:
+    """The built-in CAD kernel, which knows no tolerance; OpenCASCADE where there is something to cut out."""
+    return gmsh.model.occ if part.inclusions else gmsh.model.geo
+
+
+def _draw_inclusions(gmsh: Any, part: Part) -> None:
+    """Cut the inclusions out of what is drawn, as far as they are inside it, and put them in their places."""
+    if not part.inclusions:
+        return
+    occ, draw = gmsh.model.occ, _section_of if part.dim == 2 else _solid_of
+    around = gmsh.model.getEntities(part.dim)
+    whole = [(part.dim, draw(occ, inclusion)) for inclusion in part.inclusions]
+    inside, _ = occ.intersect(whole, around, removeTool=False)
+    occ.fragment(around, inside)
+    occ.synchronize()
+
+
+def _section_of(occ: Any, inclusion: Inclusion) -> int:
+    """Its section y = 0, drawn in (x, y)."""
+    (x, _, z), (half_x, half_z) = _rounded(inclusion.center), _rounded((inclusion.half(0), inclusion.half(2)))
+    if isinstance(inclusion, BallInclusion):
+        return int(occ.addDisk(x, z, 0.0, half_x, half_x))
+    return int(occ.addRectangle(x - half_x, z - half_z, 0.0, 2 * half_x, 2 * half_z))
+
+
+def _solid_of(occ: Any, inclusion: Inclusion) -> int:
+    x, y, z = _rounded(inclusion.center)
+    a, b, c = _rounded(tuple(inclusion.half(axis) for axis in range(3)))
+    if isinstance(inclusion, BallInclusion):
+        return int(occ.addSphere(x, y, z, a))
+    if isinstance(inclusion, CylinderInclusion):
+        return int(occ.addCylinder(x, y, z - c, 0.0, 0.0, 2 * c, a))
+    return int(occ.addBox(x - a, y - b, z - c, 2 * a, 2 * b, 2 * c))
 
 
 def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
@@ -139,7 +176,7 @@ def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
 
     Lines across it are the interfaces between layers.
     """
-    geo = gmsh.model.geo
+    geo = _kernel(gmsh, part)
     split = [(_rounded(corner), side) for side in part.outline for corner in _corners(part, sizes, side)]
     corners = [corner for corner, _ in split]
     middles = [_rounded(side.middle) for side in part.outline if side.middle]
@@ -213,7 +250,7 @@ def _draw_box(gmsh: Any, part: Part, sizes: Sizes) -> None:
 
 def _draw_round(gmsh: Any, part: Part) -> None:
     """The outline with its arcs, drawn on the base and pulled up to the top, layer by layer."""
-    geo, base = gmsh.model.geo, -round(part.height, DIGITS)
+    geo, base = _kernel(gmsh, part), -round(part.height, DIGITS)
     middles = [side.middle for side in part.outline if side.middle]
     places = dict.fromkeys(map(_rounded, [*middles, *(side.start for side in part.outline)]))
     points = {place: geo.addPoint(*place, base) for place in places}
@@ -233,10 +270,20 @@ def _rounded(point: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _prescribe_sizes(gmsh: Any, sizes: Sizes, dim: int) -> None:
+    """The smallest of what contact and inclusions want, each a field of its own: a minimum doubles a formula."""
     field = gmsh.model.mesh.field
-    tag = field.add("MathEval")
-    field.setString(tag, "F", size_formula(sizes, dim))
-    field.setAsBackgroundMesh(tag)
+
+    def wanted(formula: str) -> int:
+        tag: int = field.add("MathEval")
+        field.setString(tag, "F", formula)
+        return tag
+
+    tags = [wanted(size_formula(sizes, dim))]
+    tags += [wanted(formula_around(*one, sizes.grading, dim)) for one in sizes.inclusions]
+    least = tags[0] if len(tags) == 1 else field.add("Min")
+    if len(tags) > 1:
+        field.setNumbers(least, "FieldsList", tags)
+    field.setAsBackgroundMesh(least)
 
 
 def _shake(part: Part, sizes: Sizes) -> float:

@@ -52,8 +52,12 @@ def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: fl
 
 def regions_of_cells(points: np.ndarray, cells: np.ndarray, part: Part) -> np.ndarray:
     """The number of the region that holds each cell's centroid (m,)."""
-    height = points[cells][:, :, -1].mean(axis=1)
-    return (len(part.regions) - 1 - np.searchsorted(part.interfaces, height)).astype(np.int32)
+    x, *y, z = points[cells].mean(axis=1).T
+    found = len(part.interfaces) - np.searchsorted(part.interfaces, z)
+    for number, region in enumerate(part.regions):
+        if region.inclusion is not None:
+            found[region.inclusion.holds((x, y[0] if y else 0.0, z))] = number
+    return found.astype(np.int32)
 
 
 def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:

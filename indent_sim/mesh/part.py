@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.algebra import sqrt
+from indent_sim.model.body import Inclusion
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Material
 
@@ -80,17 +81,19 @@ class Side:
 
 @dataclass(frozen=True)
 class Region:
-    """A layer of the part: its material, its formulation (displacement, or mixed with a pressure), its lower face."""
+    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure)."""
 
     name: str
     material: Material
     formulation: str
-    bottom: float  # z of the lower face [length]
+    bottom: float = 0.0  # z of a layer's lower face [length]
+    inclusion: Inclusion | None = None
 
 
 @dataclass(frozen=True)
 class Part:
-    """The modelled piece; `copies` of it are the whole body. Its regions go from the top to the base.
+    """The modelled piece; `copies` of it are the whole body. Its regions are layers from the top to the base, then
+    inclusions.
 
     outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the section z = const,
     which goes from z = -height to z = 0 between the surfaces base and top.
@@ -122,7 +125,17 @@ class Part:
     @property
     def interfaces(self) -> tuple[float, ...]:
         """z of the faces between regions [length], from below."""
-        return tuple(region.bottom for region in reversed(self.regions[:-1]))
+        layers = [region for region in self.regions if region.inclusion is None]
+        return tuple(region.bottom for region in reversed(layers[:-1]))
+
+    @property
+    def inclusions(self) -> tuple[Inclusion, ...]:
+        """Those that are in the piece, wholly or in part: not those beyond a mirror plane."""
+        found = (region.inclusion for region in self.regions if region.inclusion is not None)
+        across = list(enumerate(self.extent[:-1]))
+        return tuple(inclusion for inclusion in found
+                     if all(low - inclusion.half(axis) < inclusion.center[axis] < high + inclusion.half(axis)
+                            for axis, (low, high) in across))  # fmt: skip
 
     @property
     def longest(self) -> float:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import inf, radians, tan
-from typing import Annotated, ClassVar, Literal
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf, pi, prod, radians, tan
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.materials import Material
-from indent_sim.model.tagged import TaggedBy
-from indent_sim.model.units import LENGTH, Length
+from indent_sim.model.units import LENGTH, Length, TaggedBy
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
@@ -23,6 +24,10 @@ TOUCHING = 1e-9  # of a facet: so far outside a point still counts as on it
 TINY = 1e-300  # no length is 0
 ContactAngle = Annotated[float, Gt(0), Lt(180)]  # degrees
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
+Place = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
+UNIT_BALLS = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
+ALL = (0, 1, 2)  # axes
+SAME_PLACE = 2e-11  # of a body: places to 12 digits
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,128 @@ class Layer:
 
 
 Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
+
+
+class _Inclusion(ABC):
+    """Other matter inside one layer, perfectly bonded: the points whose distance from `center` along the axes of each
+    span is at most its half-width."""
+
+    center: Place
+
+    @property
+    @abstractmethod
+    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+        """Axes and half-width [length] of each span."""
+
+    @property
+    def thinnest(self) -> float:
+        """Half of its smallest thickness [length]."""
+        return min(half for _, half in self.spans)
+
+    @property
+    def volume(self) -> float:
+        """Volume [length^3]."""
+        return prod(UNIT_BALLS[len(axes)] * half ** len(axes) for axes, half in self.spans)
+
+    def is_round(self, dim: int) -> bool:
+        """Whether it is curved where it is thinnest, in the section that is meshed or in space."""
+        axes, _ = min(self.spans, key=lambda span: span[1])
+        return len(axes) > (2 if dim == 2 else 1)
+
+    def half(self, axis: int) -> float:
+        """How far it reaches from its center along an axis [length]."""
+        return next(half for axes, half in self.spans if axis in axes)
+
+    def is_about(self, center: tuple[float, ...]) -> bool:
+        """Whether it is a body of revolution about a vertical axis."""
+        is_round = any({0, 1} <= set(axes) for axes, _ in self.spans)
+        return is_round and self._off((*center, 0.0), (0, 1)) <= SAME_PLACE * max(1.0, *map(abs, center))
+
+    def holds(self, point: Sequence[Any]) -> Any:
+        """Whether points (x, y, z) [length] are inside."""
+        within = [self._off(point, axes) <= half for axes, half in self.spans]
+        return np.all(np.broadcast_arrays(*within), axis=0)
+
+    def distance(self, point: Sequence[Any], axes: Sequence[int] = ALL) -> Any:
+        """Distance [length] from points to it along some axes, 0 inside."""
+        return self._norm([np.maximum(self._off(point, own) - half, 0.0) for own, half in self._along(axes)])
+
+    def farthest(self, point: Sequence[Any], axes: Sequence[int] = ALL) -> float:
+        """Distance [length] from a point to its farthest point along some axes."""
+        if any(set(own) > set(axes) for own, _ in self.spans):  # a ball seen along fewer axes than it has
+            return float(self._off(point, axes) + self.half(axes[0]))
+        return float(self._norm([self._off(point, own) + half for own, half in self._along(axes)]))
+
+    def overlaps(self, other: _Inclusion, apart: float) -> bool:
+        """Whether the two are nearer than a distance [length] along every span of the one with fewer spans."""
+        fewer, more = sorted((self, other), key=lambda inclusion: len(inclusion.spans))
+        return all(more.distance(fewer.center, axes) < half + apart for axes, half in fewer.spans)
+
+    def mirrored(self, axis: int, at: float) -> Any:
+        """Its mirror image about a plane normal to an axis."""
+        center = list(self.center)
+        center[axis] = 2 * at - center[axis]
+        return replace(self, center=tuple(center))  # type: ignore[type-var]
+
+    def _along(self, axes: Sequence[int]) -> list[tuple[tuple[int, ...], float]]:
+        return [(own, half) for own, half in self.spans if set(own) <= set(axes)]
+
+    def _off(self, point: Sequence[Any], axes: Sequence[int]) -> Any:
+        return self._norm([point[axis] - self.center[axis] for axis in axes])
+
+    @staticmethod
+    def _norm(parts: Sequence[Any]) -> Any:
+        return np.abs(parts[0]) if len(parts) == 1 else np.sqrt(sum(part * part for part in parts))
+
+
+@dataclass(frozen=True)
+class BallInclusion(_Inclusion):
+    """A ball about `center`; in a strip a round rod along y."""
+
+    center: Place
+    radius: Length
+    material: Annotated[Material, TaggedBy("model")]
+    shape: Literal["ball"] = "ball"
+
+    @property
+    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+        """Round in all directions."""
+        return ((ALL, self.radius),)
+
+
+@dataclass(frozen=True)
+class CylinderInclusion(_Inclusion):
+    """An upright cylinder whose middle is `center`; in a strip a bar along y, 2 radius wide."""
+
+    center: Place
+    radius: Length
+    height: Length
+    material: Annotated[Material, TaggedBy("model")]
+    shape: Literal["cylinder"] = "cylinder"
+
+    @property
+    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+        """Round from above."""
+        return ((0, 1), self.radius), ((2,), self.height / 2)
+
+
+@dataclass(frozen=True)
+class BoxInclusion(_Inclusion):
+    """A box with edges along the axes whose middle is `center`; in a strip it goes on without end along y."""
+
+    center: Place
+    size: PositiveSize
+    material: Annotated[Material, TaggedBy("model")]
+    shape: Literal["box"] = "box"
+
+    @property
+    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+        """Between three pairs of faces."""
+        return tuple(((axis,), edge / 2) for axis, edge in enumerate(self.size))
+
+
+Inclusion = BallInclusion | CylinderInclusion | BoxInclusion
+Inclusions = Annotated[tuple[Annotated[Inclusion, TaggedBy("shape")], ...], Len(1, 50)]
 
 
 @dataclass(frozen=True)
@@ -65,6 +192,7 @@ class Cylinder:
     base: BaseSupport = "fixed"
     sides: Support = "free"
     layers: Layers | None = None
+    inclusions: Inclusions | None = None
 
     dim: ClassVar[int] = 3
 
@@ -80,6 +208,10 @@ class Cylinder:
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest point of the top surface."""
         return self.radius + float(sum(c * c for c in center) ** 0.5)
+
+    def room_beside(self, inclusion: Inclusion) -> float:
+        """Distance [length] from an inclusion to the wall; negative where it is outside."""
+        return self.radius - inclusion.farthest((0.0, 0.0), (0, 1))
 
     @property
     def is_held(self) -> bool:
@@ -107,6 +239,7 @@ class Strip:
     base: BaseSupport = "fixed"
     sides: StripSides = StripSides()
     layers: Layers | None = None
+    inclusions: Inclusions | None = None
 
     dim: ClassVar[int] = 2  # forces are per unit length
 
@@ -122,6 +255,10 @@ class Strip:
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farther end of the top edge."""
         return max(center[0], self.width - center[0])
+
+    def room_beside(self, inclusion: Inclusion) -> float:
+        """Distance [length] from an inclusion to the nearer wall; negative where it is outside."""
+        return _room_between(inclusion, 0, self.width)
 
     @property
     def is_held(self) -> bool:
@@ -148,6 +285,7 @@ class Box:
     base: BaseSupport = "fixed"
     sides: BoxSides = BoxSides()
     layers: Layers | None = None
+    inclusions: Inclusions | None = None
 
     dim: ClassVar[int] = 3
 
@@ -171,6 +309,10 @@ class Box:
         x, y = center
         return float((max(x, self.size[0] - x) ** 2 + max(y, self.size[1] - y) ** 2) ** 0.5)
 
+    def room_beside(self, inclusion: Inclusion) -> float:
+        """Distance [length] from an inclusion to the nearest wall; negative where it is outside."""
+        return min(_room_between(inclusion, axis, self.size[axis]) for axis in (0, 1))
+
     @property
     def is_held(self) -> bool:
         """Whether no side lets the body out."""
@@ -188,6 +330,12 @@ class Box:
         fixed = [lines[side] for side, support in vars(self.sides).items() if support == "fixed"]
         along_x, along_y = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
         return along_x, along_y
+
+
+def _room_between(inclusion: Inclusion, axis: int, end: float) -> float:
+    """Distance [length] from an inclusion to the nearer of two walls, at 0 and at the end of an axis."""
+    place, half = inclusion.center[axis], inclusion.half(axis)
+    return min(place, end - place) - half
 
 
 class _Endless:
@@ -209,6 +357,10 @@ class _Endless:
         """The top surface has no farthest point."""
         return inf
 
+    def room_beside(self, inclusion: Inclusion) -> float:
+        """There is no wall."""
+        return inf
+
     def top(self) -> Points:
         """No points: there is no mean over all of the top surface."""
         return np.empty(0), np.empty(0)
@@ -224,6 +376,7 @@ class HalfSpace(_Endless):
 
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
+    inclusions: Inclusions | None = None
 
     @property
     def height(self) -> float:
@@ -239,6 +392,7 @@ class InfiniteLayer(_Endless):
     shape: Literal["layer"] = "layer"
     base: BaseSupport = "fixed"
     layers: Layers | None = None
+    inclusions: Inclusions | None = None
 
 
 @dataclass(frozen=True)
@@ -253,6 +407,7 @@ class Dome:
     shape: Literal["cap", "ball"]
     base: BaseSupport = "fixed"
     pieces: int = 1
+    inclusions: Inclusions | None = None
 
     dim: ClassVar[int] = 3
     is_held: ClassVar[bool] = False  # bulges freely
@@ -276,6 +431,10 @@ class Dome:
     def reach(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the farthest point of the outline as seen from above."""
         return self.widest + float(sum(c * c for c in center) ** 0.5)
+
+    def room_beside(self, inclusion: Inclusion) -> float:
+        """Distance [length] from an inclusion to the curved surface; negative where it is outside."""
+        return self.radius - inclusion.farthest((0.0, 0.0, -self.radius))
 
     def top(self) -> Points:
         """Points as seen from above, each standing for an equal area there."""
@@ -314,6 +473,7 @@ class MeshFromFile:
     hash: str | None = None
 
     layers: ClassVar[None] = None  # it has regions
+    inclusions: ClassVar[None] = None
 
     @property
     def dim(self) -> int:
@@ -346,6 +506,7 @@ class Meshed:
     shape: Literal["mesh"] = "mesh"
 
     is_held: ClassVar[bool] = False  # not known, and what is not known is not refused
+    inclusions: ClassVar[None] = None
 
     def rim_distance(self, center: tuple[float, ...]) -> float:
         """Distance [length] from `center` to the nearest edge of the contact surface; negative outside of it."""
@@ -399,6 +560,7 @@ class Cap:
     contact_angle: ContactAngle | None = None
     shape: Literal["cap"] = "cap"
     base: BaseSupport = "fixed"
+    inclusions: Inclusions | None = None
 
     dim: ClassVar[int] = 3
     center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
@@ -413,7 +575,8 @@ class Cap:
     def dome(self) -> Dome:
         """The same body by the radius of its ball, (base_radius^2 + height^2)/(2 height)."""
         height = self.thickness
-        return Dome((self.base_radius**2 + height**2) / (2 * height), height, "cap", self.base)
+        radius = (self.base_radius**2 + height**2) / (2 * height)
+        return Dome(radius, height, "cap", self.base, inclusions=self.inclusions)
 
 
 @dataclass(frozen=True)
@@ -421,12 +584,14 @@ class Ball:
     """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
     base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
-    approach of the two. fixed: the lower half of its surface is bonded to something rigid.
+    approach of the two, and an inclusion is above that plane, and mirrored, or centered on it. fixed: the lower half of
+    its surface is bonded to something rigid.
     """
 
     radius: Length
     shape: Literal["ball"] = "ball"
     base: BaseSupport = "roller"
+    inclusions: Inclusions | None = None
 
     dim: ClassVar[int] = 3
     center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
@@ -436,8 +601,8 @@ class Ball:
     def dome(self) -> Dome:
         """What is modelled of it: the half above the mirror plane, or all of it."""
         if self.base == "roller":
-            return Dome(self.radius, self.radius, "ball", self.base, pieces=2)
-        return Dome(self.radius, 2 * self.radius, "ball", self.base)
+            return Dome(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
+        return Dome(self.radius, 2 * self.radius, "ball", self.base, inclusions=self.inclusions)
 
 
 Endless = HalfSpace | InfiniteLayer

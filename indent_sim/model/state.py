@@ -8,6 +8,7 @@ import numpy as np
 
 from indent_sim.model.units import Scales
 
+READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
 ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
 EFFORT = ("krylov_iterations",)  # with an iterative linear solver
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
@@ -39,9 +40,10 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only),
-    krylov_iterations those of an iterative linear solver. Errors are half-widths of error bars, None where there are
-    none.
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). stiffness
+    [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
+    half-space fit of this one point returns; NaN where there is none, None where nobody asked. krylov_iterations are
+    those of an iterative linear solver. Errors are half-widths of error bars, None where there are none.
     """
 
     step: int
@@ -60,6 +62,9 @@ class State:
     substeps: int = 1
     converged: bool = True
     reason: str = ""
+    stiffness: float | None = None
+    area: float | None = None
+    E_hertz: float | None = None
     force_error: float | None = None
     a_error: float | None = None
     p_max_error: float | None = None
@@ -80,5 +85,12 @@ class State:
             energy=self.energy * scales.energy,
             reaction=self.reaction * F,
             stray_reaction=self.stray_reaction * F,
+            stiffness=_times(self.stiffness, F / scales.depth),
+            area=_times(self.area, L ** (scales.dim - 1)),
+            E_hertz=_times(self.E_hertz, P),
             surface=self.surface and self.surface.in_units(L, P),
         )
+
+
+def _times(value: float | None, unit: float) -> float | None:
+    return None if value is None else value * unit

@@ -28,6 +28,7 @@ SCENE = (
     Symbol("indenter", "", "the rigid tip: an analytic surface, never meshed", WORD),
     Symbol("contact", "", "how contact is enforced", WORD),
     Symbol("loading", "", "the path of the tip: which depths are asked for", WORD),
+    Symbol("experiment", "", "adhesion, relaxation and the instrument, computed from the solved curve", WORD),
     Symbol("mesh", "", "element sizes, and how much of the body is modelled", WORD),
     Symbol("accuracy", "", "largest relative error of the force at any step, which chooses the mesh; fast = 0.05, "
            "balanced = 0.01, accurate = 0.001", "1"),
@@ -53,7 +54,13 @@ BODY = (
     Symbol("y_max", "", "support of the wall at the largest y", WORD),
     Symbol("layers", "", "layers from the top, bonded to one another; their thicknesses add up to the height", WORD),
     Symbol("thickness", "", "thickness of a layer; the last one of a half_space, its substrate, has none", "length"),
-    Symbol("body.material", "", "the layer's material; without it the scene's", WORD),
+    Symbol("layers.material", "", "the layer's material; without it the scene's", WORD),
+    Symbol("inclusions", "", "pieces of other matter, each inside one layer and bonded to it", WORD),
+    Symbol("inclusions.center", "", "middle of the inclusion, [x, y, z]; y = 0 in a strip", "length"),
+    Symbol("inclusions.radius", "", "radius of the ball, or of the upright cylinder", "length"),
+    Symbol("inclusions.height", "", "height of the upright cylinder", "length"),
+    Symbol("inclusions.size", "", "edges of the box along x, y and z; in a strip it has no end along y", "length"),
+    Symbol("inclusions.material", "", "the inclusion's material", WORD),
     Symbol("file", "", "mesh of the body, a .msh, .xdmf, .vtu or .inp file in the scene's folder or below", WORD),
     Symbol("kinematics", "", "what a mesh from a file is: a section of triangles, or a body of tetrahedra", WORD),
     Symbol(
@@ -120,6 +127,36 @@ LOADING = (
            "delta = 0", "force"),
 )  # fmt: skip
 
+EXPERIMENT = (
+    Symbol("adhesion", "", "attraction of tip and body in the limit of no range (JKR)", WORD),
+    Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "force/length"),
+    Symbol("range", "", "distance over which the attraction acts; for the Tabor and Maugis numbers", "length"),
+    Symbol("relaxation", "", "how the modulus falls with time, everywhere alike, nu being constant", WORD),
+    Symbol("prony", r"[g_i, \tau_i]", "terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 - "
+           "exp(-t/tau_i)))", "1, time"),
+    Symbol("power_law", "", "E(t) = E (t/time)^-exponent", WORD),
+    Symbol("exponent", "b", "of the power law, between 0 (elastic) and 1 (a liquid)", "1"),
+    Symbol("time", "t_0", "at which the power law's modulus is `material.E`", "time"),
+    Symbol("history", "", "the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]",
+           "time, length"),
+    Symbol("force_history", "", "the force in time, [t, force] each", "time, force"),
+    Symbol("cantilever", "", "the spring that holds the tip", WORD),
+    Symbol("frame", "", "what gives way beside the body", WORD),
+    Symbol("experiment.stiffness", "k", "of the cantilever; in `calibration` its relative uncertainty",
+           "force/length"),
+    Symbol("compliance", "c", "of the frame", "length/force"),
+    Symbol("frequencies", "", "cycles per time of small oscillations about the end of the history: dynamic.csv",
+           "1/time"),
+    Symbol("calibration", "", "relative uncertainties of the instrument", WORD),
+    Symbol("experiment.R", "R", "relative uncertainty of the tip's radius", "1"),
+    Symbol("t", "t", "time", "time"),
+    Symbol("z", "z", "way of the cantilever's base: delta + force/k + c force", "length"),
+    Symbol("branch", "", "approach, hold or retract; of an equilibrium curve stable or unstable", WORD),
+    Symbol("frequency", "", "cycles per time", "1/time"),
+    Symbol("storage", "K'", "in-phase stiffness of the contact", "force/length"),
+    Symbol("loss", "K''", "out-of-phase stiffness of the contact", "force/length"),
+)  # fmt: skip
+
 MESH = (
     Symbol("h_contact", "h", "element size under the tip; auto: at most 0.3 % force error at the last step", "length"),
     Symbol("h_axis", "", "element size at the tip's axis; from it sizes grow with the distance to h_contact where the "
@@ -129,6 +166,8 @@ MESH = (
     Symbol("h_corner", "", "element size at the corners of the section that the contact feels: where a fixed face "
            "meets a free one, and where it ends close to a side; without it a given h_contact has none of its own "
            "there", "length"),
+    Symbol("h_inclusions", "", "element size inside each inclusion, in their order; without it by what the force feels "
+           "of each", "length"),
     Symbol("grading", "", "growth of the element size per unit distance, outside the contact", "1"),
     Symbol("h_far", "h_\\infty", "largest element size, far from the tip", "length"),
     Symbol("order", "", "polynomial order of the displacement; linear elements (1) are gone", "1"),
@@ -180,6 +219,10 @@ RESULTS = (
            "infinite", "pressure"),
     Symbol("penetration", "", "how deep the tip is inside the body at the worst contact point", "length"),
     Symbol("energy", r"\Pi", "strain energy plus penalty energy of the whole body", "energy"),
+    Symbol("stiffness", r"\mathrm{d}F/\mathrm{d}\delta", "of the load curve at this row", "force/length"),
+    Symbol("area", "", "contact area, pi a^2; in plane strain its width, 2 a", "area"),
+    Symbol("E_hertz", "", "modulus that the half-space formula of the same tip reads off this one row; empty where "
+           "there is none", "pressure"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
     Symbol("krylov_iterations", "", "iterations of these linear solves, where they are iterative", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
@@ -220,7 +263,7 @@ STUDY_TABLE = (
     Symbol("force_error_worst", "", "largest |force / reference - 1| at any depth of the path", "1"),
     Symbol("a_error_vs", "", "a / reference - 1 at the last depth", "1"),
     Symbol("p_error_vs", "", "p_max / reference - 1 at the last depth", "1"),
-    Symbol("stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
+    Symbol("study.stiffness", "", "epsilon_n or gamma of the method in E*/h_contact", "1"),
     Symbol("dofs", "", "unknowns of the finite-element model", "1"),
     Symbol("cpu_resolve", "", "CPU seconds until everything is decided", "s"),
     Symbol("cpu_companions", "", "CPU seconds of the coarser meshes behind error bars, where there are any", "s"),
@@ -267,6 +310,7 @@ GROUPS = {
     "Indenter": INDENTER,
     "Contact": CONTACT,
     "Loading": LOADING,
+    "Experiment": EXPERIMENT,
     "Mesh": MESH,
     "Solver": SOLVER,
     "Output": OUTPUT,

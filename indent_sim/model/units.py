@@ -1,7 +1,7 @@
-"""Numbers that know their dimension, so that one function can scale a whole scene.
+"""Marks on the types of fields: dimension, range and, of a section that may be several things, the key that chooses.
 
-A field's type says its range and its unit; validation, the JSON schema, the generated docs and the
-non-dimensionalisation all read it from there.
+Numbers know their dimension, so that one function can scale a whole scene; validation, the JSON schema, the generated
+docs and the non-dimensionalisation all read the marks.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import cache
+from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -25,6 +26,7 @@ class Unit:
 LENGTH = Unit(length=1)
 PRESSURE = Unit(pressure=1)
 STIFFNESS = Unit(length=-1, pressure=1)  # pressure per length: epsilon_n, gamma
+ADHESION = Unit(length=1, pressure=1)  # force per length: work of adhesion
 
 Coordinate = Annotated[float, LENGTH]
 Length = Annotated[float, Gt(0), LENGTH]
@@ -38,6 +40,22 @@ PositiveInt = Annotated[int, Gt(0)]
 Auto = Literal["auto"]
 
 D = TypeVar("D")
+
+
+@dataclass(frozen=True)
+class TaggedBy:
+    """Marks a section whose dataclass one key chooses; unlike pydantic's mark it knows a union of one, and None."""
+
+    tag: str
+
+    def __get_pydantic_core_schema__(self, union: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        parts = get_args(union) or (union,)
+        kinds = {get_args(get_type_hints(kind)[self.tag])[0]: kind for kind in parts if kind is not NoneType}
+        choices = {word: handler.generate_schema(kind) for word, kind in kinds.items()}
+        schema = core_schema.tagged_union_schema(choices, discriminator=self.tag)
+        return core_schema.nullable_schema(schema) if NoneType in parts else schema
 
 
 def unit_of(hint: Any) -> Unit | None:

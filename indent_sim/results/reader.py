@@ -15,7 +15,7 @@ from annotated_types import Ge
 from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
-from indent_sim.model.state import COLUMNS, EFFORT, ERRORS, State
+from indent_sim.model.state import COLUMNS, EFFORT, ERRORS, READINGS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
 from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
@@ -65,9 +65,10 @@ def read_run(path: Path) -> Results:
 
 def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     """The rows of the force table as mappings from column to number."""
-    names = (*COLUMNS, *EFFORT, *ERRORS)
+    names = (*COLUMNS, *READINGS, *EFFORT, *ERRORS)
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
+
 
 LARGEST = 1e150  # a number whose square and cube are numbers too
 WHOLE = 1e15  # a step is a whole number below this
@@ -101,11 +102,17 @@ class _Curve(TypedDict, total=False):
     a: list[Number]
 
 
+class _HalfSpaceCurve(TypedDict):
+    delta: list[Number]
+    force: list[Number]
+
+
 class _HalfSpace(TypedDict, total=False):
     name: str
     delta: Number
     force: Number
     deviation: Known
+    curve: _HalfSpaceCurve
 
 
 class _Formula(TypedDict, total=False):
@@ -125,6 +132,11 @@ class _Theory(TypedDict):
     curve: NotRequired[_Curve]
     half_space: NotRequired[_HalfSpace | None]
     formulas: NotRequired[list[_Formula]]
+
+
+class _Hertz(TypedDict):
+    E: Number
+    percent: Number
 
 
 class _Audit(TypedDict, total=False):
@@ -157,6 +169,7 @@ class _Report(TypedDict, total=False):
     center: list[Number]
     plan: _Plan
     theory: _Theory | None
+    hertz: _Hertz | None
     warnings: list[str]
     audit: _Audit | None
     accuracy: _Accuracy | None
@@ -261,6 +274,7 @@ def read_steps(path: Path, needed: Sequence[str], unknown: Sequence[str] = ()) -
         raise UsageError(f"{path} holds a step twice")
     return columns
 
+
 SAME_DEPTH = 1e-9  # relative
 OF_THE_WRITER = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
@@ -349,7 +363,7 @@ def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[
     if not lines:
         return (), COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= {*EFFORT, *ERRORS}:
+    if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= {*READINGS, *EFFORT, *ERRORS}:
         raise UsageError(f"{path} has other columns than this version writes")
     states: list[State] = []
     size = len(lines[0]) + 1

@@ -10,20 +10,21 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import EFFORT, ERRORS, State, Surface
+from indent_sim.model.state import EFFORT, ERRORS, READINGS, State, Surface
 from indent_sim.results.folder import write_atomically
 
 SURFACE = "surface.csv"
+EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
 
 INTEGERS = ("step", "newton_iterations", *EFFORT)
-MAY_BE_EMPTY = {"p_max", *ERRORS}
+MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
 
@@ -77,6 +78,14 @@ def surface_block(step: int, surface: Surface) -> bytes:
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
+
+
+def table_of(items: Sequence[Any]) -> bytes:
+    """A table with a row per dataclass and a column per field; a field that is None everywhere has none."""
+    names = [name for name in vars(items[0]) if any(getattr(item, name) is not None for item in items)]
+    rows = ([getattr(item, name) for name in names] for item in items)
+    lines = (",".join(value if isinstance(value, str) else _number(value) for value in values) for values in rows)
+    return ("\n".join([",".join(names), *lines]) + "\n").encode()
 
 
 def surface_blocks(path: Path) -> dict[int, bytes]:

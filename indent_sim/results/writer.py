@@ -8,7 +8,7 @@ import math
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.model.state import COLUMNS, State
+from indent_sim.model.state import COLUMNS, READINGS, State
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -24,7 +24,17 @@ from indent_sim.results import checkpoint
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, MESH, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
-from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, drop_later_blocks, row, surface_block, surface_blocks
+from indent_sim.results.tables import (
+    DYNAMIC,
+    EXPERIMENT,
+    SURFACE,
+    SURFACE_COLUMNS,
+    drop_later_blocks,
+    row,
+    surface_block,
+    surface_blocks,
+    table_of,
+)
 from indent_sim.results.xdmf import FieldWriter
 
 Keep = Literal["none", "last", "all"]
@@ -57,7 +67,7 @@ class ResultFolder:
         self._target = Path(target)
         self._config_yaml, self._mesh = config_yaml, mesh
         self._surface = surface
-        self._columns = (*COLUMNS, *columns)
+        self._columns = (*COLUMNS, *READINGS, *columns)
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None
@@ -139,6 +149,15 @@ class ResultFolder:
             return
         with uninterrupted(), self._writing():
             self._fields.write(state.step, state.delta, displacement, stress, pressure)
+
+    def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
+        """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not written now goes."""
+        with uninterrupted(), self._writing():
+            for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
+                if items:
+                    write_atomically(self.path / name, table_of(items))
+                else:
+                    (self.path / name).unlink(missing_ok=True)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
         """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure here."""

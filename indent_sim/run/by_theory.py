@@ -47,7 +47,7 @@ class TheoryWalk:
                          reason="theory ends before: at a wall, at the tip's end, or at 100 thicknesses")  # fmt: skip
         surface = self._surface(found) if with_surface else None
         return State(step, found.delta, found.force, found.a, largest_pressure(found), 0.0, nan, 0, self._seconds(),
-                     surface=surface)  # fmt: skip
+                     stiffness=found.stiffness, surface=surface)  # fmt: skip
 
     def _seconds(self) -> float:
         return time.perf_counter() - self._started

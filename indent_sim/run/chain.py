@@ -18,9 +18,11 @@ from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
 from indent_sim.results.reader import checked_report, earlier_run, lost_files
+from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer
+from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
@@ -116,6 +118,7 @@ class Run:
                 record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
             simulation = Simulation(config, scene, record, self._clock, bars)
             states = simulation.follow(self.progress)
+            simulation.experiment()
             simulation.release()
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))
@@ -169,6 +172,8 @@ def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: O
     if not earlier.finished(steps):
         return None
     lost = comm.bcast(on_root(comm, lost_files, target, output.surface != "none", output.fields != "none"))
+    if scene.experiment is not None and not comm.bcast(on_root(comm, (target / EXPERIMENT).exists)):
+        lost = [*lost, EXPERIMENT]
     said = [f"{', '.join(lost)}: missing or damaged since; leave --resume out to compute them again"] if lost else []
     report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *said]}
     return Outcome(target, report, list(earlier.states), steps)
@@ -182,13 +187,16 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     comm = communicator(comm if comm is not None else Alone(), scene)
     if not scene.is_meshed:
         walk = TheoryWalk(scene, comm)
-        yield from (state.in_units(scene.physics.scales)
+        readings = Readings(scene)
+        yield from (readings.read(state).in_units(scene.physics.scales)
                     for state in walk.states(scene.physics.path, lambda step: with_surface))  # fmt: skip
         return
     fe = backend()
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
-    for state in fe.walk(scene, mesh).states(scene.physics.path, lambda step: with_surface):
-        yield state.in_units(scene.physics.scales)
+    walk = fe.walk(scene, mesh)
+    readings = Readings(scene, walk.equilibrium)
+    for state in walk.states(scene.physics.path, lambda step: with_surface):
+        yield readings.read(state).in_units(scene.physics.scales)
     fe.release(mesh)
 
 
@@ -228,8 +236,9 @@ class CondensedBody:
             values = tuple(force / self.scene.physics.scales.force for force in forces)
             changes |= {"deltas": (begin,) * len(forces), "path": LoadPath("force", values)}
         scene = self.scene.with_physics(**changes)
-        walk = backend().Walk(self.equilibrium.under(scene))
-        return [state.in_units(scene.physics.scales) for state in walk.states(scene.physics.path, lambda step: False)]
+        equilibrium = self.equilibrium.under(scene)
+        readings, states = Readings(scene, equilibrium), backend().Walk(equilibrium).states(scene.physics.path, _never)
+        return [readings.read(state).in_units(scene.physics.scales) for state in states]
 
 
 def condense(scene: Scene, comm: Any = None) -> CondensedBody:
@@ -265,7 +274,13 @@ def mpi() -> Any:
     return MPI
 
 
+def _never(step: int) -> bool:
+    return False
+
+
 def _plot(directory: Path) -> None:
-    from indent_sim.results.pictures import forces
+    from indent_sim.results.pictures import experiment, forces
 
     forces.plot_run(directory)
+    if (directory / EXPERIMENT).exists():
+        experiment.plot_experiment(directory)

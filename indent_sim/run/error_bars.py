@@ -106,6 +106,8 @@ def coarser(scene: Scene, ratio: float) -> Scene:
     larger = replace(
         sizes, h_contact=fine, h_far=max(ratio * sizes.h_far, fine), grading=min(growth * sizes.grading, STEEPEST),
         patch=sizes.patch + 2 * (fine - sizes.h_contact), h_edge=edge, h_axis=axis, h_corner=corner,
+        inclusions=tuple((inclusion, min(ratio ** (RATE / 2) * h, inclusion.thinnest))
+                         for inclusion, h in sizes.inclusions),
     )  # fmt: skip
     return replace(scene.with_physics(wall_stiffness=scene.physics.wall_stiffness / ratio), sizes=larger)
 
@@ -216,11 +218,12 @@ class ErrorBars:
         n = self._elements(state.a)
         curves, ratios = [self._run, *self._coarser], [1.0, *(companion.ratio for companion in self.companions)]
         errors = [trend.fading(n / ratio) for ratio in ratios]
+        safety = trend.safety * (LAYERED if self._is_layered and name == "p_max" else 1.0)
         said = []
         for k, (fine, coarse) in enumerate(pairwise(curves)):
             share = max(abs(errors[k + 1] - errors[k]) / errors[0], LEAST_GAIN) * ratios[k] ** HASTE
             if k == 0 or n >= TELLTALE * ratios[k + 1]:
-                said += [trend.safety / share * found for found in _spread(fine, coarse, state, name)]
+                said += [safety / share * found for found in _spread(fine, coarse, state, name)]
         return float("nan") if any(map(isnan, said)) else max(said)
 
     def _soft_difference(self, step: int, name: str) -> float:
@@ -304,7 +307,10 @@ class ErrorBars:
 
 
 class TheoryBars:
-    """The error bars of a scene that theory solves: its own stated error, of every number."""
+    """The error bars of a scene that theory solves: its own stated error, of every number.
+
+    Where its tip would have to pull, contact radius and pressure are not known at all.
+    """
 
     companions: Sequence[Companion] = ()
 
@@ -312,13 +318,14 @@ class TheoryBars:
         assert scene.plan.theory is not None
         self.budgets: list[Budget] = []
         self._error, self._finds_depths = scene.plan.theory.error, scene.physics.path.control == "force"
+        self._of_contact = 1.0 if scene.plan.theory.pull else self._error
 
     def judged(self, state: State) -> State:
         """The state with its error bars."""
         error = self._error
         self.budgets.append(Budget(state.step, 0.0, 0.0, 0.0, theory=error * abs(state.force)))
-        return replace(state, force_error=error * abs(state.force), a_error=error * state.a,
-                       p_max_error=error * state.p_max,
+        return replace(state, force_error=error * abs(state.force), a_error=self._of_contact * state.a,
+                       p_max_error=self._of_contact * state.p_max,
                        delta_error=error * abs(state.delta) if self._finds_depths else None)  # fmt: skip
 
 

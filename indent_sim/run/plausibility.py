@@ -190,7 +190,7 @@ def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
     left = 1 - penalty_loss(scene.physics.contact, scene.physics.material, scene.plan.theory, theory.delta, theory.a)
     if scene.exact_theory:
         return left / (EXACT * coarse), EXACT * coarse
-    if not _feels_a_half_space(scene, theory.a):
+    if scene.physics.body.inclusions or not _feels_a_half_space(scene, theory.a):
         return 0.0, float("inf")
     may_stiffen = not scene.physics.small_strain and theory.delta > SHALLOW * theory.a
     return left / (ALIKE * coarse), float("inf") if may_stiffen else ALIKE * coarse

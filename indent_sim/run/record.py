@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -53,6 +53,10 @@ class Record:
     def append(self, state: State) -> None:
         """Add the row of a converged state."""
         self._on_root(ResultFolder.append, state)
+
+    def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
+        """Write the tables of an experiment."""
+        self._on_root(ResultFolder.write_experiment, rows, dynamic)
 
     def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
         """Keep the last equilibria for `--resume`."""

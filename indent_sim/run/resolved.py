@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 from indent_sim.config.file import to_mapping
@@ -63,17 +64,23 @@ def left_open(config: Config, decided: Config) -> list[str]:
 
 
 def _materials(config: Config, scene: Scene) -> dict[str, Any]:
-    """The material and those of the layers, with the formulation that each region has."""
-    formulations = [region.formulation for region in scene.physics.part.regions]
+    """The material, and those of layers and inclusions, with the formulation that each region has."""
     if isinstance(config.body, MeshFromFile) and isinstance(scene.physics.part, MeshedPart):
         return _of_file(config, config.body, scene.physics.part)
-    if config.body.layers is None:
-        return {"material": _decided(config.material, formulation=formulations[0])}
-    layers = tuple(
-        dataclasses.replace(layer, material=_decided(layer.material, formulation=formulation))
-        for layer, formulation in zip(config.layers, formulations, strict=True)
-    )
-    return {"material": None, "body": dataclasses.replace(config.body, layers=layers)}
+    formulations = [region.formulation for region in scene.physics.part.regions]
+    count, body = len(config.layers), config.body
+    if body.inclusions:
+        body = dataclasses.replace(body, inclusions=_all_decided(body.inclusions, formulations[count:]))
+    if body.layers is None:
+        return {"material": _decided(config.material, formulation=formulations[0]), "body": body}
+    layers = _all_decided(config.layers, formulations[:count])
+    return {"material": None, "body": dataclasses.replace(body, layers=layers)}
+
+
+def _all_decided(items: Sequence[Any], formulations: Sequence[str]) -> tuple[Any, ...]:
+    """Layers, or inclusions, with the formulation that each has."""
+    return tuple(dataclasses.replace(item, material=_decided(item.material, formulation=formulation))
+                 for item, formulation in zip(items, formulations, strict=True))  # fmt: skip
 
 
 def _of_file(config: Config, body: MeshFromFile, part: MeshedPart) -> dict[str, Any]:
@@ -97,6 +104,8 @@ def _mesh(config: Config, scene: Scene) -> Any:
     sizes, L = scene.sizes, scene.physics.scales.length
     mesh = _decided(config.mesh, h_contact=sizes.h_contact * L, h_far=sizes.h_far * L, grading=sizes.grading,
                     symmetry=scene.physics.part.symmetry)  # fmt: skip
+    if sizes.inclusions and mesh.h_inclusions is None:
+        mesh = dataclasses.replace(mesh, h_inclusions=tuple(h * L for _, h in sizes.inclusions))
     if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name in OWN if (length := getattr(sizes, name))}

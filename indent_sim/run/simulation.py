@@ -17,9 +17,10 @@ from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars
 from indent_sim.run.plausibility import contradiction
+from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import fields_of
-from indent_sim.run.summary import summary
+from indent_sim.run.summary import stages, summary
 from indent_sim.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Simulation:
         if not self.scene.is_meshed:
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk: Any = TheoryWalk(self.scene, self.record.comm, self.clock.started - spent)
+            self._readings = Readings(self.scene)
             self._fields = self._mesh = None
             return
         record, scene, clock = self.record, self.scene, self.clock
@@ -69,6 +71,7 @@ class Simulation:
         with clock.stage("assemble"):
             spent = self.states[-1].wall_s if self.states else 0.0
             self._walk = fe.walk(scene, mesh, clock.started - spent)
+        self._readings = Readings(scene, self._walk.equilibrium)
         dofs, versions = self._walk.equilibrium.dofs, fe.versions()
         if grid is not None:  # rank 0, which writes
             size = {"cells": len(grid.cells), "points": len(grid.points)}
@@ -121,6 +124,7 @@ class Simulation:
             for state in self._timed(self._walk.states(self.scene.physics.path, self._wants_surface, done)):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {total}: {state.reason}")
+                state = self._readings.read(state)
                 self._keep(state.in_units(self.scene.physics.scales), state.step == total)
                 if progress is not None:
                     progress(self.states[-1], state.step, total)
@@ -135,6 +139,18 @@ class Simulation:
             worst = self._worst_audit if self.scene.is_meshed else None
             self.record.note(**summary(self.scene, self.states, self.clock.stages, self.clock.cpu, worst))
         return self.states
+
+    def experiment(self) -> None:
+        """Compute and write what the experiment makes of the curve; nothing without one."""
+        if self.scene.experiment is None:
+            return
+        from indent_sim.run.experiment import conduct  # with scipy's searches, which no other scene needs
+
+        with self.clock.stage("experiment"):
+            found = conduct(self.scene, self._walk.equilibrium if self.scene.is_meshed else None)
+        self.record.write_experiment(found.rows, found.dynamic)
+        self.record.note(experiment=found.report, timings=stages(self.clock.stages))
+        self.record.warn(*found.warnings)
 
     def release(self) -> None:
         """Give the memory of the solution back (collective); a process may have many runs before it."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from indent_sim.model.state import State
 from indent_sim.process.usage import peak_memory
+from indent_sim.run.readings import hertz_fit, hertz_force
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import Solution
@@ -16,11 +18,12 @@ POINTS = 50  # of the theory curve that is kept for the plot
 
 
 def summary(
-    scene: Scene, states: list[State], stages: dict[str, float], cpu: dict[str, float], worst_audit: float | None
+    scene: Scene, states: list[State], wall: dict[str, float], cpu: dict[str, float], worst_audit: float | None
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
         "theory": theory_comparison(scene, states),
+        "hertz": hertz_fit(scene, states),
         "audit": {
             "force_against_reaction": worst_audit,
             "energy_by_trapezoid": energy_balance(states),
@@ -28,8 +31,8 @@ def summary(
             **_krylov(states),
             "substeps": sum(state.substeps for state in states),
         },
-        "timings": {name: round(seconds, 4) for name, seconds in stages.items()},
-        "cpu_timings": {name: round(seconds, 4) for name, seconds in cpu.items()},
+        "timings": stages(wall),
+        "cpu_timings": stages(cpu),
         "peak_memory_MB": round(peak_memory(), 1),
     }
 
@@ -38,6 +41,11 @@ def _krylov(states: list[State]) -> dict[str, int]:
     """The iterations of an iterative linear solver, where there was one."""
     counts = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     return {"krylov_iterations": sum(counts)} if counts else {}
+
+
+def stages(seconds: Mapping[str, float]) -> dict[str, float]:
+    """Seconds of the stages of a run, as run.json has them."""
+    return {name: round(value, 4) for name, value in seconds.items()}
 
 
 def energy_balance(states: list[State]) -> float | None:
@@ -125,4 +133,11 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
     if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit
-    return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1}
+    depths = [state.delta / D * n / POINTS for n in range(1, POINTS + 1)]
+    curve = [(delta, force) for delta in depths if (force := hertz_force(scene, delta))]
+    return {
+        "name": closed[0],
+        name: value,
+        "deviation": value / getattr(state, name) - 1,
+        "curve": {"delta": [delta * D for delta, _ in curve], "force": [force * F for _, force in curve]},
+    }

@@ -21,7 +21,7 @@ from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.expected import infinite_pressure
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
-from indent_sim.scene.theories import layer_theory, shape_of
+from indent_sim.scene.theories import NO_INCLUSIONS, layer_theory, shape_of
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -253,7 +253,7 @@ def against_theory(config: Config, given: Given) -> str:
         return "theory does not know a body meshed elsewhere"
     if known is None:
         return "theory knows no layers with nu < 0" if shape_of(given.tip) else "theory does not know this tip"
-    if not known.exact:
+    if not known.exact and not (known.pull and config.solver.method == "theory"):
         return known.why
     if target is not None and target < known.error:
         return f"theory is good to {known.error:.0e} of the force, and accuracy asks for {target:g}"
@@ -268,6 +268,7 @@ def unlike_theory(config: Config) -> str:
     solver = dataclasses.replace(config.solver, method="auto")
     reasons = (
         (not all(material.small_strain for material in materials), "the material is not linear"),
+        (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (config.contact.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(config.contact, AutoContact), f"contact.method: {config.contact.method} is for a mesh"),
@@ -321,7 +322,52 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         choices.append(Choice("mesh.h_edge", sizes.h_edge * L, "the pressure is singular at the punch's sharp edge"))
     if sizes.h_corner is not None:
         choices.append(Choice("mesh.h_corner", sizes.h_corner * L, CORNER_WHY))
+    if sizes.inclusions:
+        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
+        why = "as given" if wanted.h_inclusions else "by what the force feels of each; sizes grow from this around them"
+        choices.append(Choice("mesh.h_inclusions", inside, why))
     return choices
+
+
+JKR_WHY = "the JKR limit: exact for this body where the attraction's range is short"
+TING_WHY = "Lee & Radok while the contact grows, Ting while it shrinks: exact for one body or layers that relax alike"
+STEP_WHY = "contact stepped in time on the compliance, to 1e-4: the history is no single cycle of depths"
+QUASI_WHY = "every point an equilibrium of the elastic curve"
+
+
+def experiment(config: Config, given: Given, solver: Choice) -> list[Choice]:
+    """How what is computed from the solved curve is; ConfigError where a curve does not determine it."""
+    found = given.experiment
+    if found is None:
+        return []
+    _refuse_experiment(config, given, solver)
+    choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if found.adhesion else []
+    if found.relaxation and found.points:
+        stepped = found.is_stepped
+        choices.append(Choice("experiment.relaxation", "time steps" if stepped else "quadrature",
+                              STEP_WHY if stepped else TING_WHY))  # fmt: skip
+    elif found.points and not found.adhesion:
+        choices.append(Choice("experiment.history", "elastic", QUASI_WHY))
+    return choices
+
+
+def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
+    assert given.experiment is not None
+    if any(getattr(config.contact, name, None) for name in ("friction", "adhesion")):
+        problem = "is determined by the curve of a tip without friction and adhesion, and contact has some"
+        raise ConfigError("experiment", problem, "leave one of the two out")
+    if solver.value == "newton":
+        problem = f"needs a linear body whose compliance is known, and this scene is solved whole: {solver.why}"
+        raise ConfigError("experiment", problem, "solver.method: condensed or theory says what stands against it")
+    if given.experiment.adhesion and given.part.kinematics.name != "axisymmetric":
+        problem = f"the JKR limit is that of a disc, and this scene is {given.part.kinematics.name.replace('_', ' ')}"
+        raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
+    if given.experiment.adhesion and solver.value == "theory" and not given.adhesive:
+        problem = "the contact that adheres so is wider than theory reaches, or there is none at that depth"
+        raise ConfigError("experiment.adhesion", problem, "check work, R and E: are they in the same units?")
+    if given.experiment.is_stepped and solver.value == "theory" and given.body.dim == 2:
+        problem = "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
+        raise ConfigError("experiment.relaxation", problem, "use solver.method: condensed")
 
 
 BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets

@@ -16,6 +16,7 @@ from indent_sim.mesh.grid import Grid, boundary_of
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import UNIT_BALLS, Inclusion
 
 PLANE = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
 # Per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but lie on one side only:
@@ -89,10 +90,12 @@ def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
     if isinstance(part, MeshedPart):
         grid, fold = part.piece.grid, 2 ** (part.dim * (sizes.refinements or 0))
         return {"cells": len(grid.cells) * fold, "nodes": _nodes_of(grid) * fold, "vertices": len(grid.points) * fold}
+    within = sum(_elements_of(*one, sizes, part) for one in sizes.inclusions)
     if part.dim == 2:
-        return {name: factor * _inverse_area(sizes, part) for name, factor in PLANE.items()}
+        area = _inverse_area(sizes, part) + within
+        return {name: factor * area for name, factor in PLANE.items()}
     volume, surface = _inverse_sizes(sizes, part)
-    return {name: inside * volume + outside * surface for name, (inside, outside) in SOLID.items()}
+    return {name: inside * (volume + within) + outside * surface for name, (inside, outside) in SOLID.items()}
 
 
 def _nodes_of(grid: Grid) -> float:
@@ -131,6 +134,17 @@ def _both_ways(low: float, high: float, c: float, sizes: Sizes) -> tuple[np.ndar
     ways = [(sign, abs(end - c)) for sign, end in ((-1, low), (1, high)) if abs(end - c) > 1e-9 * (high - low)]
     grids = [(sign, *_log_grid(length, sizes.smallest, POINTS)) for sign, length in ways]
     return np.concatenate([c + sign * x for sign, x, _ in grids]), np.concatenate([w for _, _, w in grids])
+
+
+def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) -> float:
+    """Elements in an inclusion and in the shells around it, by size^dim; a mirror image counts for its own part."""
+    dim = part.dim
+    spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
+    size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
+    spans = inclusion.spans if dim == 3 else [((axis,), inclusion.half(axis)) for axis in (0, 2)]
+    volume = np.prod([UNIT_BALLS[len(axes)] * (half + spread) ** len(axes) for axes, half in spans], axis=0)
+    shares = part.copies * (2 if part.symmetry == "axisymmetric" else 1)
+    return float(volume[0] / inside**dim + (np.diff(volume) / size**dim).sum()) / shares
 
 
 def candidates(sizes: Sizes, part: Part) -> float:

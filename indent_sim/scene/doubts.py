@@ -63,10 +63,18 @@ def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     return (*_of_model(given), *_of_tip(given, gap))
 
 
+def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
+    """What theory's contact has that none has that is pushed alone."""
+    if not (given.theory and given.theory.pull):
+        return ()
+    words = f"{given.theory.why}; pushed alone, the body has a smaller one: only a mesh knows its a and its pressure"
+    return (Doubt("pull", words, given.theory.pull),)
+
+
 def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
     body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
-    nu, (strain, formula) = material.constants.nu, characteristic_strain(given.relative, delta, a)
+    strain, formula = characteristic_strain(given.relative, delta, a)
     if given.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
@@ -77,7 +85,8 @@ def _of_model(given: Given) -> Iterator[Doubt]:
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
     if a > 0.8 * body.rim_distance(given.center):
         yield Doubt("rim", "the contact comes close to the edge of the body")
-    if given.part.regions[0].formulation == "displacement" and nu >= LOCKING:
+    locked = [region.material.constants.nu for region in given.part.regions if region.formulation == "displacement"]
+    if (nu := max(locked, default=0.0)) >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
     for words in stability.instabilities(material, stability.largest_strain(given.relative, a, delta, body.height)):
         yield Doubt("stability", words)

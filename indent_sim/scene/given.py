@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from math import inf, isfinite, log2
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -16,14 +16,15 @@ from indent_sim.mesh import file, inspection, meshed
 from indent_sim.mesh.part import Part, Region
 from indent_sim.mesh.piece import Piece
 from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, Layer, Meshed, MeshFromFile
-from indent_sim.model.loading import LoadPath
+from indent_sim.model.experiment import Experiment
+from indent_sim.model.loading import Loading, LoadPath
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, relative_tip, theory_of
+from indent_sim.scene.theories import Theory, adhesive_radii, half_space_force, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
 
 
+D = TypeVar("D")
+HALVINGS = 40  # of the way of a spring's base, until the depth is known
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
@@ -51,6 +54,8 @@ class Given:
     part_why: str
     theory: Theory | None
     deltas: tuple[float, ...]  # requested, or expected at the requested forces
+    experiment: Experiment | None  # in the user's units
+    asked: float  # the largest depth that the experiment's history may come to; 0 without one
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
     @property
@@ -65,13 +70,22 @@ class Given:
 
     @property
     def deepest(self) -> float:
-        """The largest depth [length]."""
-        return max(self.deltas)
+        """The largest depth [length], of the path or of the experiment."""
+        return max([*self.deltas, *([self.asked] if self.asked else [])])
 
     @property
     def a(self) -> float:
-        """The contact radius [length] to expect at the deepest point."""
-        return self.radius(self.deepest)
+        """The contact radius [length] to expect at the deepest point, adhesion included."""
+        return max([self.radius(self.deepest), *self.adhesive])
+
+    @cached_property
+    def adhesive(self) -> tuple[float, float] | tuple[()]:
+        """Contact radii [length] with the experiment's adhesion, the smallest that comes off and the deepest one's."""
+        adhesion = self.experiment.adhesion if self.experiment else None
+        if adhesion is None or self.part.kinematics.name != "axisymmetric":
+            return ()
+        work = adhesion.work / (self.scales.pressure * self.scales.length)
+        return adhesive_radii(self.theory, self.relative, self.layers, work, self.deepest)
 
     def solution(self, delta: float) -> Solution | None:
         """Theory's contact at a depth [length], where there is a theory."""
@@ -105,24 +119,76 @@ def _given(
 ) -> Given:  # fmt: skip
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
-    path = config.loading.path()
     pieces = whole.pieces if isinstance(whole, Dome) else 1
-    _check_scene(whole, config.indenter, center, path, pieces)
-    _check_room(whole, layers, config.indenter, center, path)
-    _check_ends(whole, config.indenter, center, path)
+    history = history_path(config.experiment, config.indenter, layers)
+    path = config.loading.path() if config.loading else history
+    assert path is not None
+    for one, key in ((path, "loading" if config.loading else "experiment"), (history, "experiment")):
+        if one is not None:
+            _check_scene(whole, config.indenter, center, one, pieces, key)
+            _check_room(whole, layers, config.indenter, center, one, key)
+            _check_ends(whole, config.indenter, center, one, key)
     scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
-    path = LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
+    path, history = (_scaled(one, scales) for one in (path, history))
+    assert path is not None
     part, part_why = _modelled(config, body, center, tip, layers, piece, scales)
     asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
+    reached = depths_of(history, theory, relative, material, body.height, scales) if history else (0.0,)
+    deltas = depths_of(path, theory, relative, material, body.height, scales)
     return Given(
-        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why, theory=theory,
-        deltas=depths_of(path, theory, relative, material, body.height, scales),
+        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why,
+        theory=theory and theory.along((*deltas, *reached)), deltas=deltas,
+        experiment=config.experiment, asked=max(reached),
         radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
     )  # fmt: skip
+
+
+def _scaled(path: LoadPath | None, scales: Scales) -> LoadPath | None:
+    if path is None:
+        return None
+    return LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
+
+
+def history_path(experiment: Experiment | None, tip: Indenter, layers: Sequence[Layer]) -> LoadPath | None:
+    """Equal steps to the largest depth, or force, that an experiment's history may come to; None without a history.
+
+    What relaxes lets the tip in as far as a body of its last modulus, and a spring keeps the tip back by the least
+    force that a half-space of the softest layer has.
+    """
+    if experiment is None or not experiment.points:
+        return None
+    softest, largest = remaining(experiment), max(value for _, value in experiment.points)
+    if experiment.force_history:
+        return Loading(force=largest / softest).path()
+    if not experiment.compliance:
+        return Loading(delta=largest).path()
+    E_star = softest * min(_material_of(layer).E_star for layer in layers)
+
+    def beyond(depth: float) -> bool:
+        closed = half_space_force(tip, depth, E_star)
+        force = closed[1] if closed else 0.5 * E_star * tip.radius_at(depth) * depth
+        return depth + experiment.compliance * force >= largest
+
+    low, high = 0.0, largest
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if beyond(middle) else (middle, high)
+    return Loading(delta=high).path()
+
+
+def remaining(experiment: Experiment) -> float:
+    """The least share of its instantaneous modulus that the body has during the history."""
+    law = experiment.relaxation
+    if law is None:
+        return 1.0
+    if law.power_law is None:
+        return 1.0 - sum(fraction for fraction, _ in law.prony or ())
+    last = experiment.points[-1][0] - experiment.points[0][0]
+    return float((last / law.power_law.time) ** -law.power_law.exponent)
 
 
 def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
@@ -156,6 +222,14 @@ def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
     return tuple(Region(name, material, formulation, -rounded(float(depth)))
                  for name, material, formulation, depth
                  in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
+
+
+def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
+    """The regions of inclusions, lengths rounded likewise."""
+    own = [inclusion.material.canonical() for inclusion in config.body.inclusions or ()]
+    for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
+        matter, name = scales.scaled(material), f"inclusions[{k}]"
+        yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
 
 
 def _formulation(key: str, material: Material) -> str:
@@ -200,7 +274,8 @@ def _modelled(
 ) -> tuple[Part, str]:  # fmt: skip
     """The part of the body that is modelled, and why."""
     if not isinstance(body, Meshed):
-        return reduce(_rounded_body(body), center, config.mesh.symmetry, tip, _regions(config, layers))
+        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
+        return reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
     assert piece is not None and isinstance(config.body, MeshFromFile)
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
     regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
@@ -209,16 +284,21 @@ def _modelled(
     return part, "a mesh from a file is modelled as it is"
 
 
-def _rounded_body(body: Drawn | Endless) -> Drawn | Endless:
+def _to_digits(body: D) -> D:
+    """A body, or an inclusion, with its own lengths rounded."""
+
     def to_digits(value: Any) -> Any:
         if isinstance(value, tuple):
             return tuple(map(to_digits, value))
         return rounded(value) if isinstance(value, float) else value
 
-    return dataclasses.replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in dataclasses.fields(body)})
+    fields = dataclasses.fields(body)  # type: ignore[arg-type]
+    return replace(body, **{f.name: to_digits(getattr(body, f.name)) for f in fields})  # type: ignore[type-var]
 
 
-def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int) -> None:
+def _check_scene(
+    body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int, key: str
+) -> None:
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
     width = 2 * body.rim_distance(body.center)
@@ -227,28 +307,28 @@ def _check_scene(body: Body, tip: Indenter, center: tuple[float, ...], path: Loa
                           f"at most {width / 2:g}")  # fmt: skip
     thickness = pieces * body.height
     if path.control == "depth" and max(path.values) >= thickness:
-        raise ConfigError("loading", f"depth {max(path.values):g} is beyond the body's thickness {thickness:g}",
+        raise ConfigError(key, f"depth {max(path.values):g} is beyond the body's thickness {thickness:g}",
                           f"stay below {thickness:g}")  # fmt: skip
 
 
 def _check_room(
-    body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath
+    body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath, key: str
 ) -> None:
     delta, room = max(path.values), deepest(body, layers, tip, center)
     if path.control == "depth" and delta >= room:
         raise ConfigError(
-            "loading",
+            key,
             f"depth {delta:g} leaves no room to an incompressible body held on all sides: at {room:g} the tip would "
             "cover its whole top",
             "stay well below, free a side, or nu < 0.5",
         )
 
 
-def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath) -> None:
+def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, key: str) -> None:
     delta, end = max(path.values), end_of_sides(body, tip, center)
     if path.control == "depth" and delta > end:
         raise ConfigError(
-            "loading",
+            key,
             f"depth {delta:g} presses the tip onto the top of a fixed side, which it meets at {end:g}: nothing "
             "moves it, and the force has no bound",
             f"stay below {end:g}, free that side, or take a wider body",
@@ -283,7 +363,9 @@ def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[fl
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
     touches it everywhere that is the tip's mean height minus the depth. The force grows beyond all bounds before.
     """
-    if any(_material_of(layer).constants.nu < 0.5 for layer in layers) or not body.is_held:
+    matter = [_material_of(layer) for layer in layers]
+    matter += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
+    if any(material.constants.nu < 0.5 for material in matter) or not body.is_held:
         return float("inf")
     x, y = body.top()
     along_x, along_y = (*center, 0.0)[:2]

@@ -8,13 +8,14 @@ from itertools import pairwise
 from math import inf, isclose
 
 from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
-from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Strip
+from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Inclusion, Strip
 from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
 
 Regions = tuple[Region, ...]
 SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
+PLACES = 9  # decimals, of the body's height, to which mirror images must agree
 TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
 
 
@@ -45,16 +46,30 @@ def _mirrors(tip: Indenter, axis: str) -> bool:
     return tip.of_revolution or tip.is_mirrored({"x": 90.0, "y": 0.0}[axis])  # type: ignore[union-attr]
 
 
+def _is_matched(regions: Regions, axis: str, c: float) -> bool:
+    """Whether the inclusions are their own mirror images, together, about the plane normal to `axis` at c."""
+    found = {_placed(region.inclusion) for region in regions if region.inclusion}
+    return found == {_placed(inclusion.mirrored("xyz".index(axis), c)) for inclusion in found}
+
+
+def _placed(inclusion: Inclusion) -> Inclusion:
+    """The inclusion where it is to so many digits that two places are one."""
+    return replace(inclusion, center=tuple(round(x, PLACES) + 0.0 for x in inclusion.center))
+
+
 def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
     on_axis = {axis: abs(c) <= 1e-12 * body.radius for axis, c in zip("xy", center, strict=True)}
     obstacle = "" if all(on_axis.values()) else "the tip stands off the cylinder's axis"
     obstacle = obstacle if tip.of_revolution else f"a {tip.shape} is no tip of revolution"
+    if any(region.inclusion and not region.inclusion.is_about(body.center) for region in regions):
+        obstacle = obstacle or "an inclusion is no body of revolution about the axis"
     if wanted == "plane_strain" or (wanted == "axisymmetric" and obstacle):
         raise _refuse(wanted, obstacle or "a cylinder is not infinitely long", "use 'auto', 'half' or 'full'")
     supports = {"base": body.base, "r_max": body.sides}
     if wanted in ("auto", "axisymmetric") and not obstacle:
         return _section(body.radius, body.height, regions, supports), "tip of revolution on the axis of a cylinder"
-    cuts = _cuts(wanted, [axis for axis in "xy" if on_axis[axis] and _mirrors(tip, axis)])
+    cuts = _cuts(wanted, [axis for axis in "xy"
+                          if on_axis[axis] and _mirrors(tip, axis) and _is_matched(regions, axis, 0.0)])  # fmt: skip
     part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts), _sector(body.radius, cuts), body.height,
                 regions, _mirrored(supports, cuts))  # fmt: skip
     return part, f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
@@ -85,9 +100,10 @@ def _strip(body: Strip, center: Point, wanted: str, regions: Regions) -> tuple[P
     if wanted not in ("auto", "plane_strain", "half", "full"):
         raise _refuse(wanted, "a strip is modelled in plane strain", "use 'auto', 'half' or 'full'")
     symmetric = _middle(center[0], body.width) and body.sides.x_min == body.sides.x_max
+    symmetric = symmetric and _is_matched(regions, "x", center[0])
     supports = {"base": str(body.base), **vars(body.sides)}
     if wanted == "half" and not symmetric:
-        raise _refuse(wanted, "tip or side conditions are not symmetric about the middle", "use 'auto' or 'full'")
+        raise _refuse(wanted, "tip, sides or inclusions are not symmetric about the middle", "use 'auto' or 'full'")
     cuts = ["x"] if symmetric and wanted != "full" else []
     section = _rectangle(("base", "x_max", "top", "x_min"), (center[0] if cuts else 0.0, body.width),
                          (-body.height, 0.0))  # fmt: skip
@@ -105,7 +121,8 @@ def _box(body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions)
         "x": _middle(center[0], body.size[0]) and sides.x_min == sides.x_max and _mirrors(tip, "x"),
         "y": _middle(center[1], body.size[1]) and sides.y_min == sides.y_max and _mirrors(tip, "y"),
     }
-    cuts = _cuts(wanted, [axis for axis, symmetric in mirrored.items() if symmetric])
+    matched = {axis: _is_matched(regions, axis, c) for axis, c in zip("xy", center, strict=True)}
+    cuts = _cuts(wanted, [axis for axis, symmetric in mirrored.items() if symmetric and matched[axis]])
     across = [(c if axis in cuts else 0.0, size) for axis, c, size in zip("xy", center, body.size, strict=False)]
     part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts),
                 _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), body.height, regions,
@@ -176,7 +193,7 @@ def _cuts(wanted: str, symmetric: list[str]) -> list[str]:
     needed = {"auto": len(symmetric), "full": 0, "half": 1, "quarter": 2}[wanted]
     if needed > len(symmetric):
         have = f"only about the mid-plane of {symmetric[0]}" if symmetric else "about no mid-plane"
-        raise _refuse(wanted, f"tip and side conditions are symmetric {have}", "use 'auto'")
+        raise _refuse(wanted, f"tip, sides and inclusions are symmetric {have}", "use 'auto'")
     return symmetric[:needed]
 
 

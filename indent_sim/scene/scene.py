@@ -10,6 +10,7 @@ from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body
 from indent_sim.model.contact import ActiveSet, ContactLaw
+from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -20,7 +21,7 @@ from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import Doubt, doubts, of_theory
+from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
 from indent_sim.scene.expected import peakless, prediction_of
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
@@ -88,6 +89,8 @@ class Scene:
     sizes: Sizes
     solver: SolverSettings
     plan: Plan
+    experiment: Experiment | None = None  # what is computed from the solved curve, in the user's units
+    asked: float = 0.0  # the largest depth that its history may come to, without units
 
     @property
     def is_meshed(self) -> bool:
@@ -147,11 +150,12 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = Physics(given.scales, given.body, given.part, 0.0, given.tip, given.center, ActiveSet(), "reference",
                       given.path, given.deltas)  # fmt: skip
-    chosen = (solver, *choices.by_theory(config, given))
+    chosen = (solver, *choices.by_theory(config, given), *choices.experiment(config, given, solver))
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
-    plan = Plan(config.title, config.units, given.theory, None, chosen, of_theory(given), predicted)
+    against = (*of_theory(given), *of_whole_contact(given))
+    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted)
     settings = dataclasses.replace(config.solver, method="theory")
-    return Scene(physics, sizing.surface_points(given), settings, plan)
+    return Scene(physics, sizing.surface_points(given), settings, plan, config.experiment, given.asked)
 
 
 def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
@@ -163,15 +167,17 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
     if cost.memory > machine_memory():
-        raise _unaffordable(config, given, law, gap, sizes, cost, fineness is not None)
+        work = _work(given, str(solver.value), str(linear.value), gap)
+        raise _unaffordable(config, given, law, sizes, work, fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
     chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *tip_choice, *wall_choice,
-              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver, linear)  # fmt: skip
+              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver, linear,
+              *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
-    return Scene(physics, sizes, settings, plan)
+    return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
@@ -206,15 +212,20 @@ def _work(given: Given, method: str, linear: str, gap: str) -> Work:
     return Work(method, linear, mixed, solves, gap == "current" or not given.small_strain)
 
 
-def _unaffordable(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Sizes, cost: Cost, is_chosen: bool
+def _unaffordable(config: Config, given: Given, law: ContactLaw, sizes: Sizes, work: Work, is_chosen: bool
                   ) -> ConfigError:  # fmt: skip
     """What to say of a scene that is beyond this machine, and what would fit."""
-    room, key = machine_memory(), "accuracy" if is_chosen else "mesh.h_contact"  # whoever set the sizes
+    cost = cost_of(sizes, given.part, work)
+    room, key, name = machine_memory(), "mesh.h_contact", "h_contact"
+    if is_chosen:  # whoever set the sizes
+        key, name = "accuracy", "accuracy"
+    if cost_of(dataclasses.replace(sizes, inclusions=()), given.part, work).memory <= room:
+        key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
     said = f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this machine has {room / 1e9:.3g} GB"
-    iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap)).memory
+    iterative = cost_of(sizes, given.part, dataclasses.replace(work, method="newton", linear="iterative")).memory
     if iterative <= room and not choices.against_iterative(config, given, law):
         return ConfigError(key, said, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB")
-    return ConfigError(key, said, f"use a larger {'accuracy' if is_chosen else 'h_contact'}, or symmetry")
+    return ConfigError(key, said, f"use a larger {name}, or symmetry")
 
 
 def _expected(given: Given) -> dict[str, float]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.sizes import Sizes
+from indent_sim.model.body import Inclusion
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
+PER_ADHESIVE = 30.0  # per radius of a contact that comes off: its pull-off within 0.2 %, measured on bonded layers
 POINTS = 40  # of theory's surface in every contact radius
 GRADING = 0.2  # growth of the size per unit distance
 PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon encloses 0.3 % less than the circle, which
@@ -65,6 +67,11 @@ WIDE = 1.0  # contact radius over height from which a layer is squeezed rather t
 KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt beside a wall: to 20 %, by layer theory
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
 RULE = 0.25  # and from what share on they rule how the force converges
+HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
+ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an inclusion, from and to, by dim
+# What the force feels of a missing part of an inclusion, at most; and elements in one with flat faces, which miss none
+# of it, times those in a round one. Measured for moduli of 1e-3 to 1e3 times the body's: 0.02 to 0.1 % at auto
+MOST_FELT, FLAT = 0.25, 0.5
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
@@ -140,9 +147,12 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
+    if given.adhesive and settled.h_contact is None:  # as fine in the smallest contact as in the deepest one
+        settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE),
+                          h_axis=rounded(given.adhesive[0] / PER_ADHESIVE))  # fmt: skip
     plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
                           keenness=keenness)  # fmt: skip
-    found = _at_corners(plain, given, settled, wanted)
+    found = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
     if edge is not None and part.dim == 3 and part.bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)
     least = (ON_AXIS if part.kinematics.name == "axisymmetric" else FINEST) * max(width, height)
@@ -201,6 +211,36 @@ def _at_corners(plain: Sizes, given: Given, settled: SettledSizes, wanted: Finen
         return replace(plain, corner_error=cost)
     at = tuple(sorted({(corner.r, rounded(corner.depth)) for corner in around}))
     return replace(plain, corners=at, h_corner=min(rounded(h), plain.h_contact))
+
+
+def _in_inclusions(plain: Sizes, config: Config, given: Given, wanted: Fineness | None) -> Sizes:
+    """The sizes, smaller in inclusions: flat facets inside a round one of radius R leave out (h/R)^2/4 of it."""
+    inclusions = [region.inclusion for region in given.part.regions if region.inclusion]
+    asked = config.mesh.h_inclusions
+    if asked:
+        found = [h / given.scales.length for h in asked]
+    else:
+        error = HEARD * (wanted.error if wanted else AUTO)
+        found = [inclusion.thinnest / _elements_across(inclusion, given, error) for inclusion in inclusions]
+    return replace(plain, inclusions=tuple(zip(inclusions, map(rounded, found), strict=True)))
+
+
+def _elements_across(inclusion: Inclusion, given: Given, error: float) -> float:
+    """Elements in half the thickness of an inclusion, for which the force is as good as that; more where it is near
+    the surface.
+
+    The force feels an inclusion as the strain energy of a point force does at the distance d of the contact: a volume V
+    by 2 a V/d^4, in plane strain a section A by 2 A/d^2.
+    """
+    few, many = ACROSS[given.dim]
+    x, *y = given.center
+    d = max(float(inclusion.distance((x, y[0] if y else 0.0, 0.0))), inclusion.thinnest)
+    felt = 2 * inclusion.volume * given.a / d**4
+    if given.body.dim == 2:
+        felt = 8 * inclusion.half(0) * inclusion.half(2) / d**2
+    needed = (min(felt, MOST_FELT) / (4 * error)) ** 0.5 * (1.0 if inclusion.is_round(given.dim) else FLAT)
+    room = -inclusion.center[2] - inclusion.half(2)  # to the surface
+    return min(max(needed, inclusion.thinnest / room, few), many)
 
 
 def _is_too_coarse(sizes: Sizes, corner: Corner, error: float, n: float) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
-from math import inf, nan
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from math import ceil, inf, nan
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,10 @@ from indent_sim.theory.strip import Strip
 
 MOST_KEPT = 100  # solutions that a theory remembers
 OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
+NO_INCLUSIONS = "theory's body has no inclusions"
 CONTRAST, STEEP = 1e4, 2.5  # between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
+
+SAMPLED = 10  # depths of a path at which it is asked whether theory's tip would have to pull
 
 Formula = Callable[[float], float]
 
@@ -35,7 +38,8 @@ Formula = Callable[[float], float]
 class Theory:
     """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
 
-    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `formulas`: force
+    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `pull`: the share of
+    the force that the tip would have to pull with, where that alone keeps it from being exact. `formulas`: force
     [pressure length^2] at a depth [length] by the usual formulas for such a body. A depth is worked out once and
     remembered.
     """
@@ -46,6 +50,7 @@ class Theory:
     contact: LayerContact = field(repr=False)
     error: float = OWN_ERROR
     formulas: Mapping[str, Formula] = field(default_factory=dict, repr=False)
+    pull: float = 0.0
     _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
@@ -70,6 +75,18 @@ class Theory:
             return min(self.contact.depth(force), deepest)
         last = self.at(deepest)
         return deepest if last and last.force <= force else None
+
+    def along(self, deltas: Sequence[float]) -> Theory:
+        """The same theory, no longer exact where its tip would have to pull at one of the depths."""
+        if not self.exact or len(self.contact.scaled.plies) == 1:
+            return self
+        some = {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)}
+        found = [solution for delta in some if delta > 0 and (solution := self.at(delta))]
+        pull = max(map(self.contact.tension, found), default=0.0)
+        if not pull:
+            return self
+        why = f"theory's tip would pull with {100 * pull:.1g} % of the force to keep its contact whole"
+        return replace(self, exact=False, why=why, pull=pull, error=max(self.error, pull))
 
     def reaches(self, path: LoadPath, deepest: float) -> bool:
         """Whether theory goes as far as a path, whose deepest contact is to be expected at this depth."""
@@ -134,15 +151,14 @@ def shape_of(tip: Indenter) -> profiles.Tip | None:
 
 
 def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The theory of a tip on a body, or None where there is none."""
-    if isinstance(body, HalfSpace):
-        return half_space_theory(tip, layers)
-    return layer_theory(body, layers, tip, center)
+    """The theory of a tip on a body, its inclusions left out, or None where there is none."""
+    found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    if found is None or not body.inclusions:
+        return found
+    return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
 
 
-def layer_theory(
-    body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]
-) -> Theory | None:
+def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
     """The layer theory of a scene, or None where there is none (nu < 0, a tip that theory does not know)."""
     if isinstance(body, Meshed):
         return None
@@ -168,6 +184,28 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
     contact = Layer.on(profiles.over_dome(shape, body.radius), stack)
     why = "theory's body is flat, and its tip has the curvature of this one relative to the body's"
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
+
+
+def adhesive_radii(
+    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, deepest: float
+) -> tuple[float, float] | tuple[()]:
+    """Contact radii [length] of a tip that adheres without range: where it comes off, and at the deepest depth.
+
+    By theory, or that of a half-space of the first layer; empty where neither knows them.
+    """
+    from indent_sim.theory.surface.adhesion import Jkr  # with scipy's searches, which no other scene needs
+    from indent_sim.theory.surface.punches import LayerPunches
+
+    contact = theory.contact if theory else None
+    if not isinstance(contact, Layer):
+        known = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(deepest))
+        contact = known.contact if known else None
+    with contextlib.suppress(ValueError, ArithmeticError):
+        if isinstance(contact, Layer):
+            jkr = Jkr(LayerPunches(contact), work)
+            deep = jkr.stable(max(deepest, 0.0))
+            return (jkr.pull_off().a, deep.a) if deep else ()
+    return ()
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
@@ -283,7 +321,7 @@ def section_depth(tip: Indenter, force: float, E_star: float, dim: int) -> float
 
 
 def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
-    """Name and depth of the half-space closed form of a tip at a force; None for the tips without one."""
+    """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a formula for."""
     start = section_depth(tip, force, E_star, 3)
     closed = half_space_force(tip, start, E_star)
     if closed is None:
@@ -293,11 +331,29 @@ def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, f
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
-    """Name and force of the half-space closed form of a tip (Hertz, Sneddon); None for the tips without one."""
+    """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a formula for."""
     known = TIPS.get(type(tip))
+    if known is None or delta <= 0 or isinstance(tip, Plate):
+        return None
     is_blunt = getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0
-    force = known.force(tip, delta, E_star) if known and delta > 0 and not is_blunt else None
-    return (known.half_space, force) if known and force is not None else None
+    if is_blunt or isinstance(tip, Profile):
+        force = _blunt_force(tip, delta, E_star)
+        return ("Sneddon (quadrature)", force) if force is not None else None
+    force = known.force(tip, delta, E_star)
+    return (known.half_space, force) if force is not None else None
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _blunt_force(tip: Indenter, delta: float, E_star: float) -> float | None:
+    """Force of a tip of revolution without a closed form, by Sneddon's integral; None past the end of the tip."""
+    shape = shape_of(tip) if tip.of_revolution else None
+    if shape is None:
+        return None
+    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
+    half_space = Layer.on(shape, Stack((Ply(unit, E_star, 0.0), Ply(inf, E_star, 0.0)), None))
+    with contextlib.suppress(ValueError, ArithmeticError):
+        return half_space.curve([delta])[0].force
+    return None
 
 
 def _depth_at(force_at: Callable[[float], float], force: float, start: float) -> float | None:

@@ -50,9 +50,17 @@ class Truncation:
 
 def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
     """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of that of the body without end."""
-    if isinstance(body, HalfSpace):
-        return _truncated_half_space(tip, layers, delta)
-    return _truncated_layer(body, tip, layers, delta)
+    found = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
+    truncation = found(body, tip, layers, delta)  # type: ignore[arg-type]
+    shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
+    placed = [replace(inclusion, center=tuple(x + s for x, s in zip(inclusion.center, shift, strict=True)))
+              for inclusion in body.inclusions or ()]  # fmt: skip
+    return replace(truncation, body=replace(truncation.body, inclusions=tuple(placed) or None))
+
+
+def _reach(body: Endless) -> float:
+    """How far from the tip's axis and the surface inclusions reach [length]."""
+    return max((inclusion.farthest((0.0, 0.0, 0.0)) for inclusion in body.inclusions or ()), default=0.0)
 
 
 def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
@@ -70,7 +78,7 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
         punch = profiles.flat_punch(min(radius, 0.5 * MAX_SLENDERNESS * stack.h))
         contact = LayerContact.on(punch, stack)
         deepest = contact.curve([depth])[0]
-    beyond, error = NEAREST * height, inf
+    beyond, error = NEAREST * height + _reach(body), inf
     while error > SHARE * ACCURACY:
         beyond *= FARTHER
         walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
@@ -82,7 +90,7 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
     return Truncation(finite, tuple(layers), "infinitely wide layer", width / radius, error)
 
 
-def _truncated_half_space(tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
+def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
     known, depth = shape_of(tip), abs(delta) or 1.0
     # what theory does not know, or ends in, is no wider in contact than a punch of its radius
     shapes = [*([known] if known else []), profiles.flat_punch(tip.radius_at(depth))]
@@ -91,7 +99,7 @@ def _truncated_half_space(tip: Indenter, layers: Sequence[Layer], delta: float) 
     contacts = ((shape, _solved(LayerContact.on(shape, endless), depth)) for shape in shapes)  # type: ignore[arg-type]
     shape, deepest = next((shape, found) for shape, found in contacts if found)
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
-    target, ratio = SHARE * ACCURACY, max(100.0, 10 * above / deepest.a)
+    target, ratio = SHARE * ACCURACY, max(100.0, 10 * max(above, _reach(body)) / deepest.a)
     error = _error(shape, modelled, deepest, ratio)
     while error > target:
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import first_guess, increasing_root, next_guess
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_contact, no_contact
 from indent_sim.theory.stack import Ply, Stack
+
+RINGS = 40  # of a contact, in which the sign of the pressure is looked at
+TENSION = 1e-6  # of the force: less is a lost digit
 
 
 class Touching(Protocol):
@@ -37,6 +40,8 @@ class LayerContact(ABC):
     E_star: float
     h: float
     wall: float
+
+    dimensions: ClassVar[int] = 2  # of the contact area
 
     @classmethod
     def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
@@ -98,3 +103,16 @@ class LayerContact(ABC):
         start = first_guess(self.profile, force / (self.E_star * self.h**2), self.largest())
         a = increasing_root(lambda a: self.solution(self.at(a).touch * self.h, a).force, force, start, self.largest())
         return self.at(a).touch * self.h
+
+    def tension(self, solution: Solution) -> float:
+        """The share of the force that the tip would have to pull with: the sum of negative pressure over the force.
+
+        The contact of theory is whole. A stiff layer on a soft one bends away from the middle of a punch, and what is
+        pushed alone has a smaller contact and a little less force.
+        """
+        if len(self.scaled.plies) == 1 or solution.force <= 0:
+            return 0.0
+        at = (np.arange(RINGS) + 0.5) / RINGS
+        share = self.dimensions * at ** (self.dimensions - 1) / RINGS
+        pull = -float(share @ np.minimum(solution.pressure(at * solution.a), 0.0)) * solution.area / solution.force
+        return pull if pull > TENSION else 0.0

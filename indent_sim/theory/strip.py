@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -55,6 +55,8 @@ class _Linear:
 
 class Strip(LayerContact):
     """A strip in plane strain under a symmetric tip in its middle; force, energy, stiffness per unit length."""
+
+    dimensions: ClassVar[int] = 1
 
     @classmethod
     def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:

@@ -47,6 +47,13 @@ VALUES = st.one_of(NUMBERS, NUMBERS, NUMBERS, WORDS, LISTS, st.lists(LISTS, max_
                    st.text(max_size=8), MAPPINGS)  # fmt: skip
 SPACINGS = {"spacing": st.sampled_from(["log", 3]), "unit": st.just("E*/h_contact")}
 ENDS = st.fixed_dictionaries({"from": NUMBERS, "to": NUMBERS, "count": st.integers(-1, 5) | NUMBERS}, optional=SPACINGS)
+SOME = st.floats(1e-3, 1.0)
+PIECE = {"thickness": SOME, "shape": st.sampled_from(["ball", "cylinder", "box"]), "radius": SOME, "height": SOME,
+         "center": st.tuples(st.sampled_from([0.0, 1.0]), st.just(0.0), st.floats(-1.0, 0.0)).map(list),
+         "size": st.lists(SOME, min_size=3, max_size=3),
+         "material": st.sampled_from([{"model": "linear_elastic", "E": 2, "nu": 0.3}, {"model": "gent"}])}  # fmt: skip
+KEPT = st.fixed_dictionaries({key: PIECE[key] for key in ("shape", "center", "radius", "material")})
+PIECES = KEPT | st.fixed_dictionaries({}, optional={key: values | VALUES for key, values in PIECE.items()}) | VALUES
 LENGTHS = ("R", "radius", "height", "width", "delta", "h_contact", "h_far", "edge_radius", "tip_radius")
 
 
@@ -118,6 +125,12 @@ def kind(draw: Any, document: dict[str, Any]) -> None:
     document[name][tag] = chosen
 
 
+def pieces(draw: Any, document: dict[str, Any]) -> None:
+    """Layers or inclusions, like real ones or with anything under their keys."""
+    if isinstance(body := document.setdefault("body", {}), dict):
+        body[draw(st.sampled_from(["layers", "inclusions"]))] = draw(st.lists(PIECES, max_size=4) | VALUES)
+
+
 def section(draw: Any, document: dict[str, Any]) -> None:
     """A section of another scene, or none."""
     other = draw(st.sampled_from(SCENES))
@@ -140,7 +153,7 @@ def units(draw: Any, document: dict[str, Any]) -> None:
 def scenes(draw: Any) -> dict[str, Any]:
     """A shipped scene in which a few things are something else."""
     document = copy.deepcopy(draw(st.sampled_from(SCENES)))
-    changes = st.sampled_from([number, number, key, kind, section, units])
+    changes = st.sampled_from([number, number, key, kind, pieces, section, units])
     for change in draw(st.lists(changes, min_size=1, max_size=4)):
         change(draw, document)
     return document

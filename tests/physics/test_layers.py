@@ -121,6 +121,37 @@ def test_a_hyperelastic_layer_on_a_linear_one_at_small_strain() -> None:
     assert force(finite) == pytest.approx(force(linear), rel=1e-3)
 
 
+STIFF_ON_SOFT = {"shape": "half_space", "layers": [
+    {"thickness": 1.0, "material": ELASTIC | {"E": 100.0}}, {"material": ELASTIC | {"E": 1.0}}]}  # fmt: skip
+WIDE_PUNCH = {"shape": "flat_punch", "radius": 1.0}
+
+
+def test_a_stiff_coating_leaves_the_middle_of_a_punch(tmp_path: Any) -> None:
+    """Theory's contact is whole, and would need tension: a mesh is chosen, and has a ring for a contact.
+
+    What pushes alone is softer than what pulls too, by less than the share that would pull.
+    """
+    loading = {"delta": 0.05, "steps": 1}
+    ring = scene(STIFF_ON_SOFT, "material=null", indenter=WIDE_PUNCH, loading=loading)
+    theory = ring.plan.theory
+    assert ring.is_meshed and theory is not None and not theory.exact and 0.1 < theory.pull < 0.3
+    whole = theory.at(ring.physics.deltas[0])
+    assert whole is not None
+    share = force(ring) / (whole.force * ring.physics.scales.force)
+    assert 1 - theory.pull < share < 1
+
+
+def test_theory_asked_for_says_that_it_pulls(tmp_path: Any) -> None:
+    """Its bars hold what a mesh finds: a contact radius that theory cannot know, and a force."""
+    given = {"body": STIFF_ON_SOFT, "indenter": WIDE_PUNCH, "loading": {"delta": 0.05, "steps": 1},
+             "output": {"plot": False}}  # fmt: skip
+    outcomes = {method: chain.simulate(from_mapping(given | {"solver": {"method": method}}), error_bars=True,
+                                       directory=tmp_path / method) for method in ("theory", "auto")}  # fmt: skip
+    whole, ring = outcomes["theory"].states[0], outcomes["auto"].states[0]
+    assert abs(whole.force - ring.force) <= whole.force_error and abs(whole.a - ring.a) <= whole.a_error
+    assert whole.a == 1 and ring.a < 0.7
+
+
 def drawn(count: int, seed: int) -> list[tuple[Layers, dict[str, Any]]]:
     """Stacks of two or three layers, of 0.02 to 1.6 contact radii, moduli up to 1e3 apart, nu 0 to 0.5, and tips."""
     draw, found = random.Random(seed), []
@@ -140,12 +171,12 @@ def test_automatic_sizes_of_stacks_drawn_at_random() -> None:
     worst = 0.0
     for layers, tip in drawn(30, seed=4):
         base = layered(layers, indenter=tip)
-        theory = base.exact_theory
-        assert theory is not None
+        theory = base.plan.theory
+        assert theory is not None and (theory.exact or theory.pull)
         solution = theory.at(base.physics.deltas[-1])
         assert solution is not None
         error = abs(force(base) / (solution.force * base.physics.scales.force) - 1)
-        assert error <= (0.01 if tip["shape"] == "flat_punch" else 0.003), (layers, tip)
+        assert error <= max(theory.pull, 0.01 if tip["shape"] == "flat_punch" else 0.003), (layers, tip)
         worst = max(worst, error)
     print(f"thirty stacks on automatic sizes: {worst:.2%} at most")
 
@@ -157,6 +188,8 @@ def test_accuracy_of_thirty_stacks_drawn_at_random(target: float, tmp_path: Any)
     inside, rows, worst = 0, 0, 0.0
     for number, (layers, tip) in enumerate(drawn(30, seed=9)):
         base = layered(layers, indenter=tip, loading={"delta": 0.02, "steps": 10}, accuracy=target)
+        if base.plan.theory and base.plan.theory.pull:
+            continue
         truth = np.array([s.force for s in base.plan.theory.curve(base.physics.deltas)])  # type: ignore[union-attr]
         found, bars = judged(layers, tip, target, tmp_path / str(number))
         errors = np.abs(found / (truth * base.physics.scales.force) - 1)

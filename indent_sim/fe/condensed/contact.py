@@ -197,6 +197,27 @@ class CondensedContact:
         step[rows] = np.linalg.solve(np.eye(m) - M_A @ among, step[rows])
         return step
 
+    def stiffness(self, delta: float) -> float:
+        """d/ddelta of the sum of the nodal forces, by the tangent of the present equilibrium [pressure length].
+
+        A multiplier moves with the depth, whether it is solved for or updated in a loop: F is the law's own either way.
+        """
+        if self.law.multiplier == "nodal":
+            return self._nodal_stiffness()
+        N, W, height = self._quadrature
+        epsilon_n: float = self.law.stiffness  # type: ignore[union-attr]
+        D = (0.0 if self.law.multiplier == "none" else self._inverse_mass) - epsilon_n * self.compliance.C
+        active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - delta) > 0
+        if not active.any():
+            return 0.0
+        return float(self._newton_step(-self._vector((W * epsilon_n * active) @ N), W * active, N, D).sum())
+
+    def _nodal_stiffness(self) -> float:
+        """The same of nodal pressures: the punch on the nodes that carry one."""
+        _, _, areas, A = self._weighted
+        on = np.flatnonzero(self.lam[self.places] > 0)
+        return float(areas[on] @ np.linalg.solve(A[np.ix_(on, on)], areas[on])) if len(on) else 0.0
+
     # ---- the active set ------------------------------------------------------------------------------------------
 
     @cached_property
@@ -211,6 +232,17 @@ class CondensedContact:
         Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
         heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
         return Q, heights, areas, Q.T @ self.compliance.C @ Q
+
+    @property
+    def weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of the nodes that carry a pressure the places x (n, dim - 1) [length], weighted heights, areas, and the
+        compliance A: gaps heights - delta areas + A p >= 0, and areas . p is the force of the modelled part."""
+        _, heights, areas, A = self._weighted
+        trace = self.compliance.trace
+        x = np.zeros((self.compliance.size, trace.dim - 1))
+        x[trace.nodes] = trace.X[..., :-1]
+        carriers = np.flatnonzero(areas > 0)
+        return x[carriers], heights[carriers], areas[carriers], A[np.ix_(carriers, carriers)]
 
     def active_set(self, delta: float) -> bool:
         """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""

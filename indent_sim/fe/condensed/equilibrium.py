@@ -11,6 +11,7 @@ from mpi4py import MPI
 from indent_sim.fe.body import Body
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact, CondensedState
+from indent_sim.fe.condensed.punches import punches
 from indent_sim.fe.observe import measure
 from indent_sim.model.state import Surface
 from indent_sim.scene.cost import MOST_CANDIDATES
@@ -109,6 +110,15 @@ class CondensedEquilibrium:
         rim = self._reach - 2 * self.scene.sizes.h_contact
         loaded = np.abs(self.contact.F[trace.nodes]) > 0
         return bool(distance[loaded].max(initial=0.0) < rim)
+
+    @property
+    def stiffness(self) -> float:
+        """dF/ddelta of the whole body at the present equilibrium, by its tangent."""
+        return self.scene.physics.part.copies * self.contact.stiffness(self.depth)
+
+    def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The flat punches of an axisymmetric body; see `condensed.punches`."""
+        return punches(self.contact)
 
     # ---- the state -----------------------------------------------------------------------------------------------
 

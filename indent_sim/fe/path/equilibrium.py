@@ -43,6 +43,10 @@ class Equilibrium(Protocol):
     def force_tolerance(self) -> float:
         """How well a force can be met, relative."""
 
+    @property
+    def stiffness(self) -> float:
+        """dF/ddelta of the whole body at the present equilibrium, by its tangent (collective)."""
+
     def sharpen(self) -> None:
         """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
 

@@ -69,6 +69,11 @@ class BodyEquilibrium:
         return self.problem.force()
 
     @property
+    def stiffness(self) -> float:
+        """dF/ddelta of the whole body at the present equilibrium, by its tangent (collective)."""
+        return self.newton.stiffness()
+
+    @property
     def force_tolerance(self) -> float:
         """How well a force can be met, relative."""
         return 10 * finest(self.problem)

@@ -27,7 +27,7 @@ class Iterative:
 
     def __init__(self, problem: Problem):
         self.iterations = 0
-        self._rtol = 0.0
+        self.rtol = 0.0
         self.failed = False
         unknowns = problem.unknowns
         space = unknowns.own_space("u")
@@ -64,7 +64,7 @@ class Iterative:
 
     def assemble(self, rtol: float) -> None:
         """The tangent at the present solution, which will be solved to `rtol`; the preconditioner where it is worn."""
-        self._rtol = rtol
+        self.rtol = rtol
         self._A.assemble()
         for field, factor in zip(self._beside, self._schur, strict=True):
             field.assemble()
@@ -80,7 +80,7 @@ class Iterative:
         weights = [1.0, *(field.weight for field in self._beside)]
         for block, places, weight in zip(blocks[0], self._places, weights, strict=True):
             block.array[:] = weight * residual.array_r[places]
-        self._ksp.setTolerances(rtol=self._rtol, atol=0.0, max_it=MOST)
+        self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST)
         self._ksp.solve(self._b, self._x)
         step.set(0.0)
         for block, places, weight in zip(blocks[1], self._places, weights, strict=True):
@@ -92,7 +92,7 @@ class Iterative:
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations
         self.failed = self._ksp.getConvergedReason() < 0
-        self._rate = iterations / max(1.0, -log10(self._rtol))
+        self._rate = iterations / max(1.0, -log10(self.rtol))
         self._fresh = self._fresh or self._rate
         if self.failed:
             self._rate = np.inf

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import ceil, log10
+from math import ceil, log10, nan
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more, Newton needs no fewer steps
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
+PROBE = 1e-6  # of the depth: over it a tangent is one, and a residual has ten digits left
+CORRECTIONS, SETTLED = 6, 1e-5  # of a derivative by an old factor, and the share of the residual that ends them
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
 
 
@@ -186,6 +188,39 @@ class Newton:
         problem.body.set_solution(start)
         self.failure = failure
         return False
+
+    def stiffness(self) -> float:
+        """dF/ddelta [force/length] of the equilibrium just found, NaN where its factor does not tell (collective).
+
+        The way of the solution per depth, by the last factored tangent and what its residual then leaves; an assembly
+        of the residual each, no new factor.
+        """
+        problem = self.problem
+        if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
+            return nan
+        if self._iterative:
+            self._iterative.rtol = SETTLED
+        start, depth, force = problem.x.copy(), problem.depth, problem.force()
+        step, settled, first, way = PROBE * abs(depth), False, 0.0, problem.x.duplicate()
+        way.set(0.0)
+        begin, left, correction = (problem.b.duplicate() for _ in range(3))
+        self._function(self.snes, start, begin)
+        problem.delta.value = depth + step
+        for _ in range(CORRECTIONS):
+            self._function(self.snes, start + step * way, left)
+            left.axpy(-1.0, begin)
+            size = left.norm()
+            first = first or size
+            settled = size <= SETTLED * first
+            if settled or not np.isfinite(size):
+                break
+            self.snes.getKSP().solve(left, correction)
+            way.axpy(-1.0 / step, correction)
+        problem.body.set_solution(start + step * way)
+        found = (problem.force() - force) / step if settled else nan
+        problem.delta.value = depth
+        problem.body.set_solution(start)
+        return found
 
     def _why_not(self) -> str:
         """What ended the last solve, in words."""

@@ -144,6 +144,8 @@ def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] 
         label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
         at = theory | closed  # the formula's force at the run's depth, or its depth at the run's force
         axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow("D", GREY), label=label)
+        beside = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
+        axes.plot(depth([0, *beside["delta"]]), force([0, *beside["force"]]), color=GREY, ls=":", lw=1.2, zorder=2)
     name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.locator_params(axis="x", nbins=6)  # numbers such as 0.0025 are wide

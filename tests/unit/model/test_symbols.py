@@ -5,15 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from typing import get_args
+from typing import get_args, get_origin
 
 import pytest
 
 from indent_sim.config import schema
-from indent_sim.config.key_types import core, hints
+from indent_sim.config.key_types import core, hints, members
 from indent_sim.config.reference import DIMENSIONS, config_markdown, json_schema
 from indent_sim.config.schema import Config
-from indent_sim.model.state import COLUMNS, State, Surface
+from indent_sim.model.state import COLUMNS, READINGS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
@@ -21,14 +21,16 @@ from indent_sim.study import file, grid, table
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
-    """Section, dataclass and name of every key of the scene file."""
+    """Section, dataclass and name of every key of the scene file; the section of a list's items is the list."""
     found = [("", Config, name) for name in Config.model_fields]
     for section, kinds in schema.sections().items():
         for kind in kinds:
-            kept = [part for hint in hints(kind).values() for part in (core(hint), *map(core, get_args(core(hint))))]
-            nested = [part for part in kept if dataclasses.is_dataclass(part) and part not in kinds]
-            found += [(section, owner, name) for owner in (kind, *nested) for name in hints(owner)]
-    return found
+            owners = [(section, kind), *((section, core(hint)) for hint in hints(kind).values())]
+            lists = {name: core(hint) for name, hint in hints(kind).items() if get_origin(core(hint)) is tuple}
+            owners += [(name, item) for name, hint in lists.items() for item in members(get_args(hint)[0])]
+            found += [(where, owner, name) for where, owner in owners if dataclasses.is_dataclass(owner)
+                      for name in hints(owner)]  # fmt: skip
+    return list(dict.fromkeys(found))
 
 
 @pytest.mark.parametrize(("section", "kind", "name"), yaml_fields())
@@ -40,14 +42,14 @@ def test_every_key_has_a_meaning(section, kind, name):
         assert symbol.dimension == DIMENSIONS[unit]
 
 
-@pytest.mark.parametrize("name", [*COLUMNS, "force_error", *SURFACE_COLUMNS])
+@pytest.mark.parametrize("name", [*COLUMNS, *READINGS, "force_error", *SURFACE_COLUMNS])
 def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", ["index", "run", *table.COLUMNS])
 def test_every_column_of_a_study_has_a_meaning(name):
-    assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
+    assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", [*file.KEYS, *grid.RANGE, "zip"])
@@ -66,7 +68,8 @@ def test_one_entry_a_name():
 
 
 def test_an_entry_for_one_section_names_a_section_and_key():
-    known = {f"{section}.{name}" for section, _, name in yaml_fields()} | {f"study.{name}" for name in file.KEYS}
+    known = {f"{section}.{name}" for section, _, name in yaml_fields()}
+    known |= {f"study.{name}" for name in (*file.KEYS, *table.COLUMNS)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 
 

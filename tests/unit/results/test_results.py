@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim.model.state import COLUMNS, ERRORS, State, Surface
+from indent_sim.model.state import COLUMNS, ERRORS, READINGS, State, Surface
 from indent_sim.process.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
 from indent_sim.process.signals import uninterrupted
 from indent_sim.results import folder, tables
@@ -63,7 +63,7 @@ class TestFiles:
     def test_numbers_come_back_to_the_last_digit(self, tmp_path):
         write_run(tmp_path / "run")
         table = read(tmp_path / "run")
-        assert list(table.table) == list(COLUMNS)
+        assert list(table.table) == [*COLUMNS, *READINGS]
         assert table["force"].tolist() == [THIRD, THIRD * 2]
         assert table.report["status"] == "done" and table.report["exit_code"] == 0
         assert table.report["rows"] == 2
@@ -78,7 +78,7 @@ class TestFiles:
             run.append(a_state(1, force_error=1e-3, a_error=2e-3))
             run.append(a_state(2))
         found = read(tmp_path / "run")
-        assert list(found.table) == [*COLUMNS, "force_error", "a_error"]
+        assert list(found.table) == [*COLUMNS, *READINGS, "force_error", "a_error"]
         assert found["force_error"][0] == 1e-3 and found["a_error"][0] == 2e-3
         assert np.isnan(found["force_error"][1]) and np.isnan(found["a_error"][1])
 
@@ -110,7 +110,8 @@ class TestFiles:
             assert run.earlier.states[0].force_error == 1e-3 and np.isnan(run.earlier.states[0].p_max)
             run.append(a_state(2, force_error=2e-3, a_error=1.0))
         found = read(tmp_path / "run")
-        assert list(found.table) == [*COLUMNS, "force_error"] and found["force_error"].tolist() == [1e-3, 2e-3]
+        assert list(found.table) == [*COLUMNS, *READINGS, "force_error"]
+        assert found["force_error"].tolist() == [1e-3, 2e-3]
 
     @pytest.mark.parametrize(("keep", "steps"), [("last", [2, 2]), ("all", [1, 1, 2, 2])])
     def test_the_surface_of_the_last_or_of_all_states(self, tmp_path, keep, steps):

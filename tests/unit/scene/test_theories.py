@@ -82,8 +82,15 @@ def test_the_deepest_point_and_the_end_of_theory() -> None:
 def test_plane_strain_knows_sharp_tips_alone() -> None:
     for name in ("blunt_cone", "rounded_punch", "profile"):  # a pyramid over a strip is no scene
         assert layer_theory(STRIP, [Layer(STRIP.height, GEL)], OTHERS[name], STRIP.center) is None
-    for tip in (Cone(60.0, 0.1), FlatPunch(0.3, 0.05), Pyramid(60.0, faces=3)):
-        assert half_space_force(tip, 0.1, 1.0) is None
+
+
+def test_half_space_forces_of_blunt_tips() -> None:
+    """A rounding of 1e-6 of the depth is not felt: 1e-5; inside one of the contact's size the tip is a sphere."""
+    found, closed = half_space_force(Cone(60.0, 1e-7), 0.1, 1.0), half_space_force(Cone(60.0), 0.1, 1.0)
+    assert found and closed and found[1] == pytest.approx(closed[1], rel=1e-5)
+    found, closed = half_space_force(Cone(60.0, 2.0), 0.1, 1.0), half_space_force(Sphere(2.0), 0.1, 1.0)
+    assert found and closed and found[1] == pytest.approx(closed[1], rel=1e-10)
+    assert half_space_force(Pyramid(60.0, faces=3), 0.1, 1.0) is None
 
 
 @pytest.mark.parametrize(

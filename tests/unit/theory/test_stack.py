@@ -391,3 +391,15 @@ def test_half_space_has_no_walls_and_no_plane_depth():
 
 def test_ply_is_what_its_fields_say():
     assert Stack.of([[1, 2, 0.3]]).plies == (Ply(thickness=1.0, E=2.0, nu=0.3),)
+
+
+@pytest.mark.parametrize("plies", [[(0.123, 3.68, 0.3), (0.877, 0.14, 0.2)], [(0.05, 100, 0.3), (INF, 1, 0.5)]])
+def test_a_plate_bends_away_from_the_middle_of_a_punch(plies):
+    # by the integral of the negative part of the pressure; none where the soft layer is the upper one
+    stack = Stack.of(plies, None if plies[-1][0] == INF else "fixed")
+    contact = Layer.on(profiles.flat_punch(0.2), stack)
+    found = contact.curve([0.05])[0]
+    pulled = -2 * math.pi * integral(lambda r: r * np.minimum(found.pressure(r), 0), [0, 0.5 * found.a, found.a])
+    assert contact.tension(found) == pytest.approx(pulled / found.force, rel=0.02)  # 40 rings: 1 %
+    soft = Layer.on(profiles.flat_punch(0.2), Stack.of([(h, 1 / E, nu) for h, E, nu in plies], stack.base))
+    assert soft.tension(soft.curve([0.05])[0]) == 0

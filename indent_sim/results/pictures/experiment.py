@@ -1,0 +1,80 @@
+"""The experiment in a picture: force over depth, or over the way of the base and time, as experiment.csv says."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.results.folder import read_report
+from indent_sim.results.pictures.canvas import COLOURS, GREY, axis, canvas, head, name_axes, save
+from indent_sim.results.reader import read
+from indent_sim.results.tables import EXPERIMENT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PICTURE = "experiment.png"
+LOOKS = {"approach": (COLOURS[0], "-"), "hold": (COLOURS[2], "-"), "retract": (COLOURS[1], "-"),
+         "stable": (COLOURS[0], "-"), "unstable": (GREY, "--")}  # fmt: skip
+
+
+def plot_experiment(folder: Path | str) -> Path:
+    """Draw the experiment of a result folder into it; returns the picture's path."""
+    folder = Path(folder)
+    results, rows = read(folder), _rows(folder / EXPERIMENT)
+    has_times, has_base = bool(rows[0]["t"]), any(row["z"] != row["delta"] for row in rows)
+    panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
+    with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
+        drawn: dict[str, Any] = figure.subplot_mosaic([panels])
+        head(figure, results.report.get("title") or folder.name, _subtitle(folder))
+        force, depth = axis("force", [results]), axis("delta", [results])
+        _draw(drawn["depth"], rows, "delta", depth, force)
+        if has_base:
+            _draw(drawn["base"], rows, "z", depth, force, "way of the base z")
+        if has_times:
+            _draw(drawn["time"], rows, "t", None, force, "time t")
+        else:
+            _draw(drawn["radius"], rows, "a", axis("a", [results]), force)
+        drawn["depth"].legend(loc="upper left")
+        save(figure, folder / PICTURE)
+    return folder / PICTURE
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with open(path, newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def _subtitle(folder: Path) -> str:
+    said = read_report(folder).get("experiment") or {}
+    parts = [f"by {said.get('by', '?')}"]
+    parts += [name for name in ("adhesion", "relaxation", "cantilever") if name in said]
+    return "  \N{MIDDLE DOT}  ".join(parts)
+
+
+def _draw(axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any, label: str = "") -> None:
+    """Force over a column, a line for each branch that is one piece of the table."""
+    seen: set[str] = set()
+    begin = 0
+    for k in range(1, len(rows) + 1):
+        if k < len(rows) and rows[k]["branch"] == rows[begin]["branch"]:
+            continue
+        branch, piece = rows[begin]["branch"], rows[max(begin - 1, 0) : k]
+        colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
+        across, up = _numbers(piece, name), y(_numbers(piece, "force"))
+        axes.plot(across if x is None else x(across), up, color=colour, ls=style, lw=1.5,
+                  label=None if branch in seen else branch)  # fmt: skip
+        seen.add(branch)
+        begin = k
+    axes.axhline(0, color=GREY, lw=0.6, zorder=0)
+    named = label if x is None else x.label if not label else f"{label} [{x.unit}]" if x.unit else label
+    name_axes(axes, named, y.label)
+    axes.locator_params(axis="x", nbins=5)
+
+
+def _numbers(rows: Sequence[dict[str, str]], name: str) -> np.ndarray:
+    return np.array([float(row[name]) if row[name] else np.nan for row in rows])

@@ -1,0 +1,97 @@
+"""What a row says beside what was solved: stiffness, contact area, and the modulus of a half-space fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from math import nan
+from typing import Any
+
+from indent_sim.model.state import State
+from indent_sim.scene.scene import Scene
+from indent_sim.scene.theories import half_space_force, relative_tip, shape_of
+from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, Punches, radius_at
+
+
+class Readings:
+    """Reads a scene's states, without units, one by one; `equilibrium`: the body that has just found it.
+
+    The stiffness is theory's, that of the flat punch in the contact's place (a condensed axisymmetric body: the tangent
+    of a mesh knows which of its points touch, and jumps by a per cent where the next one does), or the tangent's.
+    """
+
+    def __init__(self, scene: Scene, equilibrium: Any = None):
+        self.scene, self._equilibrium = scene, equilibrium
+        self._condensed_to = -1  # nodes, as many as the punches are made of
+        self._punches: Punches | None = None
+
+    def read(self, state: State) -> State:
+        """The state with its stiffness, area and E_hertz; NaN where there is none."""
+        if not state.converged:
+            return state
+        area = self.scene.physics.part.kinematics.contact_area(state.a)
+        return replace(state, stiffness=self._stiffness(state), area=area, E_hertz=self._hertz(state))
+
+    def _hertz(self, state: State) -> float:
+        physics = self.scene.physics
+        force = hertz_force(self.scene, state.delta) if state.force > 0 else None
+        return physics.material.constants.E * state.force / force if force else nan
+
+    def _stiffness(self, state: State) -> float:
+        if state.stiffness is not None:  # theory's own
+            return state.stiffness
+        if state.delta <= 0 or state.force <= 0:
+            return 0.0
+        physics = self.scene.physics
+        if self._equilibrium is None:
+            return nan
+        if self.scene.solver.method == "condensed" and physics.part.kinematics.name == "axisymmetric":
+            with suppress(ValueError, ArithmeticError):
+                punches = self._fitted()
+                return punches.at(radius_at(punches, state.delta)).stiffness
+        return float(self._equilibrium.stiffness)
+
+    def _fitted(self) -> Punches:
+        nodes = self._equilibrium.contact.compliance.size
+        if self._punches is None or nodes != self._condensed_to:
+            self._punches, self._condensed_to = punches_of(self.scene, self._equilibrium), nodes
+        return self._punches
+
+
+def punches_of(scene: Scene, equilibrium: Any = None) -> Punches:
+    """The flat punches of every radius on a linear axisymmetric body: theory's, or of the body condensed on a mesh.
+
+    ValueError where there are none: a tip whose contact does not grow, or that theory has no shape of, a contact of a
+    few elements.
+    """
+    theory, physics = scene.plan.theory, scene.physics
+    if not scene.is_meshed and theory is not None:
+        return LayerPunches(theory.contact)  # type: ignore[arg-type]
+    shape = theory.contact.tip if theory else shape_of(physics.indenter)
+    if shape is None or shape.edge is not None or physics.part.kinematics.name != "axisymmetric":
+        raise ValueError("the contact is no disc that grows with the load")
+    a, K, P = equilibrium.punches()
+    return FittedPunches(a, K, P, shape, physics.material.E_star)
+
+
+def hertz_force(scene: Scene, delta: float) -> float | None:
+    """Force at a depth by the half-space formula of the same tip, both without units; None where there is none."""
+    physics = scene.physics
+    if physics.scales.dim == 2 or delta <= 0:
+        return None
+    closed = half_space_force(relative_tip(physics.indenter, physics.body), delta, physics.material.E_star)
+    return closed[1] if closed else None
+
+
+def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, float] | None:
+    """The modulus E in the user's units that a least-squares fit of the half-space formula to a curve reads, and by how
+    many `percent` it is off; None where there is no formula or no contact."""
+    D, F = scene.physics.scales.depth, scene.physics.scales.force
+    points = [(state.force / F, force) for state in states if (force := hertz_force(scene, state.delta / D))]
+    total = sum(force**2 for _, force in points)
+    if not total:
+        return None
+    ratio = sum(found * force for found, force in points) / total
+    E = scene.physics.material.constants.E * scene.physics.scales.pressure
+    return {"E": ratio * E, "percent": 100 * (ratio - 1)}

@@ -1,0 +1,1 @@
+"""What the frictionless curve of a linear body determines, adhesion and rate, without another solution."""

@@ -1,0 +1,120 @@
+"""Bonded flat punches of every radius: the one function of a linear axisymmetric body that its load curve is made of.
+
+With K(a) the force per depth of a flat punch of radius a that cannot lift off, a smooth tip that touches a circle of
+radius a at the depth delta is pushed with
+
+    F = K(a) delta - P(a),      P' = K' delta_1,      dF/ddelta = K(a),
+
+delta_1(a) being the depth at which it does so without adhesion, and the energy release rate of its edge is
+G = (delta - delta_1)^2 K'(a)/(4 pi a). Exact for every linear, frictionless, axisymmetric body.
+
+delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F].
+Sources: Barthel (2008), J. Phys. D 41, 163001; Popov & Hess (2015), Method of Dimensionality Reduction.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+
+from indent_sim.theory.hankel import gauss
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.profiles import Tip
+from indent_sim.theory.roots import increasing_root
+
+DEGREE = 7  # of ln K and ln P over the radius: 3 and 7 are worse on noisy curves, 9 much
+VERTICES = 6  # that a fit needs at least
+FLAT = 1e-9  # of P at the largest radius: less is that of a flat part of the tip
+QUADRATURE = 32  # points of the integral of g on each smooth piece of the tip
+
+
+@dataclass(frozen=True)
+class Punch:
+    """One contact radius a [L]: the tip's depth delta_1 [L] and force [F] there without adhesion, the punch's stiffness
+    K [F/L] and its slope dK/da [F/L^2]."""
+
+    a: float
+    delta: float
+    force: float
+    stiffness: float
+    slope: float
+
+
+class Punches(Protocol):
+    """The punches of a tip and a body, at any radius between `smallest` and `largest` [L]."""
+
+    smallest: float
+    largest: float
+
+    def at(self, a: float) -> Punch:
+        """The punch of radius a [L]."""
+
+
+def radius_at(punches: Punches, delta: float) -> float:
+    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion.
+
+    ValueError where it would be beyond `largest`, or below half of `smallest`, of which nothing is known.
+    """
+    found = increasing_root(lambda a: punches.at(a).delta, delta, 0.1 * punches.largest, punches.largest)
+    if found < 0.5 * punches.smallest:
+        raise ValueError(f"the contact radius {found:g} is smaller than those that are known")
+    return found
+
+
+class LayerPunches:
+    """Punches of a layer theory, to its own digits: K = 2 E* h int one, K' = 2 E* one(a)^2 of its linear solutions."""
+
+    def __init__(self, contact: Layer):
+        self._contact = contact
+        self.smallest, self.largest = 0.0, contact.largest() * contact.h
+
+    def at(self, a: float) -> Punch:
+        """The punch of radius a [L]."""
+        contact = self._contact
+        h, E_star, linear = contact.h, contact.E_star, contact.at(a / contact.h)
+        force = 2.0 * E_star * h**2 * float(linear.w @ (linear.touch * linear.one - linear.shape))
+        stiffness = 2.0 * E_star * h * float(linear.w @ linear.one)
+        return Punch(a, linear.touch * h, force, stiffness, 2.0 * E_star * linear.one_edge**2)
+
+
+class FittedPunches:
+    """Punches of a body that is known by K and P at some radii only, as from a mesh.
+
+    Fitted are ln K/K_0 and ln P/P_0 as polynomials of the radius, K_0 = 2 E* a and P_0 = 2 E* int_0^a g being those of
+    the tip on a half-space: what is left is smooth, whatever the tip. radii a, K, P (n,); g the tip's Abel transform.
+    ValueError for less than `VERTICES` radii.
+    """
+
+    def __init__(self, a: np.ndarray, K: np.ndarray, P: np.ndarray, tip: Tip, E_star: float):
+        self._tip, self._E_star = tip, E_star
+        P_0 = np.array([self._half_space(radius) for radius in a])
+        curved = (FLAT * P_0.max(initial=0.0) < P_0) & (a < tip.reach)  # a punch's rounded edge begins somewhere
+        if np.count_nonzero(curved) < VERTICES:
+            raise ValueError(f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least {VERTICES}")
+        a, K, P, P_0 = a[curved], K[curved], P[curved], P_0[curved]
+        self.smallest, self.largest = float(a[0]), float(a[-1])
+        degree = min(DEGREE, len(a) // 2)
+        weights = a / a[-1]  # what is wrong is a part of an element, whatever the radius
+        self._K = Chebyshev.fit(a, np.log(K / (2.0 * E_star * a)), degree, w=weights)
+        self._P = Chebyshev.fit(a, np.log(P / P_0), degree, w=weights)
+        self._dK, self._dP = self._K.deriv(), self._P.deriv()
+
+    def _half_space(self, a: float) -> float:
+        """P_0(a) = 2 E* int_0^a g [F]."""
+        ends = [0.0, *(b for b in self._tip.breaks if b < a), a]
+        pieces = (gauss(low, high, QUADRATURE) for low, high in pairwise(ends))
+        return 2.0 * self._E_star * sum(float(w @ self._tip.g(x)) for x, w in pieces)
+
+    def at(self, a: float) -> Punch:
+        """The punch of radius a [L]."""
+        unit, P_0 = 2.0 * self._E_star, self._half_space(a)
+        ratio_K, ratio_P = math.exp(self._K(a)), math.exp(self._P(a))
+        K, slope = unit * a * ratio_K, unit * ratio_K * (1.0 + a * float(self._dK(a)))
+        P = P_0 * ratio_P
+        delta = ratio_P * (unit * float(self._tip.g(np.array(a))) + P_0 * float(self._dP(a))) / slope
+        return Punch(a, delta, K * delta - P, K, slope)

@@ -1,0 +1,221 @@
+"""Contact of a relaxing body step by step, for any history of depths, forces or a spring's base, with reloading.
+
+The surface of a linear body carries pressures p >= 0 at n places. Weighted with areas, the gaps are
+
+    heights - delta areas + A phi >= 0,   F = areas . p,   p = int G(t - s) dphi(s),
+
+phi being the pressures of the elastic body with the same surface. With G a sum of exponentials and phi linear over a
+step, p = alpha phi + H with what the history leaves, so that every step is one elastic contact of the compliance
+A/alpha, error of the order of the step squared. A spring between the tip and what moves it, z = delta + c F, adds
+c areas areas^T.
+
+delta > 0 pushes in, force > 0 pushes. Lengths [L], forces [F], any unit of time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import inf
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from indent_sim.theory.hankel import axisymmetric_kernel
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.surface.relaxation import Prony, Response
+
+PLACES = 200  # of a contact radius, on a body that theory knows
+BEYOND = 1.25  # of the widest contact that is expected: places beyond are there
+FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that a piece of the history has at least
+RESOLVED = 20.0  # first steps in the shortest relaxation time
+TOUCHES = 60  # corrections of a contact that is no disc
+SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A: (n, n) compliance between weighted places, symmetric and positive definite; heights and areas (n,).
+
+    `places` (n,): the radii [L] of places in their order on an axisymmetric body; its contact ends by `shift` of their
+    distance beyond where their edge pressure vanishes. Empty otherwise, where the contact's area is the sum of areas,
+    or its width in plane strain (`is_plane`).
+    """
+
+    A: np.ndarray
+    heights: np.ndarray
+    areas: np.ndarray
+    places: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    shift: float = 0.0
+    is_plane: bool = False
+
+    @property
+    def is_ordered(self) -> bool:
+        """Whether a contact is the first places."""
+        return len(self.places) > 0
+
+    def radius(self, p: np.ndarray) -> float:
+        """Contact radius [L] of pressures (n,) on places that have no order; half the width in plane strain."""
+        area = float(self.areas[p > 0.0].sum())
+        return 0.5 * area if self.is_plane else float(np.sqrt(area / np.pi))
+
+    def edge(self, y: np.ndarray) -> float:
+        """Radius [L] of a disc from the edge pressures y (n,) of punches that end at each place: it is where they
+        change their sign."""
+        n = int(np.argmax(y <= 0.0))
+        if n == 0:
+            return 0.0 if y[0] <= 0.0 else float(self.places[-1])
+        distance = self.places[n] - self.places[n - 1]
+        return float(self.places[n - 1] + distance * (y[n - 1] / (y[n - 1] - y[n]) + self.shift))
+
+
+def layer_surface(contact: Layer, a: float) -> Surface:
+    """The surface of a layer theory for contacts up to the radius a [L], in the variable of its integral equation.
+
+    phi(x) >= 0 and delta - g(x) take the places of pressure and gap: (pi/E*)(phi - (2/pi) int K phi) = delta - g, and
+    F = 2 pi int phi. A contact that is a disc ends at the same radius in both, whatever has happened outside.
+    """
+    h, n = contact.h, round(PLACES * BEYOND)
+    end = min(BEYOND * a, contact.largest() * h * (1 - 1e-6))
+    edges = np.linspace(0.0, end, n + 1)
+    x, width = 0.5 * (edges[1:] + edges[:-1]) / h, end / n
+    kernel = axisymmetric_kernel(end / h, contact.scaled, contact.wall)
+    B = kernel.basis(x)
+    K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
+    areas = np.full(n, 2.0 * np.pi * width)
+    A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
+    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h)
+
+
+class _Contact:
+    """One compliance M and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0."""
+
+    def __init__(self, surface: Surface, M: np.ndarray):
+        self.surface, self.M = surface, M
+        self.L = cholesky(M, lower=True) if surface.is_ordered else None
+        self._active = np.zeros(len(M), dtype=bool)
+        self.radius = 0.0  # of the last contact found [L]
+
+    def pressures(self, o: np.ndarray) -> np.ndarray:
+        """The pressures of open gaps o (n,)."""
+        if self.L is not None:
+            p = self._disc(o)
+            if p is not None:
+                return p
+        return self._any(o)
+
+    def _disc(self, o: np.ndarray) -> np.ndarray | None:
+        """Those of a contact on the first places: the last of n pressures has the sign of y_n, L y = -o."""
+        y = solve_triangular(self.L, -o, lower=True)
+        outside = np.flatnonzero(y <= 0.0)
+        n = int(outside[0]) if len(outside) else len(y)
+        p = np.zeros(len(o))
+        p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0  # type: ignore[index]
+        gap = o[n:] + self.M[n:, :n] @ p[:n]
+        self.radius = self.surface.edge(y)
+        return p if np.all(p >= 0.0) and np.all(gap >= -1e-12 * np.abs(o).max()) else None
+
+    def _any(self, o: np.ndarray) -> np.ndarray:
+        """Those of any contact, by primal-dual active sets; from the last one."""
+        seen: set[bytes] = set()
+        active = self._active if self._active.any() else o < 0.0
+        p = np.zeros(len(o))
+        while active.tobytes() not in seen and len(seen) < TOUCHES:
+            seen.add(active.tobytes())
+            on = np.flatnonzero(active)
+            p = np.zeros(len(o))
+            p[on] = np.linalg.solve(self.M[np.ix_(on, on)], -o[on])
+            active = np.where(active, p, -(o + self.M @ p)) > 0.0
+        self._active, p = active, np.maximum(p, 0.0)
+        self.radius = self.surface.radius(p)
+        return p
+
+
+class StepByStep:
+    """The response of a relaxing body to a history of its base's way z [L] (`compliance` [L/F] of the spring between it
+    and the tip; 0: of the depth) or of the force [F] (`of_force`)."""
+
+    def __init__(self, surface: Surface, modulus: Prony, compliance: float = 0.0, of_force: bool = False):
+        self.surface, self.modulus, self.compliance, self.of_force = surface, modulus, compliance, of_force
+        n = len(surface.areas)
+        self._g, self._tau = np.array(modulus.fractions), np.array(modulus.times)
+        self._h = np.zeros((len(self._g), n))  # stress left in each exponential
+        self._phi = np.zeros(n)
+        self._contacts: dict[float, _Contact] = {}
+
+    def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
+        """One Response at every time, straight lines between them, and one about `every` so long between; two equal
+        times are a jump."""
+        yield self._step(times[0], 0.0, values[0])
+        for (t0, v0), (t1, v1) in pairwise(zip(times, values, strict=True)):
+            if t1 == t0:
+                yield self._step(t1, 0.0, v1)
+                continue
+            said = t0
+            for begin, end in self._ladder(t0, t1):
+                response = self._step(end, end - begin, v0 + (v1 - v0) * (end - t0) / (t1 - t0))
+                if end == t1 or end - said >= every:
+                    yield response
+                    said = end
+
+    def _ladder(self, begin: float, end: float) -> list[tuple[float, float]]:
+        """The steps of a piece: short ones first, where relaxation may be quick, doubling to its longest."""
+        span = end - begin
+        longest = span / EVEN
+        dt = min(longest, min(self._tau, default=span) / RESOLVED)
+        dt = longest / 2.0 ** np.ceil(np.log2(longest / dt))
+        ends, t = [begin], begin
+        while dt < longest and t + FIRST * dt < end:
+            ends += [t + dt * k for k in range(1, FIRST + 1)]
+            t, dt = ends[-1], 2.0 * dt
+        rest = max(1, round((end - t) / longest))
+        ends += [*(t + (end - t) * k / rest for k in range(1, rest)), end]
+        return list(pairwise(ends))
+
+    def _step(self, t: float, dt: float, value: float) -> Response:
+        """Go on to a time, where z, or the force, has this value."""
+        x = np.array([dt]) / self._tau if len(self._tau) else np.zeros(0)
+        fading, share = np.exp(-x), np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1.0), 1.0)
+        moved = self._g * share
+        alpha = self.modulus.lasting + float(moved.sum())
+        H = fading @ self._h - float(moved.sum()) * self._phi
+        contact = self._contact(alpha)
+        o = self.surface.heights - self.surface.A @ H / alpha
+        delta, p = self._pressed(contact, o, value) if self.of_force else self._pushed(contact, o, value)
+        phi = (p - H) / alpha
+        self._h = fading[:, None] * self._h + moved[:, None] * (phi - self._phi)
+        self._phi = phi
+        return Response(t, delta, float(self.surface.areas @ p), contact.radius, np.nan)
+
+    def _contact(self, alpha: float) -> _Contact:
+        """The contact of a step; steps of one length have one, which is factored once."""
+        key = round(alpha, 14)
+        if key not in self._contacts:
+            areas, c = self.surface.areas, 0.0 if self.of_force else self.compliance
+            self._contacts = {key: _Contact(self.surface, self.surface.A / alpha + c * np.outer(areas, areas))}
+        return self._contacts[key]
+
+    def _pushed(self, contact: _Contact, o: np.ndarray, z: float) -> tuple[float, np.ndarray]:
+        """Depth and pressures at the base's way z."""
+        p = contact.pressures(o - z * self.surface.areas)
+        return z - self.compliance * float(self.surface.areas @ p), p
+
+    def _pressed(self, contact: _Contact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
+        """Depth and pressures under a force: Newton on F(delta), which is convex; at first touch for none."""
+        areas = self.surface.areas
+        delta = float((o / areas).min()) if self._phi.any() else 0.0
+        if force <= 0.0:
+            contact.radius = 0.0
+            return delta, np.zeros(len(o))
+        delta = max(delta, float((o / areas).min()))
+        delta += max(force * contact.M[0, 0] / areas[0] ** 2, 1e-12 * abs(delta))
+        for _ in range(SEARCH):
+            p = contact.pressures(o - delta * areas)
+            on = np.flatnonzero(p > 0.0)
+            slope = float(areas[on] @ np.linalg.solve(contact.M[np.ix_(on, on)], areas[on]))
+            missing = force - float(areas @ p)
+            delta += missing / slope
+            if abs(missing) <= SAME_FORCE * force:
+                break
+        return delta, contact.pressures(o - delta * areas)

@@ -1,0 +1,170 @@
+"""Inclusions: an independent force, what must change nothing, symmetries, and error bars that hold."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, grid_of, scene
+from test_layers import state_on
+
+from indent_sim.config.file import from_mapping
+from indent_sim.run import chain
+from indent_sim.run.resolved import resolved
+from indent_sim.scene.scene import Scene, resolve
+
+STIFF = ELASTIC | {"E": 10.0}
+CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
+BALL = {"shape": "ball", "radius": 1.0}
+EXACT = 2.496297e-2  # force on WALLED with `ball()` at delta = 0.05, by another program, good to 1e-5
+
+
+def ball(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) -> dict[str, Any]:
+    return {"shape": "ball", "center": list(place), "radius": 0.2, "material": material}
+
+
+def upright(place: tuple[float, ...] = (0.0, 0.0, -0.35), material: Any = STIFF) -> dict[str, Any]:
+    return {"shape": "cylinder", "center": list(place), "radius": 0.2, "height": 0.3, "material": material}
+
+
+def brick(place: tuple[float, ...], material: Any = STIFF) -> dict[str, Any]:
+    return {"shape": "box", "center": list(place), "size": [0.3, 0.4, 0.2], "material": material}
+
+
+def given(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) -> dict[str, Any]:
+    """A scene with inclusions under a paraboloid pushed in by 0.05."""
+    return {"body": body | {"inclusions": list(inclusions)}, "material": ELASTIC, "indenter": PARABOLOID,
+            "loading": {"delta": 0.05, "steps": 1}} | sections  # fmt: skip
+
+
+def included(body: dict[str, Any], *inclusions: dict[str, Any], **sections: Any) -> Scene:
+    """The same, resolved."""
+    return resolve(from_mapping(given(body, *inclusions, **sections)))
+
+
+def without(base: Scene) -> Scene:
+    """The scene of the first region's matter alone."""
+    part = base.physics.part
+    return base.with_physics(part=dataclasses.replace(part, regions=part.regions[:1]))
+
+
+def test_a_ball_inclusion_at_automatic_sizes() -> None:
+    """0.3 % of the force, as everywhere."""
+    found = force(included(WALLED, ball()))
+    print(f"automatic sizes: {found / EXACT - 1:+.4%}")
+    assert found == pytest.approx(EXACT, rel=3e-3)
+
+
+def test_a_ball_inclusion_to_a_given_accuracy(tmp_path: Path) -> None:
+    """0.1 % asked for: the error is less, and so are the bars of all steps, which cover it."""
+    config = from_mapping(given(WALLED, ball(), accuracy=0.001, output={"plot": False, "fields": "none"},
+                                loading={"delta": 0.05, "steps": 4}))  # fmt: skip
+    states = chain.simulate(config, directory=tmp_path / "run").states
+    bars = [state.force_error or np.nan for state in states]
+    assert all(bar <= 1e-3 * state.force for bar, state in zip(bars, states, strict=True))
+    print(f"accuracy 0.001: {states[-1].force / EXACT - 1:+.4%}, bar {bars[-1] / EXACT:.4%}")
+    assert abs(states[-1].force - EXACT) <= min(bars[-1], 1e-3 * EXACT)
+
+
+@pytest.mark.parametrize("kind", [ball, upright])
+@pytest.mark.parametrize("body", ["axisymmetric", "strip", "quarter", "cap", "ball", "layer"])
+def test_an_inclusion_of_the_bodys_own_matter_changes_nothing(kind: Any, body: str) -> None:
+    """On one mesh, 1e-9: the faces' lines stay, the regions become one."""
+    bodies = {"axisymmetric": WALLED, "strip": STRIP, "quarter": CYLINDER, "cap": CAP, "ball": BALL,
+              "layer": {"shape": "layer", "height": 1.0}}  # fmt: skip
+    place = (2.0 if body == "strip" else 0.0, 0.0, -1.0 if body == "ball" else -0.35)
+    mesh = {"h_contact": 0.1, "h_far": 0.3, "h_inclusions": [0.08], "symmetry": body if body == "quarter" else "auto"}
+    own = included(bodies[body], kind(place, ELASTIC), mesh=mesh)
+    grid = grid_of(own)
+    assert set(grid.regions) == {0, 1}
+    assert state_on(own, grid).force == pytest.approx(state_on(without(own), grid).force, rel=1e-9)
+
+
+def test_section_quarter_half_and_whole_agree() -> None:
+    """Coarse in three dimensions: 0.5 % of the section's force, the error of the facets of the wall and the ball."""
+    body = CYLINDER | {"radius": 1.2, "sides": "roller"}
+    mesh = {"h_contact": 0.08, "h_far": 0.4, "grading": 0.5, "h_inclusions": [0.05]}
+    section = force(included(body, ball()))
+    for part in ("quarter", "half", "full"):
+        assert force(included(body, ball(), mesh=mesh | {"symmetry": part})) == pytest.approx(section, rel=5e-3), part
+
+
+@pytest.mark.parametrize(("inclusions", "symmetry"), [
+    ([ball()], "axisymmetric"),
+    ([upright(), ball((0.0, 0.0, -0.75))], "axisymmetric"),
+    ([brick((0.0, 0.0, -0.35))], "quarter"),
+    ([ball((0.0, 0.5, -0.35))], "half"),
+    ([ball((0.3, 0.5, -0.35))], "full"),
+    ([ball((0.3, 0.0, -0.35)), ball((-0.3, 0.0, -0.35))], "quarter"),
+    ([ball((0.3, 0.0, -0.35)), ball((-0.3, 0.0, -0.35), ELASTIC | {"E": 2.0})], "half"),
+])  # fmt: skip
+def test_the_part_has_the_symmetry_of_its_inclusions(inclusions: list[Any], symmetry: str) -> None:
+    """Mirror images count only with the same matter; every inclusion in the part is meshed, at its volume but for 10 %,
+    the facets' loss at two elements in a radius."""
+    mesh = {"h_contact": 0.1, "h_far": 0.4, "h_inclusions": [0.05] * len(inclusions)}
+    base = included(WALLED, *inclusions, mesh=mesh)
+    part, grid = base.physics.part, grid_of(base)
+    assert part.symmetry == symmetry
+    corners = grid.points[grid.cells]
+    sizes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2 if part.dim == 2 else 6)
+    if part.dim == 2:
+        sizes *= 2 * np.pi * corners[:, :, 0].mean(axis=1)
+    inside = sum(inclusion.volume for inclusion, _ in base.sizes.inclusions)
+    assert part.copies * sizes[grid.regions > 0].sum() == pytest.approx(inside, rel=0.1)
+
+
+def test_two_inclusions_beside_the_tip_of_a_strip() -> None:
+    """The half of a strip with a mirrored pair is the whole: 0.2 %, the error of both meshes."""
+    pair = [ball((1.7, 0.0, -0.3)), ball((2.3, 0.0, -0.3))]
+    half, whole = (included(STRIP, *pair, mesh={"symmetry": symmetry}) for symmetry in ("auto", "full"))
+    assert (half.physics.part.symmetry, whole.physics.part.symmetry) == ("half", "full")
+    assert force(half) == pytest.approx(force(whole), rel=2e-3)
+
+
+def test_a_half_space_far_larger_than_its_inclusion() -> None:
+    """As the layer with a wall far away, a hundred times as thick: 0.5 %, what the base takes away there."""
+    endless = included({"shape": "half_space"}, ball())
+    assert endless.physics.body.height * endless.physics.scales.length > 20
+    finite = {"shape": "cylinder", "radius": 40.0, "height": 40.0}
+    assert force(endless) == pytest.approx(force(included(finite, ball())), rel=5e-3)
+
+
+def test_matter_of_other_kinds() -> None:
+    """Hyperelastic and incompressible inclusions at a depth of 1e-4 are linear elastic ones, 1e-3."""
+    loading = {"loading": {"delta": 1e-4, "steps": 1}, "contact": {"method": "auto", "gap": "reference"}}
+    neo = included(WALLED, ball(material={"model": "neo_hookean", "E": 10.0, "nu": 0.3}), **loading)
+    assert not neo.physics.small_strain
+    assert force(neo) == pytest.approx(force(included(WALLED, ball(), **loading)), rel=1e-3)
+    mixed, near = (included(WALLED, ball(material=STIFF | {"nu": nu}), **loading) for nu in (0.5, 0.4499))
+    assert [region.formulation for region in mixed.physics.part.regions] == ["displacement", "mixed"]
+    assert force(mixed) == pytest.approx(force(near), rel=1e-3)
+
+
+def test_a_scene_in_other_units_is_the_same_scene() -> None:
+    """Lengths in um, moduli in kPa: the mesh is the same to the last digit, the force to 1e-9."""
+    micro = {"shape": "ball", "center": [0.0, 0.0, -0.35e-6], "radius": 0.2e-6, "material": STIFF | {"E": 1e4}}
+    body = {"shape": "cylinder", "radius": 2e-6, "height": 1e-6, "sides": "roller"}
+    small = included(body, micro, material=ELASTIC | {"E": 1e3}, indenter=PARABOLOID | {"R": 1e-6},
+                     loading={"delta": 0.05e-6, "steps": 1})  # fmt: skip
+    plain = included(WALLED, ball())
+    assert grid_of(small).hash == grid_of(plain).hash
+    assert force(small) == pytest.approx(1e-9 * force(plain), rel=1e-9)
+
+
+@pytest.mark.parametrize("body", [WALLED, WALLED | {"layers": [{"thickness": 0.1}, {"thickness": 0.9}]}])
+def test_a_resolved_scene_is_meshed_the_same(body: dict[str, Any]) -> None:
+    """Whatever chose the sizes: they stand in the resolved scene, one for each inclusion."""
+    config = from_mapping(given(body, ball(), upright((0.0, 0.0, -0.75)), accuracy=0.01))
+    first = resolve(config)
+    again = resolve(resolved(config, first))
+    assert grid_of(again).hash == grid_of(first).hash
+    assert [h for _, h in again.sizes.inclusions] == [h for _, h in first.sizes.inclusions]
+
+
+def test_theory_stands_beside_but_is_of_another_body() -> None:
+    base = scene(WALLED | {"inclusions": [ball()]})
+    assert base.plan.theory is not None and base.exact_theory is None
+    assert "theory's body has no inclusions" in base.differences

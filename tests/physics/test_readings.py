@@ -1,0 +1,50 @@
+"""Stiffness, area and E_hertz of rows, against theory, differences of the force, and closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from scenes import ELASTIC, STRIP, WALLED, scene, solve
+
+from indent_sim.run import chain
+
+SHALLOW = {"delta": 0.01, "steps": 3}
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
+def test_stiffness_of_a_condensed_layer_is_the_flat_punchs(nu: float) -> None:
+    """Theory is exact here: 0.1 % from six elements in the contact radius on, 0.03 % in the median."""
+    base = scene(WALLED, material=ELASTIC | {"nu": nu}, loading=SHALLOW)
+    assert base.solver.method == "condensed" and base.plan.theory
+    for state in solve(base):
+        found = base.plan.theory.at(state.delta)
+        assert found and state.stiffness == pytest.approx(found.stiffness, rel=1e-3)
+
+
+@pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "active_set", "nitsche"])
+@pytest.mark.parametrize("solver", ["newton", "condensed"])
+def test_stiffness_by_the_tangent_is_the_slope_of_the_meshs_force(method: str, solver: str) -> None:
+    """In plane strain, where no punch stands in for it. Over 2e-5 of the depth the points that touch are the same, and
+    what the solver's tolerance of 1e-10 leaves of the difference is 1e-5."""
+    if (method, solver) == ("nitsche", "condensed"):
+        return
+    depths = {"deltas": [0.01 * (1 - 1e-5), 0.01, 0.01 * (1 + 1e-5)]}
+    base = scene(STRIP, f"contact.method={method}", f"solver.method={solver}", "mesh.h_contact=0.03", loading=depths)
+    low, state, high = solve(base)
+    assert state.stiffness == pytest.approx((high.force - low.force) / (high.delta - low.delta), rel=1e-3)
+    assert state.area == pytest.approx(2 * state.a) and math.isnan(state.E_hertz or 0.0)
+
+
+def test_a_multiplier_that_moves_outside_of_newton_has_no_tangent() -> None:
+    base = scene(STRIP, "contact.method=uzawa", "solver.method=newton", "mesh.h_contact=0.03")
+    assert math.isnan(solve(base)[-1].stiffness or 0.0)
+
+
+def test_a_half_space_reads_its_own_modulus() -> None:
+    """The mesh's force is within 0.3 % of Hertz, so E_hertz is within 0.3 % of E; theory's to rounding."""
+    body = {"shape": "half_space"}
+    assert list(chain.states(scene(body)))[-1].E_hertz == pytest.approx(1.0, rel=1e-12)
+    meshed = solve(scene(body, "solver.method=condensed"))[-1]
+    assert meshed.E_hertz == pytest.approx(1.0, rel=3e-3)
+    assert meshed.area == pytest.approx(math.pi * meshed.a**2)

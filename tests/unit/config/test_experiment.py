@@ -1,0 +1,117 @@
+"""The experiment section: what is refused, with its key and what would be right, and what stands in for a loading."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.file import from_mapping, loads, to_yaml
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import resolve
+
+SCENE: dict[str, Any] = {
+    "body": {"shape": "layer", "height": 1.0},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "loading": {"delta": 0.01},
+}
+SLOW = {"prony": [[0.5, 1.0]]}
+RAMP = [[0, 0], [1, 0.01]]
+BOX = {"shape": "box", "size": [2.0, 2.0, 1.0]}
+HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("experiment", "sections", "key", "words"),
+    [
+        ({}, {}, "experiment", "says nothing"),
+        ({"history": RAMP, "force_history": RAMP}, {}, "experiment.force_history", "contradicts history"),
+        ({"history": [[1, 0], [0, 0.01]]}, {}, r"experiment.history\[1\]", "time goes back"),
+        ({"history": [[0, 0], [0, 0.01]]}, {}, "experiment.history", "lasts no time"),
+        ({"history": [[0, -1], [1, 0]]}, {}, "experiment.history", "never presses"),
+        ({"force_history": [[0, 1e-3], [1, -1e-3]]}, {}, "experiment.force_history", "nothing holds on"),
+        ({"relaxation": SLOW}, {}, "experiment.relaxation", "needs a time"),
+        ({"relaxation": {}, "history": RAMP}, {}, "experiment.relaxation", "one of two laws"),
+        ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "experiment.relaxation.prony", "sum to"),
+        ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"experiment.relaxation.prony\[0\]", "no term"),
+        ({"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0], [0, 0.01], [1, 0.01]]}, {},
+         "experiment.history", "jumps"),
+        ({"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0.01], [1, 0.01]]}, {},
+         "experiment.history", "jumps"),
+        ({"frequencies": [1.0]}, {}, "experiment.frequencies", "relaxes"),
+        ({"adhesion": {"work": 1e-3}, "relaxation": SLOW, "history": RAMP}, {}, "experiment.adhesion", "together"),
+        ({"adhesion": {"work": 1e-3}}, {"body": BOX}, "experiment.adhesion", "disc"),
+        ({"adhesion": {"work": 1e-3}}, {"indenter": {"shape": "flat_punch", "radius": 0.1}}, "experiment.adhesion",
+         "edge_radius"),
+        ({"adhesion": {"work": 1e-3}}, {"indenter": {"shape": "pyramid", "half_angle": 65.0, "faces": 3}},
+         "experiment.adhesion", "disc"),
+        ({"adhesion": {"work": 1e-3, "range": 1e-3}}, {"indenter": {"shape": "cone", "half_angle": 70.0}},
+         "experiment.adhesion.range", "no R"),
+        ({"calibration": {"stiffness": 0.1}, "history": RAMP}, {}, "experiment.calibration.stiffness", "cantilever"),
+        ({"calibration": {"R": 0.1}, "history": RAMP}, {"indenter": {"shape": "cone", "half_angle": 70.0}},
+         "experiment.calibration.R", "has none"),
+        ({"adhesion": {"work": -1.0}}, {}, "experiment.adhesion.work", "> 0"),
+        ({"cantilever": {"k": 1.0}}, {}, "experiment.cantilever.k", "unknown key"),
+        ({"history": RAMP}, {"material": HYPERELASTIC}, "experiment", "not linear"),
+        ({"history": RAMP}, {"contact": {"method": "nitsche"}}, "experiment", "solved whole"),
+        ({"history": [[0, 0], [1, 2.0]]}, {}, "experiment", "beyond the body's thickness"),
+        ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "wider than theory"),
+        ({"adhesion": {"work": 1e-3}}, {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
+                                        "mesh": {"symmetry": "full"}}, "experiment.adhesion", "disc"),
+        ({"relaxation": SLOW, "force_history": RAMP},
+         {"body": {"shape": "strip", "width": 4.0, "height": 1.0, "sides": "roller"}, "solver": {"method": "theory"}},
+         "experiment.relaxation", "stepped in time"),
+    ],
+)  # fmt: skip
+def test_refusals(experiment: dict[str, Any], sections: dict[str, Any], key: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words) as refused:
+        resolve(from_mapping(SCENE | {"experiment": experiment} | sections))
+    errors = getattr(refused.value, "errors", [refused.value])
+    assert any(error.key.replace("[", r"\[").replace("]", r"\]") == key for error in errors)
+
+
+def test_a_history_stands_in_for_the_loading() -> None:
+    given = {name: part for name, part in SCENE.items() if name != "loading"}
+    scene = resolve(from_mapping(given | {"experiment": {"history": [[0, 0], [1, 0.02], [2, 0]]}}))
+    assert scene.physics.path.control == "depth" and len(scene.physics.deltas) == 10
+    assert max(scene.physics.deltas) == pytest.approx(0.02) == scene.asked
+    forces = resolve(from_mapping(given | {"experiment": {"force_history": [[0, 0], [1, 1e-3]]}}))
+    assert forces.physics.path.control == "force"
+    with pytest.raises(ConfigError, match="this section is missing"):
+        from_mapping(given)
+    with pytest.raises(ConfigError, match="this section is missing"):
+        from_mapping(given | {"experiment": {"adhesion": {"work": 1e-3}}})
+
+
+def test_a_soft_spring_keeps_the_tip_back() -> None:
+    """z = 1 through a compliance of 1e3: the depth is where the spring balances a half-space, far below 1."""
+    given = SCENE | {"experiment": {"cantilever": {"stiffness": 1e-3}, "history": [[0, 0], [1, 1.0]]}}
+    asked = resolve(from_mapping(given)).asked
+    assert asked + 1e3 * 4 / 3 / 0.91 * asked**1.5 == pytest.approx(1.0, rel=1e-6)
+
+
+def test_a_deeper_history_sizes_the_mesh() -> None:
+    shallow, deep = (resolve(from_mapping(SCENE | {"experiment": {"history": [[0, 0], [1, depth]]}},
+                                          ["solver.method=condensed"])) for depth in (0.01, 0.04))  # fmt: skip
+    assert deep.sizes.patch == pytest.approx(2 * shallow.sizes.patch, rel=0.1)
+    assert deep.physics.path == shallow.physics.path
+
+
+def test_the_section_is_written_and_read_back() -> None:
+    given = SCENE | {"experiment": {"relaxation": SLOW, "history": RAMP, "frequencies": [1.0, 2.0]}}
+    config = from_mapping(given)
+    assert loads(to_yaml(config)) == config
+    assert loads(to_yaml(config), overrides=["experiment.relaxation.prony[0][0]=0.4"]).experiment != config.experiment
+
+
+def test_plan_says_what_is_exact() -> None:
+    def said(experiment: dict[str, Any]) -> dict[str, str]:
+        choices = resolve(from_mapping(SCENE | {"experiment": experiment})).plan.choices
+        return {choice.key: f"{choice.value}: {choice.why}" for choice in choices if "experiment" in choice.key}
+
+    assert "JKR" in said({"adhesion": {"work": 1e-3}})["experiment.adhesion"]
+    assert "Ting" in said({"relaxation": SLOW, "history": RAMP})["experiment.relaxation"]
+    back = [[0, 0], [1, 0.01], [2, 0.0], [3, 0.01]]
+    assert "stepped" in said({"relaxation": SLOW, "history": back})["experiment.relaxation"]
+    assert "equilibrium" in said({"history": RAMP})["experiment.history"]

@@ -1,0 +1,112 @@
+"""JKR from the frictionless curve: closed forms on a half-space, values of bonded layers, limits of Maugis' model."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from indent_sim.theory import profiles
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.surface.adhesion import Jkr, maugis_lambda, maugis_pull_off, tabor
+from indent_sim.theory.surface.punches import FittedPunches, LayerPunches
+
+E_STAR, WORK, R = 4 / 3, 1e-3, 1.0
+HALF_SPACE = Layer.on(profiles.paraboloid(R), Stack((Ply(1.0, E_STAR, 0.0), Ply(math.inf, E_STAR, 0.0)), None))
+UNIT_FORCE, UNIT_DEPTH = math.pi * WORK * R, (math.pi**2 * WORK**2 * R / E_STAR**2) ** (1 / 3)
+
+
+@pytest.fixture(scope="module")
+def jkr() -> Jkr:
+    return Jkr(LayerPunches(HALF_SPACE), WORK)
+
+
+@pytest.mark.parametrize("a", [0.01, 0.07, 0.3])
+def test_both_branches_on_a_half_space(jkr: Jkr, a: float) -> None:
+    """Johnson, Kendall & Roberts 1971, stable and not."""
+    found = jkr.at(a)
+    assert found.delta == pytest.approx(a**2 / R - math.sqrt(2 * math.pi * WORK * a / E_STAR), rel=1e-10)
+    assert found.force == pytest.approx(
+        4 * E_STAR * a**3 / (3 * R) - math.sqrt(8 * math.pi * WORK * E_STAR * a**3), rel=1e-10
+    )
+
+
+def test_pull_off_by_force_and_by_depth(jkr: Jkr) -> None:
+    by_force, by_depth = jkr.pull_off(math.inf), jkr.pull_off(0.0)
+    assert by_force.force == pytest.approx(-1.5 * UNIT_FORCE, rel=1e-10)
+    assert by_force.delta == pytest.approx(-0.3605623925 * UNIT_DEPTH, rel=1e-8)
+    assert by_depth.force == pytest.approx(-5 / 6 * UNIT_FORCE, rel=1e-10)
+    assert by_depth.delta == pytest.approx(-0.75 * UNIT_DEPTH, rel=1e-10)
+
+
+@pytest.mark.parametrize(("nu", "h", "pull_off"), [
+    (0.3, 1000, -1.50000), (0.3, 1, -1.50246), (0.3, 0.3, -1.56203), (0.3, 0.1, -1.78781),
+    (0.5, 1000, -1.50000), (0.5, 1, -1.50310), (0.5, 0.3, -1.58085), (0.5, 0.1, -1.90534),
+])  # fmt: skip
+def test_pull_off_of_bonded_layers(nu: float, h: float, pull_off: float) -> None:
+    """Five digits of an independent solution of the same integral equation (E = R = 1)."""
+    layer = Layer.of(profiles.paraboloid(1.0), E=1.0, nu=nu, h=h)
+    found = Jkr(LayerPunches(layer), WORK).pull_off(math.inf)
+    assert found.force / (math.pi * WORK) == pytest.approx(pull_off, abs=6e-6)
+
+
+@pytest.mark.parametrize("k", [1e-4, 0.03, 1.0, 1e4])
+def test_a_spring_lets_go_where_the_slope_is_its_own(jkr: Jkr, k: float) -> None:
+    """dF/ddelta = -k by differences over 1e-5 of the radius; on the way back z falls no further."""
+    found = jkr.pull_off(1 / k)
+    near = [jkr.at(found.a * (1 + step)) for step in (-1e-5, 1e-5)]
+    slope = (near[1].force - near[0].force) / (near[1].delta - near[0].delta)
+    assert slope == pytest.approx(-k, rel=1e-3)
+    z = found.delta + found.force / k
+    assert jkr.stable(z - 1e-6 * abs(z), 1 / k) is None
+    held = jkr.stable(z + 0.1 * abs(z), 1 / k)
+    assert held and held.a > found.a and held.delta + held.force / k == pytest.approx(0.9 * z, rel=1e-9)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 30.0, math.inf])
+def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
+    """The spline of a branch is its equilibria, to 1e-6 of the largest; below pull-off there is none."""
+    last = jkr.pull_off(compliance)
+    lowest = last.force if math.isinf(compliance) else last.delta + compliance * last.force
+    branch = jkr.branch(-10 * lowest, compliance)
+    for z in np.linspace(lowest * 0.999, -9 * lowest, 7):
+        exact, found = jkr.stable(float(z), compliance), branch(float(z))
+        assert exact and found and found.a == pytest.approx(exact.a, rel=1e-5)
+        assert found.force == pytest.approx(exact.force, abs=1e-6 * abs(branch(-9 * lowest).force))  # type: ignore[union-attr]
+    assert branch(1.001 * lowest) is None
+
+
+def test_a_stiff_spring_is_depth_control_and_a_soft_one_force_control(jkr: Jkr) -> None:
+    assert jkr.pull_off(1e-8).force == pytest.approx(jkr.pull_off(0.0).force, rel=1e-6)
+    assert jkr.pull_off(1e8).force == pytest.approx(jkr.pull_off(math.inf).force, rel=1e-6)
+
+
+def test_a_curve_known_at_some_radii() -> None:
+    """Exact K and P of a layer at 24 radii: what the fit alone costs the pull-off is below 1e-4."""
+    layer = Layer.of(profiles.paraboloid(1.0), E=1.0, nu=0.3, h=0.3)
+    exact = LayerPunches(layer)
+    a = np.linspace(0.01, 0.3, 24)
+    samples = [exact.at(float(x)) for x in a]
+    K, P = (np.array(v) for v in zip(*((p.stiffness, p.stiffness * p.delta - p.force) for p in samples), strict=True))
+    found = Jkr(FittedPunches(a, K, P, profiles.paraboloid(1.0), layer.E_star), WORK)
+    assert found.pull_off(math.inf).force / (math.pi * WORK) == pytest.approx(-1.56203, rel=1e-4)
+    with pytest.raises(ValueError, match="strong"):
+        Jkr(FittedPunches(a, K, P, profiles.paraboloid(1.0), layer.E_star), 10.0).pull_off()
+    with pytest.raises(ValueError, match=r"weak|small"):
+        Jkr(FittedPunches(a, K, P, profiles.paraboloid(1.0), layer.E_star), 1e-9).pull_off()
+
+
+@pytest.mark.parametrize(("parameter", "force"), [(0.01, -1.99829), (0.1, -1.95059), (0.3, -1.81556), (0.5, -1.71825),
+                                                  (1, -1.60073), (2, -1.53460), (5, -1.50635)])  # fmt: skip
+def test_maugis_between_dmt_and_jkr(parameter: float, force: float) -> None:
+    assert maugis_pull_off(parameter) == pytest.approx(force, abs=6e-6)
+
+
+def test_tabor_and_maugis_numbers() -> None:
+    """lambda = 2 s0 (R/(pi w K^2))^(1/3) with s0 = w/range, K = 4E*/3."""
+    reach = 0.01
+    direct = 2 * WORK / reach * (R / (math.pi * WORK * (4 * E_STAR / 3) ** 2)) ** (1 / 3)
+    assert maugis_lambda(WORK, reach, R, E_STAR) == pytest.approx(direct, rel=1e-12)
+    assert direct / tabor(WORK, reach, R, E_STAR) == pytest.approx(1.127, abs=5e-4)
