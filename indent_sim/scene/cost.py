@@ -31,8 +31,8 @@ COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coars
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 POINTS = 50  # of an integral over a body, in each direction
-KRYLOV, KRYLOV_SECONDS = 11.0, 6e-7  # iterations of a linear system, and the time of one per unknown
-KRYLOV_BYTES = {False: 3.5e3, True: 5e3}  # per unknown of an iterative solver; with a pressure field
+KRYLOV, KRYLOV_SECONDS = 11.0, 4e-7  # iterations of a linear system, and the time of one per unknown
+KRYLOV_BYTES = {False: 4.8e3, True: 6e3}  # per unknown of an iterative solver; with a pressure field
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
@@ -169,7 +169,7 @@ def _newton(dim: int, dofs: float, work: Work) -> float:
 def _iterative(dofs: float, work: Work) -> float:
     """Assembly and Krylov iterations at every iteration of Newton's method on the whole body [s]."""
     newton = 4.5 * work.steps * max(1.0, dofs / 2e4) ** 0.13
-    return dofs * (3e-5 + newton * ((1.8e-5 if work.nonlinear else 5e-6) + KRYLOV * KRYLOV_SECONDS))
+    return dofs * (3e-5 + newton * ((1.8e-5 if work.nonlinear else 2.5e-6) + KRYLOV * KRYLOV_SECONDS))
 
 
 def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
