@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
+TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
 DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
@@ -178,6 +179,37 @@ def _shard(ctx: click.Context, option: click.Parameter, text: str | None) -> tup
     return int(part), int(parts)
 
 
+def _words(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[str, ...]:
+    """Words with commas between them."""
+    words = tuple(word.strip() for word in (text or "").split(",")) if text is not None else ()
+    if not all(words):
+        raise click.BadParameter(f"'{text}' holds an empty word")
+    return words
+
+
+def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dict[str, str]:
+    """NAME=VALUE with commas between them."""
+    pairs = [word.partition("=") for word in _words(ctx, option, text)]
+    if wrong := next((name for name, equals, value in pairs if not (name.strip() and equals and value.strip())), None):
+        raise click.BadParameter(f"'{wrong}' is not NAME=VALUE")
+    return {name.strip(): value.strip() for name, _, value in pairs}
+
+
+def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
+    """X for all columns, under "", and COLUMN=X for one."""
+    found: dict[str, float] = {}
+    for word in _words(ctx, option, text):
+        name, _, value = word.rpartition("=")
+        try:
+            found[name.strip()] = tolerance = float(value)
+        except ValueError:
+            raise click.BadParameter(f"'{word}' is not a number, nor COLUMN=NUMBER") from None
+        if not 0 <= tolerance <= 1:
+            raise click.BadParameter(f"'{word}' is not in the range from 0 to 1")
+    return found
+
+
+quiet_option = click.option("--quiet", is_flag=True, help="Warnings and errors alone on stderr, no progress.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -193,8 +225,9 @@ def program() -> None:
 @click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
 @click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
+@quiet_option
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: bool, **how: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool, as_json: bool, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
         is_met = _starts_mesher(config, overrides)
@@ -206,28 +239,30 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, as_json: 
 
         settings = comm.bcast(on_root(comm, load, config, overrides))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, **how)
+        outcome = _simulate(settings, comm, directory, quiet, **how)
     if comm.rank == 0:
-        _conclude(outcome, as_json)
+        _conclude(outcome, as_json, quiet)
 
 
 @program.command()
 @click.argument("file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
 @click.option("--shard", callback=_shard, metavar="I/N", help="Do only every N-th run, from the I-th on; no table.")
+@click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Runs at the same time [1].")
 @click.option("--output", type=click.Path(path_type=Path), help="Folder of the study [results/<STUDY's stem>].")
+@quiet_option
 @json_option
-def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path | None, as_json: bool) -> None:
+def study(file: Path, quiet: bool, as_json: bool, **how: Any) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
     _refuse_ranks()
     require_room()
     from indent_sim import study as studies
     from indent_sim.results.writer import to_json
 
-    with _quiet_libraries(True), stoppable():
-        done = studies.carry_out(file, output=output, resume=resume, shard=shard, tell=tell)
+    with _quiet_libraries(_level(0, quiet)), stoppable():
+        done = studies.carry_out(file, tell=(lambda line: None) if quiet else tell, **how)
     say(to_json(DONE | studies.as_json(done)) if as_json else str(done.directory))
-    for line in (*done.notes, *done.recommendations):
+    for line in () if quiet else (*done.notes, *done.recommendations):
         tell(line)
     if done.failures:
         tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
@@ -238,7 +273,9 @@ def study(file: Path, resume: bool, shard: tuple[int, int] | None, output: Path 
 @set_option
 @json_option
 def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
-    """Say what would be modelled, and why; writes nothing."""
+    """Say what would be modelled, and why; of a study its runs and what they cost. Writes nothing."""
+    if _is_study(config):
+        return _plan_study(config, overrides, as_json)
     scene = _resolved(config, overrides)
     if as_json:
         from indent_sim.results.writer import to_json
@@ -256,32 +293,91 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
 @program.command()
 @click.argument("first", metavar="A", type=click.Path(path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(path_type=Path))
-@click.option("--rtol", type=click.FloatRange(0, 1), default=1e-6, show_default=True, help="Relative tolerance.")
-def compare(first: Path, second: Path, rtol: float) -> None:
-    """Compare two results step by step. Exit code 6 when delta, force or a differ."""
+@click.option("--rtol", callback=_tolerances, metavar="X|COLUMN=X,...", default="1e-6", show_default=True,
+              help="Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2.")  # fmt: skip
+@click.option("--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol].")
+@json_option
+def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], as_json: bool) -> None:
+    """Compare two results row by row. Exit code 6 when they differ.
+
+    Rows are matched by step, or by depth where a table has no steps.
+    """
     from indent_sim.cli import terminal
     from indent_sim.results import compare
+    from indent_sim.results.writer import to_json
 
-    comparison = compare.compare(first, second, rtol)
-    say(terminal.comparison(comparison))
-    comparison.check()
+    comparison = compare.compare(first, second, rtol, columns or None)
+    if not as_json:
+        say(terminal.comparison(comparison))
+    try:
+        comparison.check()
+    except VerificationError as different:
+        different.beside = comparison.as_json()
+        raise
+    if as_json:
+        say(to_json(DONE | comparison.as_json()))
 
 
 @program.command()
 @click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
+@click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
+@click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
+@click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
+@click.option("--width", type=click.FloatRange(30, 1000), metavar="MM", help="Width of the picture in mm.")
+@click.option("--font-size", "font", type=click.FloatRange(4, 40), metavar="PT", help="Font size in points [10].")
 @click.option("--output", type=click.Path(path_type=Path), help="Picture to write: .png, .svg or .pdf.")
-def plot(paths: tuple[Path, ...], output: Path | None) -> None:
-    """Draw finished results over one another. Prints the picture's path."""
-    from indent_sim.results import reader
-    from indent_sim.results.pictures import canvas, forces
+def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
+    """Draw finished results over one another. Prints the picture's path.
 
+    \b
+    Without --what: force, contact radius and pressure of one result, force and contact radius of several.
+    Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (of a body of revolution rr),
+    sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement.
+    """
+    from indent_sim.results import reader
+    from indent_sim.results.pictures import canvas, forces, panels
+
+    given = {name: value for name, value in wish.items() if value}
+    wanted = panels.wish(given) if given else None
     runs = [reader.read(path) for path in paths]
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
-        output = (first if len(paths) == 1 else Path()) / canvas.PICTURE
+        output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.PICTURE)
         canvas.refuse_foreign(output)
     try:
-        forces.overlay(runs, output)
+        panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
+    except OSError as error:
+        raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
+    say(str(output))
+
+
+@program.command()
+@click.argument("folder", metavar="RESULT|STUDY", type=click.Path(path_type=Path))
+@click.option("--output", type=click.Path(path_type=Path), help="File to write [report.html in the folder].")
+def report(folder: Path, output: Path | None) -> None:
+    """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
+    from indent_sim.results import report as reports
+
+    output = output or folder / reports.NAME
+    reports.write(folder, output)
+    say(str(output))
+
+
+@program.command()
+@click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
+@click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
+def init(kind: str, output: Path | None) -> None:
+    """Write a commented scene to start from. Prints the file's name."""
+    from importlib.resources import files
+
+    output = output or Path(f"{kind}.yaml")
+    scene = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    try:
+        with open(output, "x", encoding="utf-8") as file:
+            file.write(scene)
+    except FileExistsError:
+        raise UsageError(f"{output} is there already and stays as it is; choose another name with --output") from None
     except OSError as error:
         raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
     say(str(output))
@@ -401,13 +497,13 @@ def _all_arrive(comm: Any) -> bool:
     return True
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, **how: bool) -> Outcome:
+def _simulate(settings: Config, comm: Any, directory: Path, quiet: bool, **how: bool) -> Outcome:
     from indent_sim.cli import terminal
     from indent_sim.run.chain import simulate as simulate
 
-    shown: Callable[..., Any] = terminal.progress if comm.rank == 0 else terminal.silence
+    shown: Callable[..., Any] = terminal.progress if comm.rank == 0 and not quiet else terminal.silence
     try:
-        with shown(tell) as show, _quiet_libraries(speaks=comm.rank == 0):
+        with shown(tell) as show, _quiet_libraries(_level(comm.rank, quiet)):
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
@@ -421,8 +517,13 @@ def _simulate(settings: Config, comm: Any, directory: Path, **how: bool) -> Outc
         raise
 
 
+def _level(rank: int, quiet: bool) -> int:
+    """How much of our own messages is told: rank 0 speaks for all."""
+    return logging.ERROR if rank else logging.WARNING if quiet else logging.INFO
+
+
 @contextmanager
-def _quiet_libraries(speaks: bool) -> Iterator[None]:
+def _quiet_libraries(level: int) -> Iterator[None]:
     """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not.
 
     Without a handler of the root logger, libraries that call `logging.info` would install one that prints it all.
@@ -430,7 +531,7 @@ def _quiet_libraries(speaks: bool) -> Iterator[None]:
     ours, root = logging.getLogger("indent_sim"), logging.getLogger()
     told, warned = Teller(logging.INFO), Teller(logging.WARNING)
     before = ours.level, ours.propagate
-    ours.setLevel(logging.INFO if speaks else logging.ERROR)
+    ours.setLevel(level)
     ours.propagate = False
     ours.addHandler(told)
     root.addHandler(warned)
@@ -460,7 +561,7 @@ def _name_partial(directory: Path) -> None:
         tell(f"{report['rows']} rows computed before are kept in {directory}{again}")
 
 
-def _conclude(outcome: Outcome, as_json: bool) -> None:
+def _conclude(outcome: Outcome, as_json: bool, quiet: bool) -> None:
     from indent_sim.cli import terminal
     from indent_sim.results.reader import rows_of
     from indent_sim.results.writer import to_json
@@ -470,7 +571,29 @@ def _conclude(outcome: Outcome, as_json: bool) -> None:
         say(to_json(DONE | {"directory": outcome.directory, "rows": rows, "report": outcome.report}))
     else:
         say(str(outcome.directory))
-    for line in terminal.conclusion(outcome):
+    for line in terminal.warnings(outcome) if quiet else terminal.conclusion(outcome):
+        tell(line)
+
+
+def _is_study(path: Path) -> bool:
+    """Whether a file holds a study; False for what cannot be read, which is told when it is read as a scene."""
+    from indent_sim.config.file import OF_A_STUDY, read_document
+
+    with suppress(IndentSimError):
+        return read_document(path)[0].keys() >= OF_A_STUDY
+    return False
+
+
+def _plan_study(path: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+    if overrides:
+        raise UsageError("--set belongs to a scene; a study has set: in its file")
+    from indent_sim import study as studies
+    from indent_sim.cli import terminal
+    from indent_sim.results.writer import to_json
+
+    planned = studies.plan(path)
+    say(to_json(DONE | planned.as_json()) if as_json else terminal.study_plan(planned))
+    for line in planned.notes:
         tell(line)
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
     from indent_sim.scene.scene import Scene
+    from indent_sim.study import Plan
 
 
 LINES = 200  # most progress lines in a log
@@ -70,7 +71,12 @@ def conclusion(outcome: Outcome) -> list[str]:
     lines += _experiment(report.get("experiment") or {})
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
-    return lines + [f"warning: {warning}" for warning in report.get("warnings", [])]
+    return lines + warnings(outcome)
+
+
+def warnings(outcome: Outcome) -> list[str]:
+    """What a run warns of, a line each."""
+    return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
 
 
 def _experiment(report: dict[str, Any]) -> list[str]:
@@ -106,12 +112,24 @@ def plan(scene: Scene, width: int = 120) -> str:
     return _rendered(width, choices, "", expected)
 
 
+def study_plan(planned: Plan) -> str:
+    """The runs of a study, a line each, and what they cost together."""
+    names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
+    counted = [row | {"warnings": len(row["warnings"])} for row in planned.rows]  # --json has their words
+    rows = [["" if row[name] is None else _shown(row[name]) for name in names] for row in counted]
+    lines = [_aligned([names, *rows]), "", f"{len(rows)} runs, compared with {planned.compared_with}"]
+    if planned.same:
+        lines[-1] += f"; {planned.same} points ask for the same as another"
+    lines.append(f"about {planned.seconds:.2g} s one after another; --jobs N does N at a time")
+    return "\n".join([*([printable(planned.title)] if planned.title else []), *lines, *planned.refused])
+
+
 def comparison(found: Comparison) -> str:
-    """Two results side by side, a row a step, and the largest relative difference of every column."""
+    """Two results side by side, row by row, and the largest relative difference of every column."""
     names = list(found.pairs)
-    head = ["step", *(f"{name} {side}" for name in names for side in "AB")]
+    head = [found.matched_by, *(f"{name} {side}" for name in names for side in "AB")]
     rows = [
-        [str(step), *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
+        [f"{step:.10g}", *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
         for i, step in enumerate(found.steps)
     ]
     worst = ", ".join(f"{name} {value:.3g}" for name, value in found.worst.items())

@@ -17,6 +17,7 @@ from pydantic import ValidationError
 
 from indent_sim.config import key_types, schema, strict_yaml
 from indent_sim.config.messages import in_words
+from indent_sim.config.quantities import converted
 from indent_sim.config.schema import Config, Source
 from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.model.loading import Loading
@@ -206,6 +207,8 @@ def _validated(document: dict[str, Any], source: Source) -> Config:
         problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
         raise ConfigError("", problem, remedy, *source.place(("vary",)))
     try:
+        document, quantities = converted(document)
+        source = dataclasses.replace(source, quantities=quantities)
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
         if config.loading is not None and LISTS & set(config.loading.given) and "steps" in document["loading"]:

@@ -31,6 +31,7 @@ from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
 from indent_sim.model.units import Unit, unit_of
 
+QUANTITY = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
 DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length",
               Unit(1, 1): "force/length"}  # fmt: skip
 
@@ -44,14 +45,31 @@ def json_schema() -> dict[str, Any]:
     lists = [{"required": [way], "not": {"required": ["steps"]}} for way in ("deltas", "forces")]
     one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
     found["$defs"]["Loading"]["oneOf"] = one_of
+    for definition in found["$defs"].values():
+        for name, value in definition.get("properties", {}).items():
+            if (symbol := lookup(name)) and symbol.dimension not in ("1", "word"):
+                definition["properties"][name] = _with_units(value)
     return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
+
+
+def _with_units(value: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list of such."""
+    if "anyOf" in value:
+        return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
+    if value.get("type") == "array":
+        return value | {key: _with_units(value[key]) for key in ("items",) if key in value}
+    if value.get("type") != "number":
+        return value
+    about = {key: value.pop(key) for key in ("description", "default") if key in value}
+    return about | {"anyOf": [value, QUANTITY]}
 
 
 def config_markdown() -> str:
     """docs/config.md."""
     parts = [
         "# The scene file\n\nGenerated from the schema by `python -m indent_sim.config.reference`.\n",
-        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0.\n"
+        "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
+        "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those.\n"
         "A section without a default is required. Unknown and repeated keys are errors.\n",
         _table(["section", "default", "meaning"], map(_section_row, schema.keys_at((), {}))),
     ]

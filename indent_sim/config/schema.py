@@ -115,6 +115,7 @@ class Source:
 
     name: str = field(default="", compare=False)
     places: dict[KeyPath, tuple[str, int | None]] = field(default_factory=dict, compare=False, repr=False)
+    quantities: dict[KeyPath, tuple[str, float]] = field(default_factory=dict, compare=False, repr=False)  # as given
 
     def place(self, path: KeyPath) -> tuple[str, int | None]:
         """File and line of a key, or of the nearest section around it."""

@@ -62,13 +62,6 @@ def lagrange(dim: int, order: int, components: int | None = None) -> Any:
     return ufl.VectorElement("Lagrange", CELLS[dim], order, dim=components)
 
 
-def piecewise_constant_tensor(dim: int) -> Any:
-    """One 3x3 tensor per cell."""
-    if VERSION >= (0, 8):
-        return basix.ufl.element("DG", CELLS[dim], 0, shape=(3, 3))
-    return ufl.TensorElement("DG", CELLS[dim], 0, shape=(3, 3))
-
-
 def mixed(*elements: Any) -> Any:
     """Several elements side by side."""
     return basix.ufl.mixed_element(list(elements)) if VERSION >= (0, 8) else ufl.MixedElement(*elements)

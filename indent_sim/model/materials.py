@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from annotated_types import Gt, Len
+from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.algebra import (
     CLOSE,
@@ -28,6 +28,8 @@ from indent_sim.model.units import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
 LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
+ROUNDING = 1e-14  # of 1, a strain energy that is 0
+MOST_AUXETIC = -0.99  # Poisson's ratio of an isotropic stand-in
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
 
@@ -42,11 +44,17 @@ class _Law(ABC):
     """What follows from the small-strain constants E and nu of any law."""
 
     small_strain: ClassVar[bool] = False
+    is_isotropic: ClassVar[bool] = True
 
     @property
     @abstractmethod
     def constants(self) -> Constants:
         """Small-strain E [pressure] and nu."""
+
+    @property
+    def decay(self) -> tuple[float, float]:
+        """How fast the two waves exp(-k s z) of a surface pressure of wavenumber k fade, the slower first: Re s."""
+        return 1.0, 1.0
 
     @property
     def E_star(self) -> float:
@@ -113,6 +121,104 @@ class LinearElastic(_TwoConstants):
 
         eps = sym(H)
         return self.shear_modulus * inner(eps, eps) + q * tr(eps) - q * q * self.inverse_lambda / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransverselyIsotropic(_Law):
+    """Hooke's law with the axis z: E, nu in the plane across it, nu_z = -eps_plane/eps_z under sigma_z, shear G_z.
+
+    With D = 1 - nu - 2 nu_z^2 E/E_z >= 0, d = D/(1 + nu), G = E/(2 (1 + nu)), alpha = 2 nu_z + d and the volume-like
+    strain theta = eps_x + eps_y + alpha eps_z, psi = G (eps_x^2 + eps_y^2 + 2 eps_xy^2) + 2 G_z (eps_xz^2 + eps_yz^2)
+    + G (alpha - 1)(eps_x + eps_y) eps_z + [E_z + G (alpha^2 - 4 nu_z - d)] eps_z^2/2 + stiffness theta^2/2 with
+    stiffness = E (1 - d)/(2 D). All but the last is finite at D = 0; where it is isotropic theta is tr eps and the
+    stiffness lame_lambda. Lekhnitskii (1963), Theory of Elasticity of an Anisotropic Elastic Body.
+    """
+
+    E: Modulus
+    E_z: Modulus
+    nu: Annotated[float, Gt(-1), Lt(1)]
+    nu_z: float
+    G_z: Modulus
+    formulation: Formulation = "auto"
+    model: Literal["transversely_isotropic"] = "transversely_isotropic"
+
+    small_strain: ClassVar[bool] = True
+    is_isotropic: ClassVar[bool] = False
+
+    def canonical(self) -> Any:
+        """Itself; ValueError where some strain would have negative energy."""
+        if not self._D >= -ROUNDING:
+            most = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
+            raise ValueError(f"nu_z = {self.nu_z:g} makes the energy of some strain negative: with these E, E_z and nu "
+                             f"it must lie within +-{most:.6g}")  # fmt: skip
+        return self
+
+    @property
+    def constants(self) -> Constants:
+        """E [pressure] and nu of the isotropic material that stands for it: of the same indentation modulus, and as
+        compressible, nu = (1 - d)/2."""
+        nu = min(max((1 - self._d) / 2, MOST_AUXETIC), 0.5)
+        return Constants(self._indentation_modulus * (1 - nu * nu), nu)
+
+    @property
+    def _D(self) -> Any:
+        return 1 - self.nu - 2 * self.nu_z**2 * self.E / self.E_z
+
+    @property
+    def _d(self) -> Any:
+        return self._D / (1 + self.nu)
+
+    @property
+    def decay(self) -> tuple[float, float]:
+        """The roots of C33 C44 s^4 - (C11 C33 - C13^2 - 2 C13 C44) s^2 + C11 C44 = 0, multiplied by D."""
+        E, E_z, nu_z, G_z = self.E, self.E_z, self.nu_z, self.G_z
+        C11, C33, C13 = E * (1 - nu_z**2 * E / E_z) / (1 + self.nu), E_z * (1 - self.nu), E * nu_z
+        product, mean = math.sqrt(C11 / C33), (C11 * self._plane - 2 * C13 * G_z) / (2 * C33 * G_z)
+        half, apart = math.sqrt(max(mean + product, ROUNDING * product) / 2), math.sqrt(max(mean - product, 0.0) / 2)
+        return product / (half + apart) if apart else half, half + apart
+
+    @property
+    def _plane(self) -> float:
+        """C33 - C13^2/C11 [pressure]."""
+        return self.E_z + 2 * self.nu_z**2 * self.E / (1 + self.nu + max(self._D, 0.0))
+
+    @property
+    def _indentation_modulus(self) -> float:
+        """M [pressure], which is E* of a half-space: 2 sqrt((C11 C33 - C13^2)/C11/(1/C44 + 2/(sqrt(C11 C33) + C13))).
+
+        Written so that it is finite for D = 0. Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004),
+        Int. J. Solids Struct. 41, 7351.
+        """
+        E, E_z, nu, nu_z, D = self.E, self.E_z, self.nu, self.nu_z, max(self._D, 0.0)
+        mean = math.sqrt(0.5 * E * E_z * (1 - nu) * (1 + D / (1 + nu)))  # D sqrt(C11 C33)
+        return 2 * math.sqrt(self._plane / (1 / self.G_z + 2 * D / (mean + nu_z * E)))
+
+    def energy(self, H: Any) -> Any:
+        """psi [pressure]."""
+        rest, theta = self._parts(H)
+        return rest + theta**2 / (2 * self._inverse_stiffness)
+
+    def mixed_energy(self, H: Any, q: Any) -> Any:
+        """The same with q theta - q^2/(2 stiffness) in place of stiffness theta^2/2 [pressure]."""
+        rest, theta = self._parts(H)
+        return rest + q * theta - q * q * self._inverse_stiffness / 2
+
+    @property
+    def _inverse_stiffness(self) -> Any:
+        """2 D/(E (1 - d)) [1/pressure]."""
+        return 2 * self._D / (self.E * (1 - self._d))
+
+    def _parts(self, H: Any) -> tuple[Any, Any]:
+        """The energy without theta, and theta."""
+        from ufl import sym
+
+        eps, G, d = sym(H), self.E / (2 * (1 + self.nu)), self._d
+        alpha = 2 * self.nu_z + d
+        across, along = eps[0, 0] + eps[1, 1], eps[2, 2]
+        in_plane = G * (eps[0, 0] ** 2 + eps[1, 1] ** 2 + 2 * eps[0, 1] ** 2)
+        sheared = 2 * self.G_z * (eps[0, 2] ** 2 + eps[1, 2] ** 2)
+        upright = G * (alpha - 1) * across * along + (self.E_z + G * (alpha**2 - 4 * self.nu_z - d)) * along**2 / 2
+        return in_plane + sheared + upright, across + alpha * along
 
 
 @dataclass(frozen=True)
@@ -364,7 +470,7 @@ class ArrudaBoyce(_OfInvariants):
         return self.mu * i1 * slope
 
 
-Material = LinearElastic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
+Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
 
 
 def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:

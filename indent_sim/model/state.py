@@ -18,8 +18,8 @@ COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "new
 class Surface:
     """The contact surface at one state: reference coordinates, displacement, gap and pressure, one entry a point.
 
-    x, y [length] (axisymmetric: x = r, y = 0; strip: y = 0); u (n, 3) [length]; gap [length] >= 0 open;
-    pressure [pressure] >= 0.
+    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3) [length];
+    gap [length] >= 0 open; pressure [pressure] >= 0.
     """
 
     x: np.ndarray
@@ -27,10 +27,12 @@ class Surface:
     u: np.ndarray
     gap: np.ndarray
     pressure: np.ndarray
+    z: np.ndarray
 
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
-        return Surface(self.x * length, self.y * length, self.u * length, self.gap * length, self.pressure * pressure)
+        lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
+        return Surface(pressure=self.pressure * pressure, **lengths)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from math import inf, pi
+from math import atan, degrees, inf, pi
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le, Len
@@ -202,20 +202,17 @@ class Plate(_Tip):
         return inf
 
 
-@dataclass(frozen=True)
-class Pyramid(_Tip):
+class RegularPyramid(_Tip):
     """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
 
     The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0 the pyramid is
     what a ball of that radius can reach from within: apex a spherical cap, edges cylinders, all meeting smoothly.
     """
 
-    half_angle: HalfAngle
-    faces: Faces = 4
-    rotation: float = 0.0
-    tip_radius: LengthOrZero = 0.0
-    shape: Literal["pyramid"] = "pyramid"
-
+    half_angle: Any
+    faces: Any
+    rotation: Any
+    tip_radius: Any
     of_revolution: ClassVar[bool] = False
 
     def height(self, x: Any, y: Any) -> Any:
@@ -282,6 +279,53 @@ class Pyramid(_Tip):
         step = 180 / self.faces
         off = (degrees - self.rotation) % step
         return bool(min(off, step - off) < 1e-9)
+
+
+@dataclass(frozen=True)
+class Pyramid(RegularPyramid):
+    """A regular pyramid, f = cot(half_angle) max over the faces of x . n; half_angle between axis and face."""
+
+    half_angle: HalfAngle
+    faces: Faces = 4
+    rotation: float = 0.0
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["pyramid"] = "pyramid"
+
+
+@dataclass(frozen=True)
+class Berkovich(RegularPyramid):
+    """Three faces at 65.27 degrees from the axis: as much area at a depth as a Vickers tip (ISO 14577-2)."""
+
+    rotation: float = 0.0
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["berkovich"] = "berkovich"
+
+    half_angle: ClassVar[float] = 65.27  # type: ignore[misc]
+    faces: ClassVar[int] = 3  # type: ignore[misc]
+
+
+@dataclass(frozen=True)
+class Vickers(RegularPyramid):
+    """Four faces at 68 degrees from the axis (ISO 6507-1)."""
+
+    rotation: float = 0.0
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["vickers"] = "vickers"
+
+    half_angle: ClassVar[float] = 68.0  # type: ignore[misc]
+    faces: ClassVar[int] = 4  # type: ignore[misc]
+
+
+@dataclass(frozen=True)
+class CubeCorner(RegularPyramid):
+    """Three faces at right angles to one another, arctan(1/sqrt(2)) = 35.26 degrees from the axis (ISO 14577-2)."""
+
+    rotation: float = 0.0
+    tip_radius: LengthOrZero = 0.0
+    shape: Literal["cube_corner"] = "cube_corner"
+
+    half_angle: ClassVar[float] = degrees(atan(sqrt(0.5)))  # type: ignore[misc]
+    faces: ClassVar[int] = 3  # type: ignore[misc]
 
 
 @dataclass(frozen=True)
@@ -371,7 +415,7 @@ def _largest(values: Sequence[Any]) -> Any:
     return values[0]
 
 
-Indenter = Paraboloid | Sphere | Cone | FlatPunch | Plate | Pyramid | Profile
+Indenter = Paraboloid | Sphere | Cone | FlatPunch | Plate | Pyramid | Berkovich | Vickers | CubeCorner | Profile
 
 
 def reach(tip: Indenter) -> float:

@@ -29,8 +29,8 @@ LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
 REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
 MESH = "body.msh"  # the mesh of a body that came from a file
-FILES = {REPORT, TABLE, CONFIG, MESH, "surface.csv", "experiment.csv", "dynamic.csv", "fields.xdmf",
-         "force_indentation.png", "experiment.png", "checkpoint.h5",
+FILES = {REPORT, TABLE, CONFIG, MESH, "surface.csv", "experiment.csv", "dynamic.csv", "fields.xdmf", "tip.xdmf",
+         "force_indentation.png", "experiment.png", "report.html", "checkpoint.h5",
          "fields.h5"}  # the last one of version 0.1.0  # fmt: skip
 FIELDS = "fields"  # a folder inside, and what in it is ours, finished or not
 FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")

@@ -26,7 +26,8 @@ EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
 INTEGERS = ("step", "newton_iterations", *EFFORT)
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
-SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")
+SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
+SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
 
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
@@ -74,7 +75,7 @@ def whole(cell: str) -> int:
 
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure])
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z])
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
@@ -95,14 +96,18 @@ def surface_blocks(path: Path) -> dict[int, bytes]:
 
 
 def drop_later_blocks(path: Path, steps: int) -> None:
-    """Keep the lines of a table of blocks that belong to the first `steps` steps, whole lines alone."""
+    """Keep the lines of a surface table that belong to the first `steps` steps, whole lines alone.
+
+    Those of an older version of this program get empty cells for the columns that they lack.
+    """
     if not path.exists():
         return
     data = path.read_bytes()
-    kept = data[: data.rfind(b"\n") + 1].splitlines(keepends=True)
-    kept = kept[:1] + [line for line in kept[1:] if _step(line) <= steps]
-    if sum(map(len, kept)) < len(data):
-        write_atomically(path, b"".join(kept))
+    head, *lines = data[: data.rfind(b"\n") + 1].splitlines() or [b""]
+    lacking = b"," * (len(SURFACE_HEADER) - 1 - head.count(b","))
+    kept = [",".join(SURFACE_HEADER).encode(), *(line + lacking for line in lines if _step(line) <= steps)]
+    if (table := b"".join(line + b"\n" for line in kept)) != data:
+        write_atomically(path, table)
 
 
 def _number(value: float | None) -> str:

@@ -28,7 +28,7 @@ from indent_sim.results.tables import (
     DYNAMIC,
     EXPERIMENT,
     SURFACE,
-    SURFACE_COLUMNS,
+    SURFACE_HEADER,
     drop_later_blocks,
     row,
     surface_block,
@@ -132,23 +132,23 @@ class ResultFolder:
             if sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, points: np.ndarray, cells: np.ndarray, *, keep: Keep) -> None:
-        """Prepare fields.xdmf and fields/ for states of this mesh (see `xdmf.FieldWriter`)."""
+    def open_fields(self, *mesh: Any, keep: Keep) -> None:
+        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`)."""
         if keep == "none":
             return
         with uninterrupted(), self._writing():
             done = self.rows if self.earlier else None
-            self._fields = FieldWriter(self.path, points, cells, keep_all=keep == "all", done=done)
+            self._fields = FieldWriter(self.path, *mesh, keep_all=keep == "all", done=done)
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]
 
-    def write_fields(self, state: State, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray) -> None:
+    def write_fields(self, state: State, fields: Mapping[str, np.ndarray]) -> None:
         """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
         if self._fields is None:
             return
         with uninterrupted(), self._writing():
-            self._fields.write(state.step, state.delta, displacement, stress, pressure)
+            self._fields.write(state.step, state.delta, fields)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
         """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not written now goes."""
@@ -209,7 +209,7 @@ class ResultFolder:
 
     def _write_surface(self, state: State, block: bytes, sync: bool) -> None:
         """Every state's surface, or those of the deepest and of the last."""
-        path, header = self.path / SURFACE, (",".join(SURFACE_COLUMNS) + "\n").encode()
+        path, header = self.path / SURFACE, (",".join(SURFACE_HEADER) + "\n").encode()
         if self._surface == "all" and path.exists():
             append_whole(path, block, sync)
         elif self._surface != "none":

@@ -3,26 +3,37 @@
 fields/ holds the mesh and every kept state in an HDF5 file each, made in memory and written aside and renamed: the HDF5
 library itself takes a full disk very badly. fields.xdmf names a state once its file is there. Where all states are kept
 each is added to it in one write before the tags that close it, so that the bytes written grow with their number.
+tip.xdmf is the same for the rigid tip, a mesh of its own: its points at first touch, and how far it has come down.
 """
 
 from __future__ import annotations
 
 import io
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import FIELDS, append_whole, content, field_files, write_atomically
+from indent_sim.results.outline import Outline
 
-CELLS = {3: "Triangle", 4: "Tetrahedron"}
-ARRAYS: dict[str, tuple[str, str, tuple[int, ...]]] = {
+CELLS = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
+Kinds = dict[str, tuple[str, str, tuple[int, ...]]]  # where the values of an array are, what each is, and its shape
+ARRAYS: Kinds = {
     "displacement": ("Node", "Vector", (3,)),
-    "stress": ("Cell", "Tensor", (9,)),
     "pressure": ("Node", "Scalar", ()),
+    "stress": ("Cell", "Tensor", (9,)),
+    "von_mises": ("Cell", "Scalar", ()),
+    "principal_stresses": ("Cell", "Vector", (3,)),
+    "J": ("Cell", "Scalar", ()),
+    "energy_density": ("Cell", "Scalar", ()),
 }
-XDMF, MESH, OLD = "fields.xdmf", "mesh.h5", "fields.h5"
+LASTING: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
+OF_TIP: Kinds = {"displacement": ("Node", "Vector", (3,))}
+XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
 GRID = re.compile(
     r'<Grid Name="step (?P<step>\d{1,9})".*?Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n', re.DOTALL
 )
@@ -35,28 +46,29 @@ TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 @dataclass(frozen=True)
 class _Kept:
-    """A state in the files: its step, depth and XDMF."""
+    """A state in the files: its step, depth, and XDMF of body and tip."""
 
     step: int
     delta: float
-    text: str
+    texts: dict[str, str]
 
 
 class FieldWriter:
-    """A growing time series of displacement [length], stress and pressure [pressure] on one mesh.
+    """A growing time series of the fields of `ARRAYS` on one mesh, and of the tip above it.
 
-    points (n, 2) or (n, 3) [length], two columns being (x, z); cells (m, 3) or (m, 4) vertex numbers. All states are
-    kept, or the deepest and the last. The time of a state is its step: depths may go back.
+    points (n, 2) or (n, 3) [length], two columns being (x, z); cells (m, 3) or (m, 4) vertex numbers; regions (m,). All
+    states are kept, or the deepest and the last. The time of a state is its step: depths may go back.
     With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
     missing, damaged or of another mesh: then they begin anew.
     """
 
-    def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, *, keep_all: bool = False,
-                 done: int | None = None):  # fmt: skip
+    def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, regions: np.ndarray, tip: Outline, *,
+                 keep_all: bool = False, done: int | None = None):  # fmt: skip
         self.directory = Path(directory)
         self._all = keep_all
-        self._points, self._cells = in_space(points), np.asarray(cells)
-        self._counts = {"Node": len(self._points), "Cell": len(self._cells)}
+        self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions),
+                      "tip_points": tip.points, "tip_cells": tip.cells}  # fmt: skip
+        self._tip = tip
         found = self._found(done) if done is not None else None
         self.continued = found is not None
         self._kept = found or []
@@ -64,16 +76,16 @@ class FieldWriter:
             self._begin()
         self._save()
 
-    def write(
-        self, step: int, delta: float, displacement: np.ndarray, stress: np.ndarray, pressure: np.ndarray
-    ) -> None:
-        """Add one state: displacement (n, 2 or 3), stress (m, 3, 3), pressure (n,). OSError on a full disk."""
-        values = {"displacement": in_space(displacement), "stress": stress, "pressure": pressure}
-        arrays = {name: np.reshape(value, self._shape(name)).astype("<f8") for name, value in values.items()}
+    def write(self, step: int, delta: float, fields: Mapping[str, np.ndarray]) -> None:
+        """Add one state: the fields of `ARRAYS`, displacement (n, 2 or 3). OSError on a full disk."""
+        values = {**fields, "displacement": in_space(fields["displacement"])}
+        arrays = {name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in ARRAYS}
+        arrays["tip_displacement"] = self._tip.at(delta).astype("<f8")
         write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
         state = self._state(step, delta)
         if self._all:
-            append_whole(self.directory / XDMF, state.text.encode(), sync=False, tail=TAIL.encode())
+            for name, text in state.texts.items():
+                append_whole(self.directory / name, text.encode(), sync=False, tail=TAIL.encode())
             return
         deepest = sorted(self._kept, key=lambda kept: kept.delta)[-1:]
         self._kept = [*(kept for kept in deepest if kept.delta > delta), state]
@@ -86,7 +98,8 @@ class FieldWriter:
     def _begin(self) -> None:
         """The mesh in a folder that has no state."""
         self._fields.mkdir(exist_ok=True)
-        mesh = {"points": self._points.astype("<f8"), "cells": self._cells.astype("<i8")}
+        kinds = {"f": "<f8"}
+        mesh = {name: values.astype(kinds.get(values.dtype.kind, "<i8")) for name, values in self._mesh.items()}
         write_atomically(self._fields / MESH, _hdf5(mesh), sync=False)
         (self.directory / OLD).unlink(missing_ok=True)
 
@@ -94,7 +107,7 @@ class FieldWriter:
         """The states up to step `done` in the files of an earlier run; None where they are of no use."""
         try:
             mesh = _arrays(self._fields / MESH)
-            if not (np.array_equal(mesh["points"], self._points) and np.array_equal(mesh["cells"], self._cells)):
+            if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
                 return None
             grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
             kept = [self._state(int(grid["step"]), float(grid["delta"])) for grid in grids if int(grid["step"]) <= done]
@@ -108,30 +121,34 @@ class FieldWriter:
 
     def _shape(self, name: str) -> tuple[int, ...]:
         center, _, components = ARRAYS[name]
-        return (self._counts[center], *components)
+        return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
     def _state(self, step: int, delta: float) -> _Kept:
-        attributes = "".join(
-            f'<Attribute Name="{name}" Center="{center}" AttributeType="{kind}">'
-            f"{_item(_file(step), name, self._shape(name))}</Attribute>\n"
-            for name, (center, kind, _) in ARRAYS.items()
-        )
-        head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
-        depth = f'<Information Name="delta" Value="{delta:.17g}"/>\n'
-        return _Kept(step, delta, f"{head}{depth}{self._mesh()}{attributes}</Grid>\n")
+        texts = {XDMF: self._grid(step, delta, "", ARRAYS, LASTING), TIP: self._grid(step, delta, "tip_", OF_TIP, {})}
+        return _Kept(step, delta, texts)
 
-    def _mesh(self) -> str:
-        cells, corners = self._cells.shape
+    def _grid(self, step: int, delta: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
+        """A state of the mesh whose arrays begin with a prefix."""
+        points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
+        counts = {"Node": len(points), "Cell": len(cells)}
+        items = [_attribute(_file(step), f"{prefix}{name}", name, kind, counts) for name, kind in arrays.items()]
+        items += [_attribute(MESH, name, name, kind, counts, "Int") for name, kind in lasting.items()]
+        corners = cells.shape[1]
+        many = f' NodesPerElement="{corners}"' if corners == 2 else ""
         return (
-            f'<Topology TopologyType="{CELLS[corners]}" NumberOfElements="{cells}">'
-            f"{_item(MESH, 'cells', (cells, corners), 'Int')}</Topology>\n"
-            f'<Geometry GeometryType="XYZ">{_item(MESH, "points", self._points.shape)}</Geometry>\n'
+            f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
+            f'<Information Name="delta" Value="{delta:.17g}"/>\n'
+            f'<Topology TopologyType="{CELLS[corners]}"{many} NumberOfElements="{len(cells)}">'
+            f"{_item(MESH, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
+            f'<Geometry GeometryType="XYZ">{_item(MESH, f"{prefix}points", points.shape)}</Geometry>\n'
+            f"{''.join(items)}</Grid>\n"
         )
 
     def _save(self) -> None:
         """Name the states that are kept, and no others; then theirs may go."""
-        text = HEAD + "".join(state.text for state in self._kept) + TAIL
-        write_atomically(self.directory / XDMF, text, sync=False)
+        for name in (XDMF, TIP):
+            text = HEAD + "".join(state.texts[name] for state in self._kept) + TAIL
+            write_atomically(self.directory / name, text, sync=False)
         named = {MESH, *(_file(state.step) for state in self._kept)}
         for path in field_files(self._fields):
             if path.name not in named:
@@ -151,6 +168,28 @@ def lost_fields(folder: Path) -> list[str]:
     return [f"{FIELDS}/{name}" for name, arrays in wanted.items() if not arrays <= _names(folder / FIELDS / name)]
 
 
+def kept_steps(folder: Path) -> dict[int, float]:
+    """The steps whose fields are in a result folder, with their depths [length]; none without fields."""
+    try:
+        text = content(folder / XDMF).decode("utf-8")
+        return {int(grid["step"]): float(grid["delta"]) for grid in GRID.finditer(text)}
+    except (OSError, ValueError):
+        return {}
+
+
+def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
+    """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError when damaged."""
+    try:
+        found = _arrays(folder / FIELDS / MESH) | _arrays(folder / FIELDS / _file(step))
+        counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
+        kinds = ARRAYS | LASTING
+        if all(found[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
+            return found
+        raise ValueError("its arrays do not belong together")
+    except Exception as error:  # HDF5 has an error for every way of being damaged
+        raise UsageError(f"the fields of step {step} in {folder} cannot be read: {error}") from None
+
+
 def in_space(vectors: np.ndarray) -> np.ndarray:
     """(n, 2) vectors of the (x, z) plane as (n, 3); (n, 3) as they are."""
     vectors = np.asarray(vectors, dtype=float)
@@ -161,6 +200,14 @@ def in_space(vectors: np.ndarray) -> np.ndarray:
 
 def _file(step: int) -> str:
     return f"step-{step}.h5"
+
+
+def _attribute(file: str, array: str, name: str, kind: tuple[str, str, tuple[int, ...]], counts: Mapping[str, int],
+               number: str = "Float") -> str:  # fmt: skip
+    """An array of a file as the values of a grid."""
+    center, rank, components = kind
+    head = f'<Attribute Name="{name}" Center="{center}" AttributeType="{rank}">'
+    return f"{head}{_item(file, array, (counts[center], *components), number)}</Attribute>\n"
 
 
 def _item(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:

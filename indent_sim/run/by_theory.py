@@ -65,7 +65,7 @@ class TheoryWalk:
         p, u_z = np.asarray(found.pressure(r)), np.asarray(found.u_z(r))
         gap = np.where(r <= found.a, 0.0, tip.height(r, 0 * r) - found.delta - u_z)
         u = np.column_stack([np.full_like(r, nan), 0 * r, u_z])
-        return Surface(r + self._start, 0 * r, u, gap, np.where(np.isfinite(p), p, nan))
+        return Surface(r + self._start, 0 * r, u, gap, np.where(np.isfinite(p), p, nan), 0 * r)
 
     @property
     def _start(self) -> float:

@@ -42,13 +42,13 @@ class Record:
         self._folder.__exit__(*error)
         self.report = dict(self._folder.report)
 
-    def open_fields(self, points: Any, cells: Any, keep: Keep) -> None:
+    def open_fields(self, *mesh: Any, keep: Keep) -> None:
         """Prepare the field files, from the mesh that rank 0 has."""
-        self._on_root(ResultFolder.open_fields, points, cells, keep=keep)
+        self._on_root(ResultFolder.open_fields, *mesh, keep=keep)
 
-    def write_fields(self, state: State, *fields: Any) -> None:
-        """Write displacement, stress and pressure of a state, which rank 0 has; call before its `append`."""
-        self._on_root(ResultFolder.write_fields, state, *fields)
+    def write_fields(self, state: State, fields: Any) -> None:
+        """Write the fields of a state, which rank 0 has; call before its `append`."""
+        self._on_root(ResultFolder.write_fields, state, fields)
 
     def append(self, state: State) -> None:
         """Add the row of a converged state."""

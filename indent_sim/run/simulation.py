@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.fe.environment import load_dolfinx
 from indent_sim.mesh import gmsh
+from indent_sim.mesh.grid import Grid
 from indent_sim.model.state import State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
 from indent_sim.process.ranks import on_root
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
+from indent_sim.results.outline import drawn_width, outline
 from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars
 from indent_sim.run.plausibility import contradiction
@@ -61,7 +63,7 @@ class Simulation:
             self._fields = self._mesh = None
             return
         record, scene, clock = self.record, self.scene, self.clock
-        part, L = scene.physics.part, scene.physics.scales.length
+        part = scene.physics.part
         answer: Any = on_root(record.comm, gmsh.begin, part, scene.sizes)  # it is meshed while the libraries load
         with clock.stage("imports"):
             fe = backend()
@@ -84,8 +86,17 @@ class Simulation:
         wanted = self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
-            points, cells = (grid.points * L, grid.cells) if grid is not None else (None, None)
-            record.open_fields(points, cells, self._keep_fields)
+            record.open_fields(*self._shown(grid), keep=self._keep_fields)
+
+    def _shown(self, grid: Grid | None) -> tuple[Any, ...]:
+        """The mesh of the fields and the tip above it, in the user's units, on the rank that has them."""
+        if grid is None:
+            return ()
+        physics, scales = self.scene.physics, self.scene.physics.scales
+        tip, center = scales.unscaled(physics.indenter), tuple(c * scales.length for c in physics.center)
+        width = drawn_width(tip, self.scene.plan.prediction["a"], max(physics.deltas) * scales.depth)
+        drawn = outline(tip, center, width, physics.part.kinematics.name, scales.pieces)
+        return grid.points * scales.length, grid.cells, grid.regions, drawn
 
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
@@ -214,10 +225,11 @@ class Simulation:
     def _write_fields(self, state: State) -> None:
         if self._fields is None:
             return
-        L, P = self.scene.physics.scales.length, self.scene.physics.scales.pressure
+        scales = self.scene.physics.scales
+        units = {"displacement": scales.length, "J": 1.0}
         self._walk.return_to_row()
-        fields = self._fields.gather() or ()  # rank 0 has them
-        self.record.write_fields(state, *(field * unit for field, unit in zip(fields, (L, P, P), strict=False)))
+        fields = (self._fields.gather() or {}).items()  # rank 0 has them
+        self.record.write_fields(state, {name: field * units.get(name, scales.pressure) for name, field in fields})
 
 
 def backend() -> Any:

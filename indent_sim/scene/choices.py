@@ -7,6 +7,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
@@ -59,6 +60,13 @@ def model(given: Given) -> list[Choice]:
     ]
 
 
+def quantities(config: Config) -> list[Choice]:
+    """Quantities that carried units of their own, as they are in the scene's."""
+    own = f"{config.units.length} and {config.units.force}"
+    return [Choice(key_text(path), value, f"given as {text}; the scene is in {own}")
+            for path, (text, value) in config.source.quantities.items()]  # fmt: skip
+
+
 def formulations(given: Given) -> list[Choice]:
     """Displacements alone, or with a pressure, in each region."""
     regions = given.part.regions
@@ -75,7 +83,8 @@ def _key_of(region: Region, alone: bool) -> str:
 
 def _formulation(key: str, region: Region) -> Choice:
     nu, sign = region.material.constants.nu, ">=" if region.formulation == "mixed" else "<"
-    why = "as given" if region.material.formulation != "auto" else f"nu = {nu:g} {sign} {LOCKING:g}"
+    like = "" if region.material.is_isotropic else "as compressible as "
+    why = "as given" if region.material.formulation != "auto" else f"{like}nu = {nu:.6g} {sign} {LOCKING:g}"
     return Choice(key, region.formulation, why)
 
 

@@ -14,7 +14,7 @@ from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
-from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, Pyramid, Sphere, reach
+from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, RegularPyramid, Sphere, reach
 from indent_sim.scene.given import Given
 from indent_sim.scene.theories import Theory, half_space_force
 
@@ -210,7 +210,7 @@ def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float,
             return 0.2 / tan(angle), "0.2 cot(half_angle)"
         case Cone(tip_radius=radius):
             return 0.2 * a / radius, "0.2 a/tip_radius"
-        case Pyramid(half_angle=angle, roundness=roundness):
+        case RegularPyramid(half_angle=angle, roundness=roundness):
             return 0.2 / (roundness * tan(angle)), "0.2 cot(half_angle of the cone of equal sections)"
         case Profile() if a < reach(tip):
             return 0.2 * tip.slope(a), "0.2 times the slope at the contact's edge"

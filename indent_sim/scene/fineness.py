@@ -110,14 +110,22 @@ def elements_for(target: float, dim: int, confined: bool = False) -> float:
     return min(max(n, FEWEST[dim]), MOST)
 
 
+def steepness(decay: tuple[float, float]) -> float:
+    """Times as many elements where the waves of a surface pressure fade so much more slowly or faster with the depth
+    than in an isotropic body: the error is about as many times as large."""
+    slow, fast = decay
+    return float(max(1 / slow, fast, 1.0) ** (1 / RATE))
+
+
 def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[float, float, float]], dim: int,
-                confined: bool, stiffness_given: bool) -> Fineness:  # fmt: skip
+                confined: bool, stiffness_given: bool, steeper: float = 1.0) -> Fineness:  # fmt: skip
     """The fineness for a relative target, or with that many elements in the radius.
 
     contacts: (depth, expected contact radius, mean pressure) of the shallowest and the deepest step in contact.
+    steeper: times as many elements as in an isotropic body, see `steepness`.
     """
     largest = max(a for _, a, _ in contacts)
     smallest = max(min(a for _, a, _ in contacts), SMALLEST[dim] * largest)
     compliance = max(SINKING * pressure / delta for delta, _, pressure in contacts)
-    n = elements or elements_for(target, dim, confined)
+    n = elements or min(steeper * elements_for(target, dim, confined), MOST)
     return Fineness(target, n, smallest, largest, compliance, dim, stiffness_given)

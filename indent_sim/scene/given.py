@@ -236,10 +236,11 @@ def _formulation(key: str, material: Material) -> str:
     """Displacements alone, or with a pressure; ConfigError where the material or the elements cannot."""
     nu, wanted = material.constants.nu, material.formulation
     chosen = wanted if wanted != "auto" else "mixed" if nu >= LOCKING else "displacement"
+    said = f"nu = {nu:g}" if material.is_isotropic else f"matter as compressible as nu = {nu:.6g}"
     if chosen == "displacement" and nu > MOST_COMPRESSED:
-        raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry nu = {nu:g}", "use 'mixed'")
+        raise ConfigError(f"{key}.formulation", f"displacement elements cannot carry {said}", "use 'mixed'")
     if chosen == "mixed" and nu <= 0:
-        raise ConfigError(f"{key}.formulation", f"'mixed' needs nu > 0, got {nu:g}", "use 'displacement'")
+        raise ConfigError(f"{key}.formulation", f"'mixed' needs nu > 0, and this is {said}", "use 'displacement'")
     return chosen
 
 

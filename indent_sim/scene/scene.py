@@ -150,7 +150,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = Physics(given.scales, given.body, given.part, 0.0, given.tip, given.center, ActiveSet(), "reference",
                       given.path, given.deltas)  # fmt: skip
-    chosen = (solver, *choices.by_theory(config, given), *choices.experiment(config, given, solver))
+    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given),
+              *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
     against = (*of_theory(given), *of_whole_contact(given))
     plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted)
@@ -171,9 +172,9 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
         raise _unaffordable(config, given, law, sizes, work, fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
-    chosen = (*choices.model(given), *choices.formulations(given), gap_choice, law_choice, *tip_choice, *wall_choice,
-              *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness), solver, linear,
-              *choices.experiment(config, given, solver))  # fmt: skip
+    chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
+              *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
+              solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.corners import Corner, corners
-from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, target_of
+from indent_sim.scene.fineness import Fineness, SettledSizes, elements_for, fineness_of, steepness, target_of
 from indent_sim.scene.given import Given
 
 if TYPE_CHECKING:
@@ -38,14 +38,15 @@ EDGE_RATIO = {2: 20.0, 3: 4.0}  # refinement towards a punch's sharp edge, where
 
 def choose(a: float, height: float, width: float, dim: int, settled: SettledSizes, *,
            axis: tuple[float, ...], edge: float | None, last: float | None = None, round_radius: float | None = None,
-           keenness: float = 1.0) -> Sizes:  # fmt: skip
+           keenness: float = 1.0, steeper: float = 1.0) -> Sizes:  # fmt: skip
     """Sizes for an expected contact radius a in a body of the given height and width [length].
 
     last: the radius to expect at the last step, if there is contact [length].
     round_radius: of a curved wall, which straight facets follow [length].
     keenness: how much finer than usual a punch's edge must be, in two dimensions; in three it would cost too much.
+    steeper: times as many elements as in an isotropic body, in the contact radius and below it.
     """
-    fine = rounded(settled.h_contact or min(a / PER_RADIUS[dim], height / 4))  # what follows must not know
+    fine = rounded(settled.h_contact or min(a / (steeper * PER_RADIUS[dim]), height / 4))  # what follows must not know
     wide = min(max(a / width - 0.5, 0.0), 0.5)  # who chose it. Wide contacts feel the corners at the base
     coarse = (0.25 - 0.3 * wide) * max(height, width)
     far = settled.h_far or max(fine, min(coarse, round_radius / PER_WALL_RADIUS) if round_radius else coarse)
@@ -53,7 +54,7 @@ def choose(a: float, height: float, width: float, dim: int, settled: SettledSize
     ratio = EDGE_RATIO[dim] * (keenness if dim == 2 else 1.0)
     h_edge = rounded(settled.h_edge or fine / ratio) if edge is not None else None
     on_axis = rounded(settled.h_axis or (fine if settled.h_contact else fine * max((last or a) / a, SMALLEST)))
-    grading = rounded(settled.grading or GRADING)
+    grading = rounded(settled.grading or GRADING / steeper)
     return Sizes(fine, rounded(far), rounded(patch), grading, edge, h_edge,
                  h_axis=on_axis if on_axis < fine else None, a=rounded(a), keenness=keenness, axis=axis)  # fmt: skip
 
@@ -96,7 +97,7 @@ def fineness(config: Config, given: Given, per_radius: float | None) -> Fineness
     squeezed = max(a for _, a, _ in contacts) >= WIDE * given.body.height
     gives_way = squeezed and given.material.constants.nu >= INCOMPRESSIBLE
     confined = gives_way and not _is_sharp(given.tip)  # a sharp edge says where contact ends: nothing scatters
-    return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given)
+    return fineness_of(target, per_radius, contacts, given.dim, confined, stiffness_given, _steeper(given))
 
 
 def _fineness_of_file(part: MeshedPart, given: Given, target: float, per_radius: float | None,
@@ -108,6 +109,11 @@ def _fineness_of_file(part: MeshedPart, given: Given, target: float, per_radius:
     refinements = max(1, round(log2(n / coarse)) if per_radius else ceil(log2(n / coarse)))
     found = fineness_of(target, coarse * 2.0**refinements, contacts, given.dim, False, stiffness_given)
     return replace(found, refinements=refinements)
+
+
+def _steeper(given: Given) -> float:
+    """What an anisotropic top layer asks of the elements."""
+    return steepness(given.material.decay)
 
 
 def _is_sharp(tip: Indenter) -> bool:
@@ -151,7 +157,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE),
                           h_axis=rounded(given.adhesive[0] / PER_ADHESIVE))  # fmt: skip
     plain = choose(a, height, width, given.dim, settled, axis=given.center, edge=edge, last=last, round_radius=bend,
-                          keenness=keenness)  # fmt: skip
+                          keenness=keenness, steeper=_steeper(given))  # fmt: skip
     found = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
     if edge is not None and part.dim == 3 and part.bend is None:
         _refuse_lost_edge(edge * given.scales.length, LEAST_DISK * max(width, height) * given.scales.length)

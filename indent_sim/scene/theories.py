@@ -14,7 +14,20 @@ import numpy as np
 from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere
+from indent_sim.model.tips import (
+    Berkovich,
+    Cone,
+    CubeCorner,
+    FlatPunch,
+    Indenter,
+    Paraboloid,
+    Plate,
+    Profile,
+    Pyramid,
+    RegularPyramid,
+    Sphere,
+    Vickers,
+)
 from indent_sim.theory import half_space, profiles
 from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.layer import Layer
@@ -110,13 +123,13 @@ class KnownTip:
     force: Callable[[Any, float, float], float | None] = lambda tip, delta, E_star: None
 
 
-def _equal_sections(tip: Pyramid) -> profiles.Tip:
+def _equal_sections(tip: RegularPyramid) -> profiles.Tip:
     """The cone whose sections are as large as the pyramid's."""
     angle = np.degrees(np.arctan(tip.roundness * np.tan(np.radians(tip.half_angle))))
     return profiles.cone(float(angle), tip.tip_radius)
 
 
-def _square_pyramid(tip: Pyramid, delta: float, E_star: float) -> float | None:
+def _square_pyramid(tip: RegularPyramid, delta: float, E_star: float) -> float | None:
     return half_space.square_pyramid_force(delta, tip.half_angle, E_star) if tip.faces == 4 else None
 
 
@@ -137,7 +150,8 @@ TIPS: dict[type, KnownTip] = {
     FlatPunch: KnownTip(lambda tip: profiles.flat_punch(tip.radius, tip.edge_radius), "Sneddon (flat punch)",
                         lambda tip, delta, E_star: half_space.flat_punch_force(delta, tip.radius, E_star)),
     Plate: KnownTip(lambda tip: profiles.plane()),
-    Pyramid: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid),
+    **{kind: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid)
+       for kind in (Pyramid, Berkovich, Vickers, CubeCorner)},
     Profile: KnownTip(_of_points),
 }  # fmt: skip
 
@@ -172,7 +186,7 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
     wall, exact, why = _wall(body, center)
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
-    return _theory("layer theory", exact, why, layers, tip, contact, formulas)
+    return _isotropic(_theory("layer theory", exact, why, layers, tip, contact, formulas), layers)
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
@@ -230,7 +244,8 @@ def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
     formulas = _film_formulas(layers, tip)
-    return _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
+    found = _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
+    return found if len(layers) == 1 else _isotropic(found, layers)
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
@@ -260,6 +275,13 @@ def _theory(
     moduli = [layer.material.constants.E for layer in layers if layer.material]
     error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / CONTRAST) ** STEEP
     return Theory(name, exact, why, contact, error, formulas)
+
+
+def _isotropic(found: Theory, layers: Sequence[BodyLayer]) -> Theory:
+    """Theory of layers, whose materials are isotropic: of the same indentation modulus where the body's are not."""
+    if all(layer.material and layer.material.is_isotropic for layer in layers):
+        return found
+    return replace(found, exact=False, why="theory's layers are isotropic")
 
 
 def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Formula]:

@@ -83,6 +83,7 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
         beyond *= FARTHER
         walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
         error = abs(walled.force / deepest.force - 1) if walled else inf
+    beyond *= max(1.0, *(decay[1] for decay in _decays(layers)))  # a stiff plane carries it farther
     width, error = float(f"{radius + beyond:.6g}"), MARGIN * max(error, LEAST)
     finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
     if not tip.of_revolution:
@@ -100,10 +101,11 @@ def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer
     shape, deepest = next((shape, found) for shape, found in contacts if found)
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
     target, ratio = SHARE * ACCURACY, max(100.0, 10 * max(above, _reach(body)) / deepest.a)
-    error = _error(shape, modelled, deepest, ratio)
+    deeper = max(1.0, *(1 / decay[0] for decay in _decays(layers)))  # than isotropic layers the base is felt
+    error = deeper * _error(shape, modelled, deepest, ratio)
     while error > target:
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
-        error = _error(shape, modelled, deepest, ratio)
+        error = deeper * _error(shape, modelled, deepest, ratio)
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
     finite: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
@@ -119,6 +121,10 @@ def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> floa
     start = section_depth(tip, force, material.E_star, 3)
     theory = half_space_theory(tip, layers, max(start, tip.radius_at(start)))
     return (theory and theory.depth(force, 1e6 * start)) or start
+
+
+def _decays(layers: Sequence[Layer]) -> list[tuple[float, float]]:
+    return [layer.material.decay for layer in layers if layer.material]
 
 
 def _compressible(material: Material | None) -> Material:

@@ -9,5 +9,6 @@ from __future__ import annotations
 
 from indent_sim.study.conduct import Study, as_json, carry_out
 from indent_sim.study.file import StudyFile, read
+from indent_sim.study.plan import Plan, plan
 
-__all__ = ["Study", "StudyFile", "as_json", "carry_out", "read"]
+__all__ = ["Plan", "Study", "StudyFile", "as_json", "carry_out", "plan", "read"]

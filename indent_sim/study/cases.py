@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,12 +19,16 @@ from indent_sim.study.file import StudyFile
 from indent_sim.study.grid import Multiple, Point, Setting
 
 MOST_TOLD = 20  # errors
+LONGEST = 80  # letters of a run's name before its id
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study: a row of its table. `id` names the physics: equal ids are one run."""
+    """One run of a study: a row of its table. `id` names the physics: equal ids are one run.
+
+    `name`, of its folder, says what varies before that.
+    """
 
     index: int
     values: dict[str, Any]
@@ -35,6 +40,12 @@ class Case:
     def words(self) -> str:
         """The varied keys in words."""
         return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
+
+    @property
+    def name(self) -> str:
+        """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and the id."""
+        words = "_".join(f"{key.split('.')[-1]}={short(value)}" for key, value in self.values.items())
+        return f"{re.sub(r'[^A-Za-z0-9=.+_-]+', '_', words)[:LONGEST].lstrip('.-')}-{self.id}"
 
     @property
     def problem(self) -> str:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from indent_sim.process.errors import NotConverged
+from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.process.usage import machine_memory
 from indent_sim.results import reader
+from indent_sim.results.reader import Results
 from indent_sim.study import cases as case_list
-from indent_sim.study import file, folder, picture, table, verdict
-from indent_sim.study.cases import Case, Refusal
-from indent_sim.study.file import StudyFile
+from indent_sim.study import curves, file, folder, picture, table, verdict
+from indent_sim.study.cases import Case
 from indent_sim.study.folder import StudyFolder
 from indent_sim.study.table import Row
 from indent_sim.study.truth import Comparison
-from indent_sim.study.worker import Ending, Run, Worker
+from indent_sim.study.worker import Ending, Workers
 
 Tell = Callable[[str], None]
+BY_THEORY = 0.2  # s
 
 
 @dataclass(frozen=True)
@@ -59,68 +62,101 @@ def carry_out(
     output: Path | None = None,
     resume: bool = False,
     shard: tuple[int, int] | None = None,
+    jobs: int = 1,
     tell: Tell = lambda line: None,
 ) -> Study:
     """Do the study of a file. `shard` (i, n): do every n-th run from the i-th on, and write no table.
 
-    A run that fails is a row. Raises UsageError, ConfigError (before any run), BackendError; NotConverged when
-    no run at all gave a result.
+    `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row. Raises UsageError,
+    ConfigError (before any run), BackendError; NotConverged when no run at all gave a result.
     """
     study = file.read(path)
     cases, refusals = (case_list.of(study), []) if study.tolerance is None else case_list.sorted_out(study)
     against = Comparison(study, cases)
     directory, meshes = output or study.directory, any(case.scene.is_meshed for case in cases)
-    with folder.opened(directory, resume=resume, shared=shard is not None) as place, Worker(meshes) as worker:
+    mine = case_list.sharded(case_list.unique(cases), shard)
+    _refuse_too_many(mine, jobs)
+    with folder.opened(directory, resume=resume, shared=shard is not None) as place, Workers(jobs, meshes) as workers:
         place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
-        conduct = _Conduct(place, worker, tell)
+        conduct = _Conduct(place, workers, tell)
         if shard is not None:
-            conduct(case_list.sharded(case_list.unique(cases), shard))
+            conduct(mine)
             return Study(directory, study.title, study.keys, against.name, [], against.notes)
         try:
-            conduct(case_list.unique(cases))
+            conduct(mine)
         finally:
-            finished = Study(directory, study.title, study.keys, against.name,
-                             _rows(study, cases, refusals, against, place), against.notes)  # fmt: skip
-            place.write(folder.TABLE, table.write(finished.rows))
-        _conclude(finished)
+            done = _done(mine, place)
+            rows = table.rows(cases, study.keys, done, against, refusals, study.tolerance, _names(mine, place))
+            finished = Study(directory, study.title, study.keys, against.name, rows, against.notes)
+            place.write(folder.TABLE, table.write(rows))
+            place.write(folder.CURVES, curves.write(curves.rows(mine, study.keys, done)))
+        _conclude(finished, curves.families(mine, study.keys, done))
     return finished
 
 
-class _Conduct:
-    """Does runs one after another, those left out that have ended before."""
+def _refuse_too_many(cases: Sequence[Case], jobs: int) -> None:
+    """UsageError when the machine has no memory for so many of the largest runs at a time."""
+    largest = sorted((case.scene.plan.prediction.get("memory_MB", 0.0) for case in cases), reverse=True)[:jobs]
+    available = machine_memory() / 1e6
+    if jobs > 1 and sum(largest) > available:
+        raise UsageError(f"{len(largest)} runs at a time need about {sum(largest):.3g} MB, this machine has "
+                         f"{available:.3g}: fewer --jobs")  # fmt: skip
 
-    def __init__(self, place: StudyFolder, run: Run, tell: Tell):
-        self.place, self.run, self.tell = place, run, tell
+
+class _Conduct:
+    """Does runs, as many at a time as there are workers, those left out that have ended before."""
+
+    def __init__(self, place: StudyFolder, workers: Workers, tell: Tell):
+        self.place, self.workers, self.tell = place, workers, tell
 
     def __call__(self, cases: Sequence[Case]) -> None:
-        waiting = [case for case in cases if not self.place.is_finished(case.id)]
+        waiting = [case for case in cases if not self.place.is_finished(case.name)]
         if len(waiting) < len(cases):
             self.tell(f"{len(cases) - len(waiting)} of {len(cases)} runs are there already")
-        for count, case in enumerate(waiting, start=1):
-            ending = self.run(case.config, self.place.run(case.id))
+        began, effort = time.monotonic(), sum(map(_effort, waiting))
+        left = effort
+        jobs = ((case, case.config, self.place.run(case.name)) for case in waiting)
+        for count, (case, ending) in enumerate(self.workers.done(jobs), start=1):
             if ending[0]:
-                self.place.fail(case.id, *ending)
+                self.place.fail(case.name, *ending)
             self.place.forget_old()
-            self.tell(f"run {count}/{len(waiting)}  {case.words}  {self._told(case, ending)}")
+            left -= _effort(case)
+            remains = _duration((time.monotonic() - began) * left / (effort - left)) if count < len(waiting) else ""
+            self.tell(f"run {count}/{len(waiting)}  {case.words}  {self._told(case, ending)}{remains}")
 
     def _told(self, case: Case, ending: Ending) -> str:
         code, reason = ending
         if code:
             return f"failed ({code}): {reason}"
-        found = reader.read_run(self.place.run(case.id))
+        found = reader.read_run(self.place.run(case.name))
         seconds = sum(found.report.get("cpu_timings", {}).values())
         return f"force {found['force'][-1]:.6g}  {seconds:.2f} s"
 
 
-def _rows(study: StudyFile, cases: Sequence[Case], refusals: Sequence[Refusal], against: Comparison,
-          place: StudyFolder) -> list[Row]:  # fmt: skip
-    ended = [case.id for case in case_list.unique(cases) if place.has_ended(case.id)]
-    done = {name: reader.read_run(place.run(name)) for name in ended}
-    return table.rows(cases, study.keys, done, against, refusals, study.tolerance)
+def _effort(case: Case) -> float:
+    """The seconds that a run is expected to take; by theory alone a part of one."""
+    return float(case.scene.plan.prediction.get("seconds", BY_THEORY))
 
 
-def _conclude(study: Study) -> None:
+def _duration(seconds: float) -> str:
+    """What remains, in words."""
+    minutes, hours = seconds / 60, seconds / 3600
+    said = f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min" if hours < 2 else f"{hours:.1f} h"
+    return f"  about {said} left"
+
+
+def _done(cases: Sequence[Case], place: StudyFolder) -> dict[str, Results]:
+    """The results of the runs that have ended, by id."""
+    return {case.id: reader.read_run(place.run(case.name)) for case in cases if place.has_ended(case.name)}
+
+
+def _names(cases: Sequence[Case], place: StudyFolder) -> dict[str, str]:
+    return {case.id: place.run(case.name).name for case in cases}
+
+
+def _conclude(study: Study, families: curves.Families) -> None:
     picture.draw(study.rows, study.keys, study.title, study.compared_with, study.directory / folder.PICTURE)
+    picture.draw_curves(families, study.title, study.directory / folder.CURVES_PICTURE)
     if len(study.failures) == len(study.rows):
         first = study.rows[0]
         raise NotConverged(f"no run of this study gave a result; the first: {first['reason']}")

@@ -24,6 +24,7 @@ from indent_sim.results.reader import read_run
 from indent_sim.results.writer import to_json
 
 RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
+CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
 RUNS, OLD_RUNS, LOCK = "runs", ".runs.old", ".lock"
 PATIENCE = 5.0  # s to wait for the worker of a killed study to be gone
 LASTING = ("done", "failed")
@@ -43,6 +44,7 @@ class StudyFolder:
         self.path = path
         self._resume, self._shared = resume or shared, shared
         self._lock = -1
+        self._names: dict[str, str] = {}  # of the folders of runs, by the name of their physics
 
     def __enter__(self) -> StudyFolder:
         _refuse_foreign(self.path)
@@ -56,6 +58,7 @@ class StudyFolder:
             if not self._resume and self._runs.exists():
                 self._runs.rename(self._old)
             self._runs.mkdir(exist_ok=True)
+            self._names = {entry.name.rpartition("-")[2]: entry.name for entry in self._runs.iterdir()}
         except OSError as error:
             self._release()
             raise UsageError(f"cannot write {self.path}: {error.strerror or error}") from error
@@ -68,8 +71,11 @@ class StudyFolder:
         self._release()
 
     def run(self, name: str) -> Path:
-        """The result folder of a run."""
-        return self._runs / name
+        """The result folder of a run: that of the same physics where there is one, whatever was varied then."""
+        physics = name.rpartition("-")[2]
+        if physics not in self._names:
+            self._names[physics] = name
+        return self._runs / self._names[physics]
 
     def is_finished(self, name: str) -> bool:
         """Whether a run has ended and would end so again: the machine did not kill it, and gave it memory and disk."""
@@ -151,9 +157,9 @@ class StudyFolder:
         """Make the old runs the runs again, beside those that are there; UsageError when one has the same name."""
         self._runs.mkdir(exist_ok=True)
         for entry in self._old.iterdir():
-            if os.path.lexists(self.run(entry.name)):
+            if os.path.lexists(self._runs / entry.name):
                 raise UsageError(f"{entry} is in the way of a study; move it somewhere else")
-            entry.rename(self.run(entry.name))
+            entry.rename(self._runs / entry.name)
         self._old.rmdir()
 
 

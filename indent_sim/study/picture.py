@@ -1,16 +1,25 @@
-"""study.png: what accuracy costs. Force error against CPU seconds, and against the varied number if there is one."""
+"""Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
+
+curves.png: force over depth of every run, and the last force over each varied number. study.png: force error against
+CPU seconds, and against the varied number if there is one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures.axes import axis, in_picture
+from indent_sim.results.pictures.curves import draw as draw_curve
+from indent_sim.results.pictures.curves import look as curve_look
 from indent_sim.study import table
 from indent_sim.study.cases import short
+from indent_sim.study.curves import Curve, Families
 from indent_sim.study.table import Row
 
 if TYPE_CHECKING:
@@ -24,6 +33,11 @@ FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and b
 MOST_LETTERS = 48  # of a name
 SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
+PANEL = 4.4  # inches: width and height of the panels of curves.png
+MOST_NUMBERS = 3  # panels of a varied number
+MOST_GROUPS = 12  # lines in them that are named
+MOST_CURVES_NAMED, LINES_BESIDE = 20, 20  # curves that are named beside the panels, and lines in a column there
+LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 
 
 def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, path: Path) -> None:
@@ -48,26 +62,134 @@ def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, p
         named = _front(panels["work"], front)
         if number:
             _against(panels["number"], groups, number)
-        _names(panels["names"], panels["work"], named, len(front), _telling(shown, keys))
+        _names(panels["names"], panels["work"], named, len(front), table.telling(shown, keys))
         canvas.save(figure, path)
+
+
+def draw_curves(families: Families, title: str, path: Path) -> None:
+    """Draw the curves of a study's runs, and their last forces over every varied number; without a run nothing."""
+    if not families.curves:
+        path.unlink(missing_ok=True)
+        return
+    numbers = families.numeric()[:MOST_NUMBERS]
+    coloured = _by_number(families, numbers)
+    panels = ["curves", *numbers, "names"]
+    longest = max(len(name) for name in families.apart())
+    beside = 0.9 if coloured else 0.7 + canvas.LETTER * min(longest, MOST_LETTERS) * _columns(families)
+    with canvas.canvas((PANEL * (1 + len(numbers)) + beside, PANEL)) as figure:
+        widths, lines = [*[PANEL] * (1 + len(numbers)), beside], canvas.LINE * _most_groups(families, numbers)
+        rows = [panels, [".", *(f"{key} groups" for key in numbers), "names"]]
+        axes: dict[str, Any] = figure.subplot_mosaic(rows, width_ratios=widths, height_ratios=[PANEL - lines, lines])
+        count = len(families.curves)
+        canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  every force at its run's own depth")
+        colours = [coloured.colour(i) if coloured else curve_look(i, count)["color"] for i in range(count)]
+        _curves(axes["curves"], families, colours)
+        for key in numbers:
+            _over(axes[key], families, key)
+            canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
+        axes["names"].axis("off")
+        if coloured:
+            coloured.bar(axes["names"])
+        else:
+            canvas.legend_in(axes["names"], axes["curves"], _columns(families))
+        canvas.save(figure, path)
+
+
+@dataclass(frozen=True)
+class _Shades:
+    """The colour of each curve by a number that varies."""
+
+    key: str
+    values: Sequence[float]
+    norm: Any
+
+    def colour(self, i: int) -> Any:
+        from matplotlib import colormaps
+
+        return colormaps["viridis"](0.9 * float(self.norm(self.values[i])))
+
+    def bar(self, beside: Axes) -> None:
+        """What the colours stand for, at the side of the panels."""
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import LinearSegmentedColormap
+
+        shades = LinearSegmentedColormap.from_list("shades", [_map(0.9 * i / 255) for i in range(256)])
+        bar = beside.figure.colorbar(ScalarMappable(self.norm, shades), ax=beside, fraction=0.9, aspect=25,
+                                     label=in_picture(_last(self.key)))  # fmt: skip
+        bar.outline.set_visible(False)
+
+
+def _map(share: float) -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["viridis"](share)
+
+
+def _by_number(families: Families, numbers: Sequence[str]) -> _Shades | None:
+    """Colours by the only number that varies, or by the first where the curves are too many for names."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    if not numbers or not (len(families.keys) == 1 or len(families.curves) > MOST_CURVES_NAMED):
+        return None
+    values = [float(curve.values[numbers[0]]) for curve in families.curves]
+    low, high = min(values), max(values)
+    norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
+    return _Shades(numbers[0], values, norm)
+
+
+def _columns(families: Families) -> int:
+    """Columns of the legend beside the panels."""
+    return -(-len(families.curves) // LINES_BESIDE)
+
+
+def _curves(axes: Axes, families: Families, colours: Sequence[Any]) -> None:
+    """Force over depth of every run."""
+    runs = [curve.results for curve in families.curves]
+    depth, force = axis("delta", runs), axis("force", runs)
+    for run, name, colour in zip(runs, families.apart(), colours, strict=True):
+        look = {"color": colour, "marker": ""}
+        draw_curve(axes, run["delta"], depth(run["delta"]), force(run["force"]), look, in_picture(name, MOST_LETTERS))
+    canvas.name_axes(axes, depth.label, force.label)
+    axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+
+
+def _over(axes: Axes, families: Families, key: str) -> None:
+    """The last force of every run over a varied number, a line for those that differ in it alone."""
+    runs = [curve.results for curve in families.curves]
+    force, others = axis("force", runs), [other for other in families.keys if other != key]
+    groups = _groups_of(families, others)
+    for i, (name, curves) in enumerate(groups.items()):
+        along = sorted(curves, key=lambda curve: curve.values[key])
+        x = [float(curve.values[key]) for curve in along]
+        look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
+        label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
+        axes.plot(x, force([curve.results["force"][-1] for curve in along]), lw=1.0, ms=5, color=look["color"],
+                  marker=look["marker"] or ".", label=label)  # fmt: skip
+    values = [float(curve.values[key]) for curve in families.curves]
+    if min(values) > 0 and max(values) > LOG_SPAN * min(values):
+        axes.set_xscale("log")
+    canvas.name_axes(axes, in_picture(_last(key)), f"last {force.label}")
+
+
+def _groups_of(families: Families, others: Sequence[str]) -> dict[str, list[Curve]]:
+    """The curves by their other varied keys, in words."""
+    groups: dict[str, list[Curve]] = {}
+    for curve in families.curves:
+        groups.setdefault(curve.name(others), []).append(curve)
+    return groups
+
+
+def _most_groups(families: Families, numbers: Sequence[str]) -> int:
+    """Lines that the legends of the varied numbers need, two names in each."""
+    counts = [len(_groups_of(families, [other for other in families.keys if other != key])) for key in numbers]
+    return max([1, *(-(-count // 2) + 1 for count in counts if 1 < count <= MOST_GROUPS)])
 
 
 def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
     for i, (name, rows) in enumerate(groups.items()):
-        look = _mark(i) | {"label": canvas.in_picture(name) or "runs"}
+        look = _mark(i) | {"label": in_picture(name) or "runs"}
         axes.plot([row["cpu_s"] for row in rows], [_error(row) for row in rows], ls="", **look)
     _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
-
-
-def _telling(rows: Sequence[Row], keys: Sequence[str]) -> list[str]:
-    """The keys that vary, without those that another one decides: of keys that go together the first."""
-    kept: list[str] = []
-    for key in keys:
-        values = {other: {short(row[other]) for row in rows} for other in (*kept, key)}
-        pairs = {other: {(short(row[other]), short(row[key])) for row in rows} for other in kept}
-        if len(values[key]) > 1 and all(len(pairs[other]) > len(values[other]) for other in kept):
-            kept.append(key)
-    return kept or list(keys)
 
 
 def _front(axes: Axes, front: Sequence[Row]) -> list[Row]:
@@ -108,10 +230,10 @@ def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
             ls="-" if is_curve else "",
             lw=1.0,
             **_mark(i),
-            label=canvas.in_picture(name),
+            label=in_picture(name),
         )
     _log_axes(
-        axes, canvas.in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
+        axes, in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None]
     )
 
 
@@ -132,7 +254,7 @@ def _brief(row: Row, keys: Sequence[str]) -> str:
     parts = [f"{_last(key)} {short(row[key])}" if _is_number(row[key]) else short(row[key])
              for key in keys if row[key] is not None]  # fmt: skip
     text = ", ".join(parts)
-    return canvas.in_picture(text, MOST_LETTERS)
+    return in_picture(text, MOST_LETTERS)
 
 
 def _last(key: str) -> str:

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,12 @@ Row = dict[str, Any]
 
 
 def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results], against: Comparison,
-         refusals: Sequence[Refusal] = (), tolerance: float | None = None) -> list[Row]:  # fmt: skip
+         refusals: Sequence[Refusal] = (), tolerance: float | None = None,
+         names: Mapping[str, str] = MappingProxyType({})) -> list[Row]:  # fmt: skip
     """One row per case or refusal, in order: index, run, every varied key, then `COLUMNS`; what is unknown is None.
 
     done: the results (table and run.json) of every run that has ended, by id; a case without any is "pending".
+    names: of the runs' folders, by id.
     With a tolerance of the force every row has a verdict.
     """
     against.find_finest(cases, {name: found for name, found in done.items() if found.report["status"] == "done"})
@@ -45,7 +48,7 @@ def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]
     if tolerance is not None:
         for row in found:
             row["verdict"] = verdict(row, tolerance, is_reference=row["run"] in against.references)
-    return found
+    return [row | {"run": names.get(row["run"], row["run"])} for row in found]
 
 
 def write(table: Sequence[Row]) -> str:
@@ -55,6 +58,17 @@ def write(table: Sequence[Row]) -> str:
     writer.writeheader()
     writer.writerows({name: _cell(value) for name, value in row.items()} for row in table)
     return text.getvalue()
+
+
+def telling(table: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> list[str]:
+    """The keys that vary, without those that another one decides: of keys that go together the first."""
+    kept: list[str] = []
+    for key in keys:
+        values = {other: {short(row[other]) for row in table} for other in (*kept, key)}
+        pairs = {other: {(short(row[other]), short(row[key])) for row in table} for other in kept}
+        if len(values[key]) > 1 and all(len(pairs[other]) > len(values[other]) for other in kept):
+            kept.append(key)
+    return kept or list(keys)
 
 
 def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer | None) -> Row:

@@ -22,7 +22,7 @@ SAME_DEPTH = 1e-9  # relative
 MOST_DEPTHS = 200  # at which theory is asked
 AROUND = 1.3  # times an expected depth the one found may be
 RADII = 200  # at which theory's pressure is looked at for its peak
-ALONE = "no two of these runs ask the same question, so none has an error: vary mesh, contact or solver, or compare_to"
+ALONE = "every run asks a question of its own and is compared with no other; curves.csv and curves.png have the curves"
 NAN = math.nan
 
 

@@ -10,11 +10,12 @@ import gc
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from multiprocessing import connection
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from indent_sim.config.schema import Config
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
@@ -37,6 +38,7 @@ LAUNCHERS = (
 ABORTING = (UsageError, BackendError)  # no fault of the run: the next one would end the same way
 
 Ending = tuple[int, str]  # exit code and reason
+Named = TypeVar("Named")
 
 
 class Worker:
@@ -56,17 +58,30 @@ class Worker:
 
     def __call__(self, config: Config, directory: Path) -> Ending:
         """Run a config into a folder; exit code and reason. UsageError and BackendError are raised."""
+        self.begin(config, directory)
+        return self.end()
+
+    def begin(self, config: Config, directory: Path) -> None:
+        """Begin a run; `end` waits for it."""
         if self._process is None or self._done >= LIFETIME:
             self._start()
         self._done += 1
-        try:
+        with suppress(OSError):  # a worker that has died says so at the end
             self._pipe.send((config, directory))
+
+    def end(self) -> Ending:
+        """How the run that was begun ended; errors as of a call."""
+        try:
             ending = self._pipe.recv()
         except (EOFError, OSError):
             return self._death()
         if isinstance(ending, IndentSimError):
             raise ending
         return ending
+
+    def fileno(self) -> int:
+        """What `first_ready` waits for."""
+        return int(self._pipe.fileno())
 
     def _start(self) -> None:
         self._stop()
@@ -142,4 +157,38 @@ def _warm_up() -> None:
         signal.signal(crash, signal.SIG_DFL)
 
 
-Run = Callable[[Config, Path], Ending]
+Job = tuple[Named, Config, Path]  # a name, a config, and the folder it runs into
+
+
+class Workers:
+    """Several workers, each doing one run after another; a context manager."""
+
+    def __init__(self, count: int, meshes: bool):
+        self._workers = [Worker(meshes) for _ in range(count)]
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        for worker in self._workers:
+            worker.__exit__(*error)
+
+    def done(self, jobs: Iterable[Job[Named]]) -> Iterator[tuple[Named, Ending]]:
+        """Do the jobs, as many at a time as there are workers; each with its ending as soon as that is known."""
+        waiting, busy = iter(jobs), {}
+        idle = list(self._workers)
+        while True:
+            for worker, (name, config, directory) in zip(list(idle), waiting, strict=False):
+                idle.remove(worker)
+                worker.begin(config, directory)
+                busy[worker] = name
+            if not busy:
+                return
+            ready = first_ready(list(busy))
+            idle.append(ready)
+            yield busy.pop(ready), ready.end()
+
+
+def first_ready(workers: Sequence[Worker]) -> Worker:
+    """Wait until one of them has ended its run."""
+    return connection.wait(workers)[0]  # type: ignore[return-value, arg-type]

@@ -23,24 +23,6 @@ def E_star(E: float, nu: float) -> float:
     return E / (1.0 - nu**2)
 
 
-def transverse_modulus(E: float, E_z: float, nu: float, nu_z: float, G_z: float) -> float:
-    """M [F/L^2], which stands for E* where the material is transversely isotropic about the axis z of the tip.
-
-    M = 2 sqrt((C11 C33 - C13^2)/C11 / (1/C44 + 2/(sqrt(C11 C33) + C13))), finite for an incompressible one too.
-    E, nu in the plane; nu_z = -eps_plane/eps_z under sigma_z; G_z = C44. Raises ValueError unless the strain energy
-    is positive: E, E_z, G_z > 0, -1 < nu < 1, D = 1 - nu - 2 nu_z^2 E/E_z >= 0 (to rounding).
-    Sources: Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004), Int. J. Solids Struct. 41, 7351.
-    """
-    require_positive(E=E, E_z=E_z, G_z=G_z)
-    D = 1.0 - nu - 2.0 * nu_z**2 * E / E_z
-    if not (-1.0 < nu < 1.0 and D >= -1e-14):
-        raise ValueError(f"E = {E!r}, E_z = {E_z!r}, nu = {nu!r}, nu_z = {nu_z!r} are no elastic material")
-    D = max(D, 0.0)
-    plane = E_z + 2.0 * nu_z**2 * E / (1.0 + nu + D)  # C33 - C13^2/C11
-    mean = math.sqrt(0.5 * E * E_z * (1.0 - nu) * (1.0 + D / (1.0 + nu)))  # D sqrt(C11 C33)
-    return 2.0 * math.sqrt(plane / (1.0 / G_z + 2.0 * D / (mean + nu_z * E)))
-
-
 def paraboloid_force(delta: float, R: float, E_star: float) -> float:
     """Force F = 4/3 E* sqrt(R) delta^(3/2) [F] under f = r^2/(2R); 0 for delta <= 0 (Hertz 1882)."""
     require_positive(R=R, E_star=E_star)

@@ -34,7 +34,10 @@ RADIUS = {"cylinder": 1.5, "strip": 1.5, "box": sqrt(6.0 / pi)}
 FREE_MODULUS = {"cylinder": E, "strip": E / (1 - NU**2), "box": E}
 
 
-def covered(body: dict[str, Any], symmetry: str = "auto", method: str = "penalty") -> Scene:
+MATERIAL = {"model": "linear_elastic", "E": E, "nu": NU}
+
+
+def covered(body: dict[str, Any], symmetry: str = "auto", method: str = "penalty", material: Any = MATERIAL) -> Scene:
     """A body under a punch that reaches beyond its rim, which no config may ask for.
 
     No element is smaller at the rim: nothing is singular there.
@@ -42,7 +45,7 @@ def covered(body: dict[str, Any], symmetry: str = "auto", method: str = "penalty
     width = {"cylinder": 3.0, "strip": 3.0, "box": 2.0}[body["shape"]]
     base = scene(
         body,
-        material={"model": "linear_elastic", "E": E, "nu": NU},
+        material=material,
         indenter={"shape": "flat_punch", "radius": width / 2},
         contact=PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method},
         loading={"delta": DELTA, "steps": 1},

@@ -399,6 +399,19 @@ class TestCompareAndPlot:
         assert done.exit_code == code and "force A" in done.stdout
         assert left(tmp_path) == {"A.csv", "B.csv", "C.csv"}
 
+    @pytest.mark.parametrize(
+        ("rtol", "code", "worst"), [("force=0.02", 0, 0.0099), ("a=0.5", 6, 0.0099), ("1e-3,force=0.02", 0, 0.0099)]
+    )
+    def test_compare_as_json(self, tables, rtol, code, worst):
+        done = tables("compare", "A.csv", "B.csv", "--rtol", rtol, "--json")
+        told = json.loads(done.stdout)
+        assert done.exit_code == told["exit_code"] == code and told["worst"]["force"] == pytest.approx(worst, rel=1e-2)
+        assert told["rows"][0]["force"] == [1.0, 1.01] and bool(told["differences"]) == bool(code)
+
+    @pytest.mark.parametrize("rtol", ["", "force", "force=x", "force=2", "1e-3,,a=1"])
+    def test_tolerances_that_are_none(self, tables, rtol):
+        assert tables("compare", "A.csv", "B.csv", "--rtol", rtol).exit_code == 2
+
     def test_plot(self, tables, tmp_path):
         assert tables("plot", "A.csv", "B.csv").stdout == "force_indentation.png\n"
         assert tables("plot", "A.csv", "--output", "one.svg").exit_code == 0

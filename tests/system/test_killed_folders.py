@@ -18,17 +18,17 @@ KILLED_RUN = """
 import sys, time
 from pathlib import Path
 from indent_sim.results.writer import ResultFolder
-from tests.unit.results.test_results import CELLS, POINTS, a_state, some_fields
+from tests.unit.results.test_results import BODY, a_state, some_fields
 with ResultFolder(Path(sys.argv[1]), "", surface="all") as run:
-    run.open_fields(POINTS, CELLS, keep="all")
+    run.open_fields(*BODY, keep="all")
     for step in range(1, int(sys.argv[2]) + 1):
-        run.write_fields(a_state(step), *some_fields(step))
+        run.write_fields(a_state(step), some_fields(step))
         run.append(a_state(step))
     print("ready", flush=True)
     while True:
         time.sleep(0.001)
         step += 1
-        run.write_fields(a_state(step), *some_fields(step))
+        run.write_fields(a_state(step), some_fields(step))
         run.append(a_state(step))
 """
 IDLE_RUN = """
@@ -67,7 +67,7 @@ def test_every_file_is_whole(tmp_path, after, with_signal):
         assert reader.num_steps >= len(done)
         for k in range(len(done)):
             step, nodal, _ = reader.read_data(k)
-            assert np.array_equal(nodal["pressure"], some_fields(int(step))[2])
+            assert np.array_equal(nodal["pressure"], some_fields(int(step))["pressure"])
 
 
 def test_the_staging_of_a_killed_run_is_cleaned(tmp_path):

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from mpi4py import MPI
+from test_results import BODY, some_fields
 
 from indent_sim.cli import commands
 from indent_sim.config.file import load
@@ -337,10 +338,10 @@ class TestTheDeepestAndTheLast:
     def test_two_states_stay_whatever_the_path(self, tmp_path):
         """Every state written in turn, on paths that go up and down: the two that are named stay as they were."""
         chance = np.random.default_rng(1)
-        writer = FieldWriter(tmp_path, np.eye(3)[:, :2], np.array([[0, 1, 2]]))
+        writer = FieldWriter(tmp_path, *BODY)
         deltas = chance.uniform(size=20)
         for step, delta in enumerate(deltas, start=1):
-            writer.write(step, delta, np.full((3, 2), step), np.zeros((1, 3, 3)), np.full(3, step))
+            writer.write(step, delta, some_fields(1) | {"pressure": np.full(4, step)})
             kept = kept_fields(tmp_path)
             assert set(kept) == {1 + int(deltas[:step].argmax()), step}
             assert all((arrays["pressure"] == named).all() for named, arrays in kept.items())
@@ -416,12 +417,10 @@ class TestNothingToGoOnWith:
 
 def test_the_last_fields_stay_until_the_next(tmp_path):
     """`fields: last`: what is named is there, also for the run that goes on either."""
-    points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
-    values = np.full((3, 2), 4.0), np.zeros((1, 3, 3)), np.zeros(3)
     for step in (1, 2, 3):
-        writer = FieldWriter(tmp_path, points, cells, done=step - 1 if step > 1 else None)
+        writer = FieldWriter(tmp_path, *BODY, done=step - 1 if step > 1 else None)
         assert writer.continued == (step > 1)
         before = (tmp_path / "fields.xdmf").read_text()
         assert step == 1 or f"step {step - 1}" in before
-        writer.write(step, 0.1, *values)
+        writer.write(step, 0.1, some_fields(4))
         assert set(kept_fields(tmp_path)) == {step}

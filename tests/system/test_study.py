@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from indent_sim import study
 from indent_sim.cli import commands
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
-from indent_sim.results.reader import Results
+from indent_sim.results.reader import Results, read
 from indent_sim.run.chain import warm_up
 from indent_sim.study import cases as case_list
 from indent_sim.study import table, verdict
@@ -246,6 +246,25 @@ class TestRefusals:
             study.carry_out(written(METHODS), output=tmp_path / "out")
 
 
+class TestPlan:
+    def test_every_run_and_its_cost(self, written, tmp_path):
+        path = written(METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]"))
+        done = CliRunner().invoke(commands.program, ["plan", str(path), "--json"])
+        told = json.loads(done.stdout)
+        assert done.exit_code == 0 and told["same"] == 3 and len(told["rows"]) == 6
+        assert told["seconds"] == pytest.approx(sum(row["seconds"] for row in told["rows"])) and told["seconds"] > 0
+        assert {row["mesh.h_contact"] for row in told["rows"]} == {0.06, 0.05, 0.04}
+        text = CliRunner().invoke(commands.program, ["plan", str(path)])
+        assert "6 runs, compared with theory; 3 points ask for the same" in text.stdout
+        assert sorted(entry.name for entry in tmp_path.iterdir()) == ["STUDY.yaml", "scene.yaml"]
+
+    def test_errors_are_those_of_the_study(self, written):
+        path = written("base: scene.yaml\nvary: {material.nu: [0.2, 0.9]}\n")
+        done = CliRunner().invoke(commands.program, ["plan", str(path)])
+        assert done.exit_code == 3 and "STUDY.yaml:2: material.nu" in done.stderr
+        assert CliRunner().invoke(commands.program, ["plan", str(path), "--set", "a=1"]).exit_code == 2
+
+
 class TestRuns:
     def test_the_table_the_picture_and_the_advice(self, written, tmp_path):
         path = written(METHODS.replace("[penalty, active_set]", "[auto, augmented_lagrangian, active_set]"))
@@ -360,6 +379,54 @@ class TestRuns:
         study.carry_out(path, output=out, resume=True, tell=told.append)
         assert told == ["6 of 6 runs are there already"]
 
+    def test_several_jobs_give_the_table_of_one(self, written, tmp_path):
+        """Whatever the order in which runs end; their curves in long form are the tables of the runs."""
+        path = written(METHODS)
+        for jobs in (1, 2):
+            study.carry_out(path, output=tmp_path / f"{jobs}", jobs=jobs)
+        assert rows_of(tmp_path / "1") == rows_of(tmp_path / "2")
+        assert (tmp_path / "1" / "curves.csv").read_text() == (tmp_path / "2" / "curves.csv").read_text()
+        with open(tmp_path / "2" / "curves.csv", newline="") as stream:
+            curves = list(csv.DictReader(stream))
+        keys = ["contact.method", "mesh.h_contact"]
+        assert list(curves[0]) == ["run", *keys, "step", "delta", "force", "a", "force_error"]
+        for name in {row["run"] for row in curves}:
+            own, found = [row for row in curves if row["run"] == name], read(tmp_path / "2" / "runs" / name)
+            assert [float(row["force"]) for row in own] == found["force"].tolist()
+            assert name.startswith(f"method={own[0]['contact.method']}_h_contact={own[0]['mesh.h_contact']}-")
+        assert (tmp_path / "2" / "curves.png").stat().st_size > 10_000
+
+    def test_jobs_killed_and_resumed(self, written, tmp_path):
+        """With two at a time, one killed run and then the whole: the table is that of an undisturbed study."""
+        path = written(METHODS)
+        study.carry_out(path, output=tmp_path / "whole")
+        for _ in range(2):
+            process = subprocess.Popen(command(path, "--output", "cut", "--jobs", "2", "--resume"), env=environment(),
+                                       stderr=subprocess.PIPE, text=True)  # fmt: skip
+            process.stderr.readline()  # type: ignore[union-attr]
+            process.kill()
+            process.communicate()
+        study.carry_out(path, output=tmp_path / "cut", jobs=2, resume=True)
+        assert rows_of(tmp_path / "cut") == rows_of(tmp_path / "whole")
+
+    def test_a_run_keeps_its_folder_when_other_keys_vary(self, written, tmp_path):
+        """The physics is the identity, the name says what varied when it was first run."""
+        first = study.carry_out(written("base: scene.yaml\nvary: {material.nu: [0.2, 0.3]}\n"), output=tmp_path / "out")
+        text = "base: scene.yaml\nvary: {material.nu: [0.2, 0.3], indenter.R: [1.0, 2.0]}\n"
+        again = study.carry_out(written(text), output=tmp_path / "out", resume=True)
+        assert {row["run"] for row in first.rows} < {row["run"] for row in again.rows}
+        assert len(list((tmp_path / "out" / "runs").iterdir())) == 4
+
+    def test_more_jobs_than_the_memory_holds(self, written, tmp_path, monkeypatch):
+        monkeypatch.setattr("indent_sim.study.conduct.machine_memory", lambda: 3e8)
+        with pytest.raises(UsageError, match="fewer --jobs"):
+            study.carry_out(written(METHODS), output=tmp_path / "out", jobs=2)
+        assert not (tmp_path / "out").exists()
+
+    def test_quiet(self, written):
+        done = CliRunner().invoke(commands.program, ["study", str(written(METHODS)), "--quiet", "--output", "out"])
+        assert done.exit_code == 0 and done.stderr == "" and done.stdout == "out\n"
+
     def test_shards_merge(self, written, tmp_path):
         path = written(METHODS)
         for i in (2, 1, 3):
@@ -436,7 +503,7 @@ class TestRuns:
 
 
 class TestAnotherKindOfFile:
-    @pytest.mark.parametrize("words", [("run",), ("plan",), ("plan", "--json"), ("run", "--set", "material.nu=0.2")])
+    @pytest.mark.parametrize("words", [("run",), ("run", "--json"), ("run", "--set", "material.nu=0.2")])
     def test_a_study_is_no_scene(self, written, tmp_path, words):
         written(METHODS)
         done = CliRunner().invoke(commands.program, [words[0], "STUDY.yaml", *words[1:]])
@@ -488,7 +555,7 @@ class TestComparison:
         done = study.carry_out(written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out")
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
         assert [row[name] for row in done.rows for name in errors] == [None] * 8
-        assert "no two of these runs" in done.notes[0] and not done.recommendations
+        assert "compared with no other" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
         (tmp_path / "scene.yaml").write_text(SCENE.replace("mesh: {h_contact: 0.05, h_far: 0.5}\n", ""))
@@ -655,8 +722,8 @@ class TestPicture:
         assert figure.axes[1].lines[0].get_linestyle() == "None"
 
     def test_of_keys_that_go_together_the_first_is_named(self):
-        from indent_sim.study.picture import _telling
+        from indent_sim.study.table import telling
 
         rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
-        assert _telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
-        assert _telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them
+        assert telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]
+        assert telling(rows[:1], ["method", "h"]) == ["method", "h"]  # nothing varies: all of them

@@ -65,6 +65,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "matplotlib": ("results/pictures/", "study/picture.py"),
     "scipy": ("theory/", "fe/"),
     "yaml": ("config/strict_yaml.py",),
+    "pint": ("config/quantities.py",),
+    "jinja2": ("results/report.py",),
     "click": ("cli/",),
     "rich": ("cli/",),
 }

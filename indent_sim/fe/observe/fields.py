@@ -1,4 +1,4 @@
-"""Fields for ParaView: values at the vertices and cells of the grid, gathered on rank 0 in the grid's own order."""
+"""Fields of a state: values at the vertices and cells of the grid, gathered on rank 0 in the grid's own order."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+import ufl
 from dolfinx import fem
 
 from indent_sim.fe import compat
@@ -18,68 +19,89 @@ class ObservedBody(measure.Observed, Protocol):
     mesh: Any
     body_mesh: Any
     unknowns: Any
-    strains: Any  # of each region: its Cauchy stress (3, 3) [pressure] in UFL, and its cells on this rank
+    strains: Any  # of each region: stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank
 
     def local_array(self) -> np.ndarray:
         """The solution's dofs on this rank, ghosts included."""
 
 
 class Fields:
-    """Displacement (points, dim) [length], stress (cells, 3, 3) and contact pressure (points,) of a solution.
+    """The fields of a solution by name.
 
-    A quadratic displacement is shown by its values at the vertices; stress is that of the cells' centroids.
+    At the vertices displacement (points, dim) [length] and pressure (points,), the mean of the facets that meet, as in
+    the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises, principal_stresses (cells, 3)
+    from the largest, energy_density per undeformed volume [pressure], and J = det(I + grad u). A quadratic
+    displacement is shown by its values at the vertices.
     """
 
     def __init__(self, body: ObservedBody):
         self.body = body
 
     @cached_property
-    def _stress(self) -> tuple[fem.Function, list[tuple[fem.Expression, np.ndarray]]]:
-        mesh, dim = self.body.mesh, self.body.body_mesh.dim
-        space = compat.function_space(mesh, compat.piecewise_constant_tensor(dim))
-        points = compat.interpolation_points(space.element)
-        return fem.Function(space), [(fem.Expression(s.stress, points), s.cells) for s in self.body.strains]
+    def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
+        centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
+        return [(fem.Expression(ufl.as_vector([*(s.stress[i, j] for i in range(3) for j in range(3)), s.J, s.psi]),
+                                centroid), s.cells) for s in self.body.strains]  # fmt: skip
 
-    def gather(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """(displacement, stress, pressure) on rank 0, None on the others."""
-        body = self.body
-        mesh = body.mesh
+    def gather(self) -> dict[str, np.ndarray] | None:
+        """The fields on rank 0, None on the others."""
+        mesh = self.body.mesh
         nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
-        parts: Any = body.comm.gather((nodes, self._at_nodes(), cells, self._in_cells()), root=0)
+        mine = (nodes, self._displacement(), *self._pressure(), cells, self._in_cells())
+        parts: Any = self.body.comm.gather(mine, root=0)
         if parts is None:
             return None
-        points = _in_order([(p[0], p[1]) for p in parts])
-        return points[:, :-1], _in_order([(p[2], p[3]) for p in parts]).reshape(-1, 3, 3), points[:, -1]
+        nodes, u, touched, pressure, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
+        stress, J, psi = np.split(_in_order(cells, inside), [9, 10], axis=1)
+        displacement = _in_order(nodes, u)
+        return {"displacement": displacement, "pressure": _means(touched, pressure, len(displacement)),
+                **_stresses(stress.reshape(-1, 3, 3)), "J": J[:, 0], "energy_density": psi[:, 0]}  # fmt: skip
 
-    def _at_nodes(self) -> np.ndarray:
-        """Displacement and pressure at the geometry nodes of this rank."""
+    @property
+    def _vertices(self) -> np.ndarray:
+        """The displacement's block dofs (cells, dim + 1) at the corners of this rank's cells."""
+        dofs = compat.cell_dofs(self.body.unknowns.own_space("u").dofmap)
+        return dofs[:, : self.body.body_mesh.dim + 1]  # vertices come first in a cell
+
+    def _displacement(self) -> np.ndarray:
+        """The displacement (nodes, dim) at the geometry nodes of this rank."""
         body = self.body
-        dim = body.body_mesh.dim
-        geometry = compat.geometry_dofs(body.mesh)
-        values = np.zeros((len(body.mesh.geometry.x), dim + 1))
-        vertices = compat.cell_dofs(body.unknowns.own_space("u").dofmap)[
-            :, : dim + 1
-        ]  # vertices come first in a cell
-        values[geometry, :dim] = body.local_array()[body.unknowns.displacement_places(vertices)]
-        pressure = np.zeros(vertices.max(initial=0) + 1)
-        corners = body.trace.node_points()[:dim]
-        # the true pressure is each facet's own: of those that meet the largest, as where ranks meet
-        np.maximum.at(pressure, body.trace.nodes[:, :dim], measure.sample(body, corners).pressure)
-        values[geometry, dim] = pressure[vertices]
+        values = np.zeros((len(body.mesh.geometry.x), body.body_mesh.dim))
+        values[compat.geometry_dofs(body.mesh)] = body.local_array()[body.unknowns.displacement_places(self._vertices)]
         return values
 
+    def _pressure(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points of the grid that are corners of this rank's contact facets, and the pressure of each facet there."""
+        body, dim = self.body, self.body.body_mesh.dim
+        corners = body.trace.node_points()[:dim]
+        node = np.zeros(self._vertices.max(initial=0) + 1, dtype=np.int64)
+        node[self._vertices] = np.asarray(body.mesh.geometry.input_global_indices)[compat.geometry_dofs(body.mesh)]
+        return node[body.trace.nodes[:, :dim]].ravel(), measure.sample(body, corners).pressure.ravel()
+
     def _in_cells(self) -> np.ndarray:
-        function, expressions = self._stress
-        for expression, cells in expressions:
-            function.interpolate(expression, cells)
-        return function.x.array.reshape(-1, 9)[compat.cell_dofs(function.function_space.dofmap).ravel()]
+        """Stress, J and psi (cells, 11) of this rank's cells."""
+        values = np.zeros((len(self.body.mesh.topology.original_cell_index), 11))
+        for expression, cells in self._expressions:
+            values[cells] = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, 11)
+        return values
 
 
-def _in_order(parts: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Rows of all ranks at their original places; a node shared by ranks takes the value with contact."""
-    index = np.concatenate([numbers for numbers, _ in parts])
-    rows = np.concatenate([values[: len(numbers)] for numbers, values in parts])
-    table = np.zeros((index.max() + 1, rows.shape[1]))
-    by_pressure = np.argsort(rows[:, -1], kind="stable")  # the largest last, so that it stays
-    table[index[by_pressure]] = rows[by_pressure]
+def _stresses(stress: np.ndarray) -> dict[str, np.ndarray]:
+    """A stress (n, 3, 3), its principal values from the largest, and sqrt(3/2 s:s) of its deviator s."""
+    principal = np.linalg.eigvalsh((stress + np.swapaxes(stress, 1, 2)) / 2)[:, ::-1]
+    deviator = principal - principal.mean(axis=1, keepdims=True)
+    von_mises = np.sqrt(1.5 * (deviator**2).sum(axis=1))
+    return {"stress": stress, "von_mises": von_mises, "principal_stresses": principal}
+
+
+def _in_order(places: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Rows of all ranks at their original places."""
+    table = np.zeros((places.max() + 1, rows.shape[1]))
+    table[places] = rows
     return table
+
+
+def _means(places: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
+    """The mean of the values that belong to each place, 0 where there are none."""
+    count = np.bincount(places, minlength=size)
+    return np.bincount(places, values, size) / np.maximum(count, 1)

@@ -229,5 +229,5 @@ def surface(body: Observed) -> Surface | None:
     pressure = np.bincount(place, table[:, -1]) / count  # the deformed area has a kink between facets: take the mean
     zero = np.zeros(len(first))
     if dim == 2:
-        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure)
-    return Surface(X[:, 0], X[:, 1], u, gap, pressure)
+        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure, X[:, 1])
+    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2])

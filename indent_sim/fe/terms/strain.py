@@ -34,7 +34,8 @@ class Crushed:
 class Strain:
     """int psi dOmega of a region's material.
 
-    nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure].
+    nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure],
+    psi [pressure] and J = det F UFL scalars.
     """
 
     def __init__(self, body: Body, region: Region):
@@ -43,13 +44,13 @@ class Strain:
         material = symbolic(region.material, body.mesh)
         H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
         q = fields[body.pressures[region]] if region in body.pressures else None
-        self._psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
+        self.psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H
-        self.nominal_stress = self.stress = ufl.diff(self._psi, H)
+        self.nominal_stress = self.stress = ufl.diff(self.psi, H)
         if not region.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
-        self._volume_ratio = ufl.det(F)
-        self.energy = body.over_region(self._psi, region)
+        self.J = ufl.det(F)
+        self.energy = body.over_region(self.psi, region)
 
     @cached_property
     def cells(self) -> np.ndarray:
@@ -58,7 +59,7 @@ class Strain:
 
     def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
         """First and second variation of the energy, as UFL forms."""
-        first, second = variations(self._psi, self.body.unknowns.solution, test, trial)
+        first, second = variations(self.psi, self.body.unknowns.solution, test, trial)
         return self.body.over_region(first, self.region), self.body.over_region(second, self.region)
 
     def least_volume_ratio(self) -> Crushed | None:
@@ -68,7 +69,7 @@ class Strain:
             return None
         dim = body.body_mesh.dim
         points, _ = compat.quadrature(compat.CELLS[dim], DEGREE)
-        values = ufl.as_vector([self._volume_ratio, *(body.X[k] for k in range(dim))])
+        values = ufl.as_vector([self.J, *(body.X[k] for k in range(dim))])
         cells = self.cells
         table = compat.evaluate(fem.Expression(values, points), body.mesh, cells).reshape(-1, 1 + dim)
         least = tuple(map(float, table[np.argmin(table[:, 0])])) if len(table) else (np.inf,) * (1 + dim)
@@ -77,7 +78,7 @@ class Strain:
 
     @cached_property
     def _inverted(self) -> Any:
-        inverted = ufl.conditional(ufl.lt(self._volume_ratio, 0.0), 1.0, 0.0)
+        inverted = ufl.conditional(ufl.lt(self.J, 0.0), 1.0, 0.0)
         return fem.form(inverted * self.body.section(self.region))
 
     def inside_out(self) -> float:

@@ -1,43 +1,44 @@
-"""Canvas of all pictures: style, axes and units, saving, and whose a file is."""
+"""Canvas of all pictures: style, legends, saving, and whose a file is."""
 
 from __future__ import annotations
 
 import os
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from indent_sim.process.errors import UsageError, printable
+from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import content, read_report
+from indent_sim.results.pictures.axes import in_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from indent_sim.results.reader import Results
 
 
 INK, GREY = "#222222", "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 PICTURE = "force_indentation.png"
+FONT = 10.0  # points
 SOFTWARE, HEAD = b"Software\0indent-sim", 1000  # in the first bytes of a PNG of ours
 FORMATS = (".png", ".svg", ".pdf")
+DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
+MOST_TICKS, APART = 6, 3.0  # bins of an axis, and pixels between its numbers
 MANY = 40  # points from which a line carries no markers
+LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
 LETTERS = 9.0  # of a title to the inch
 SUBTITLE, LABEL = 200, 120  # most letters
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-SI = ("m", "N", "Pa", "N/m")
 THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
 STYLE: dict[str, Any] = {
-    "font.size": 10,
-    "axes.titlesize": 10,
+    "axes.titlesize": "medium",
+    "legend.fontsize": "small",
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": GREY,
@@ -58,40 +59,14 @@ STYLE: dict[str, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class Axis:
-    """What an axis shows: its name, and the factor and unit its numbers are shown in."""
-
-    name: str
-    factor: float = 1.0
-    unit: str = ""
-
-    @property
-    def label(self) -> str:
-        """The text along the axis."""
-        return f"{self.name} [{in_picture(self.unit)}]" if self.unit else self.name
-
-    def __call__(self, values: Any) -> np.ndarray:
-        """Values as they are shown."""
-        return np.asarray(values, dtype=float) * self.factor
-
-
-def in_picture(text: str, most: int = 60) -> str:
-    """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no formula."""
-    text = printable(text)
-    text = text if len(text) <= most else f"{text[: most - 1]}…"
-    text = text.replace("$", r"\$")
-    return f" {text}" if text.startswith("_") else text  # what begins with _ is left out of a legend
-
-
 @contextmanager
-def canvas(size: tuple[float, float] = (9.2, 4.8)) -> Iterator[Figure]:
-    """An empty figure in the style of all pictures."""
+def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterator[Figure]:
+    """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
     with warnings.catch_warnings():  # of an Axes3D that is not wanted here, where two matplotlibs are installed
         warnings.filterwarnings("ignore", "Unable to import Axes3D")
         import matplotlib
         from matplotlib.figure import Figure
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
 
 
@@ -119,6 +94,33 @@ def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], t
     figure.legend(handles, names, loc="upper center", ncol=len(names), fontsize=9, title=title)
 
 
+def legend_in(axes: Axes, named: Axes, columns: int = 1) -> None:
+    """The legend of a panel in one of its own, where it hides nothing."""
+    axes.axis("off")
+    axes.legend(*named.get_legend_handles_labels(), loc="upper left", ncol=columns, borderaxespad=0, borderpad=0.2)
+
+
+def legend_below(figure: Figure, axes: Axes, named: Axes) -> None:
+    """The legend of a panel in the one below all others, a row of its own, which with its figure grows to hold it."""
+    names = named.get_legend_handles_labels()[1]
+    width, height = figure.get_size_inches()
+    scale = figure_font() / FONT
+    longest = max(map(len, names), default=0)
+    columns = int(np.clip(width / ((0.5 + LETTER * longest) * scale), 1, max(1, len(names))))
+    lines = (0.1 + LINE * -(-len(names) // columns)) * scale
+    rows = axes.get_gridspec()
+    rows.set_height_ratios([*[height / (rows.nrows - 1)] * (rows.nrows - 1), lines])
+    figure.set_size_inches(width, height + lines)
+    legend_in(axes, named, columns)
+
+
+def figure_font() -> float:
+    """The font size of the present canvas [points]."""
+    from matplotlib import rcParams
+
+    return float(rcParams["font.size"])
+
+
 def head(figure: Figure, title: str, subtitle: str) -> None:
     """Title, as far as it fits, and subtitle above the panels."""
     height, fits = figure.get_figheight(), int(LETTERS * figure.get_figwidth())  # inches
@@ -142,17 +144,41 @@ def _is_own(path: Path) -> bool:
         return False
 
 
+def format_of(path: Path) -> str:
+    """png, svg or pdf after the suffix; UsageError for any other."""
+    if path.suffix.lower() not in FORMATS:
+        raise UsageError(f"{path}: a picture ends in {', '.join(FORMATS)}")
+    return path.suffix.lower()[1:]
+
+
+def keep_ticks_apart(figure: Figure) -> None:
+    """Fewer numbers along every axis whose numbers would touch."""
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for along in (along for along in (axes.xaxis, axes.yaxis) if along.get_scale() == "linear"):
+            for bins in range(MOST_TICKS, 1, -1):
+                if not _touch(along) or not axes.axison:
+                    break
+                axes.locator_params(axis=along.axis_name, nbins=bins)  # type: ignore[attr-defined, unused-ignore]
+
+
+def _touch(along: Any) -> bool:
+    boxes = [label.get_window_extent() for label in along.get_ticklabels() if label.get_text() and label.get_visible()]
+    side = 0 if along.axis_name == "x" else 1
+    ends = sorted((box.min[side], box.max[side]) for box in boxes)
+    return any(after[0] - before[1] < APART for before, after in pairwise(ends))
+
+
 def save(figure: Figure, path: Path | str) -> None:
     """Write PNG, SVG or PDF after the suffix, all at once."""
     path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise UsageError(f"{path}: a picture ends in {', '.join(FORMATS)}")
+    suffix = f".{format_of(path)}"
+    keep_ticks_apart(figure)
     metadata: dict[str, Any] = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     descriptor, temporary = tempfile.mkstemp(suffix, f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
     try:
         with open(descriptor, "wb") as file:
-            figure.savefig(file, format=suffix[1:], dpi=160, metadata=metadata[suffix[1:]])
+            figure.savefig(file, format=suffix[1:], dpi=DPI[suffix[1:]], metadata=metadata[suffix[1:]])
             os.fchmod(file.fileno(), 0o666 & ~_umask())
         os.replace(temporary, path)
     finally:
@@ -165,50 +191,3 @@ def _umask() -> int:
     mask = os.umask(0o077)
     os.umask(mask)
     return mask
-
-
-def choice(report: Mapping[str, Any], key: str) -> str | None:
-    """What a run decided for a key of its plan, None where it says nothing."""
-    choices = report.get("plan", {}).get("choices", [])
-    return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
-
-
-def is_plane_strain(results: Results) -> bool:
-    """Whether forces are per unit length."""
-    return choice(results.report, "kinematics") == "plane_strain"
-
-
-def axis(column: str, runs: Sequence[Results]) -> Axis:
-    """The axis of a column of the force table, in the common unit of the runs."""
-    names = {
-        "delta": ("depth δ", "length"),
-        "force": ("force F", "force"),
-        "a": ("contact radius a", "length"),
-    }
-    name, kind = names[column]
-    if all(is_plane_strain(run) for run in runs):
-        name, kind = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}.get(
-            column, (name, kind)
-        )
-    return scaled(kind, runs, np.concatenate([run[column] for run in runs]), name)
-
-
-def scaled(kind: str, runs: Sequence[Results], values: np.ndarray, name: str) -> Axis:
-    """An axis in the common unit of the runs, with the SI prefix that makes its largest number readable."""
-    units = {unit_of(kind, run.report.get("units") or {}) for run in runs}
-    unit = units.pop() if len(units) == 1 else ""
-    finite = np.abs(values[np.isfinite(values)])
-    if unit not in SI or not finite.size or finite.max() == 0:
-        return Axis(name, 1.0, unit)
-    power = int(np.clip(3 * np.floor((np.log10(finite.max()) - 0.3) / 3 + 1e-9), -9, 9))
-    return Axis(name, 10.0**-power, PREFIXES[power] + unit)
-
-
-def unit_of(kind: str, units: Mapping[str, str]) -> str:
-    """The label of a kind of number (length, force, line, pressure) from those of length and force."""
-    length, force = units.get("length", ""), units.get("force", "")
-    if kind == "length" or not (length and force):
-        return {"length": length, "force": force}.get(kind, "")
-    if kind == "pressure" and force == "N" and length in ("m", "mm"):
-        return "Pa" if length == "m" else "MPa"
-    return {"force": force, "line": f"{force}/{length}", "pressure": f"{force}/{length}²"}[kind]

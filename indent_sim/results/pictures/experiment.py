@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.results.folder import read_report
-from indent_sim.results.pictures.canvas import COLOURS, GREY, axis, canvas, head, name_axes, save
+from indent_sim.results.pictures.axes import axis, in_print
+from indent_sim.results.pictures.canvas import COLOURS, GREY, canvas, head, legend_below, name_axes, save
 from indent_sim.results.reader import read
 from indent_sim.results.tables import EXPERIMENT
 
@@ -29,7 +30,7 @@ def plot_experiment(folder: Path | str) -> Path:
     has_times, has_base = bool(rows[0]["t"]), any(row["z"] != row["delta"] for row in rows)
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
-        drawn: dict[str, Any] = figure.subplot_mosaic([panels])
+        drawn: dict[str, Any] = figure.subplot_mosaic([panels, ["legend"] * len(panels)])
         head(figure, results.report.get("title") or folder.name, _subtitle(folder))
         force, depth = axis("force", [results]), axis("delta", [results])
         _draw(drawn["depth"], rows, "delta", depth, force)
@@ -39,7 +40,7 @@ def plot_experiment(folder: Path | str) -> Path:
             _draw(drawn["time"], rows, "t", None, force, "time t")
         else:
             _draw(drawn["radius"], rows, "a", axis("a", [results]), force)
-        drawn["depth"].legend(loc="upper left")
+        legend_below(figure, drawn["legend"], drawn["depth"])
         save(figure, folder / PICTURE)
     return folder / PICTURE
 
@@ -71,7 +72,7 @@ def _draw(axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any,
         seen.add(branch)
         begin = k
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
-    named = label if x is None else x.label if not label else f"{label} [{x.unit}]" if x.unit else label
+    named = label if x is None else x.label if not label else f"{label} [{in_print(x.unit)}]" if x.unit else label
     name_axes(axes, named, y.label)
     axes.locator_params(axis="x", nbins=5)
 

@@ -9,25 +9,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
+from indent_sim.results.outline import scene_of
+from indent_sim.results.pictures import curves
+from indent_sim.results.pictures.axes import Axis, axis, choice, in_picture, is_plane_strain, unit_of
 from indent_sim.results.pictures.canvas import (
-    COLOURS,
     GREY,
     LABEL,
-    MANY,
-    MARKERS,
+    LETTER,
     PICTURE,
     THEORY,
-    axis,
     canvas,
-    choice,
     from_zero,
     head,
     hollow,
-    in_picture,
-    is_plane_strain,
+    legend_below,
+    legend_in,
     name_axes,
     save,
-    unit_of,
 )
 from indent_sim.results.pictures.names import in_order, names_of
 from indent_sim.results.pictures.pressure import draw_pressure, strongest_step
@@ -38,11 +36,10 @@ if TYPE_CHECKING:
     from indent_sim.results.reader import Results
 
 
-MANY_RUNS = 10  # from which their colours are those of a map, in their order
 LEGEND_LINES = 30  # in a column
-ESTIMATED = "estimated error"
+ESTIMATED, UNLOADING = "estimated error", "unloading"
 SAYABLE = 5e-5  # relative error that is not 0.00 %
-PANELS, LETTER = 9.2, 0.07  # inches: width of all panels, and of a letter in the legend beside them
+PANELS, HEIGHT = 9.2, 4.8  # inches: width and height of all panels
 
 
 def plot_run(folder: Path | str) -> Path:
@@ -62,16 +59,15 @@ def force_indentation(results: Results, path: Path | str, theory: Mapping[str, A
     """
     theory = theory if theory is not None else results.report.get("theory")
     strongest = strongest_step(results)
-    with canvas() as figure:
-        panels: dict[str, Any] = figure.subplot_mosaic(
-            [["force", "a"], ["force", "pressure"]] if strongest else [["force", "a"]],
-            width_ratios=[1.55, 1],
-        )
-        head(figure, _title(results), _subtitle(results))
-        _draw_forces(panels["force"], [results], theory)
-        _draw_radius(panels["a"], results, theory)
+    with canvas((PANELS, HEIGHT)) as figure:
+        rows = [["force", "a"], ["force", "pressure"]] if strongest else [["force", "a"]]
+        panels: dict[str, Any] = figure.subplot_mosaic([*rows, ["names", "names"]], width_ratios=[1.55, 1])
+        draw_forces(panels["force"], [results], theory)
+        _draw_radius(panels["a"], [results], theory)
         if strongest:
             draw_pressure(panels["pressure"], results, strongest)
+        legend_below(figure, panels["names"], panels["force"])
+        head(figure, _title(results), _subtitle(results))
         save(figure, path)
 
 
@@ -82,74 +78,81 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
     """
     if len(runs) == 1:
         return force_indentation(runs[0], path)
-    _refuse_other_units(runs)
-    names = [in_picture(name) + in_picture(unit) for name, unit in zip(names_of(runs), _units(runs), strict=True)]
-    named = sorted(zip(names, runs, strict=True), key=lambda pair: in_order(pair[0]))
-    runs, names = [run for _, run in named], [name for name, _ in named]
+    runs, names = named_apart(runs)
     columns = -(-len(runs) // LEGEND_LINES)
     beside = columns * (0.7 + LETTER * max(map(len, [ESTIMATED, *names])))
-    with canvas((PANELS + beside, max(4.8, 0.19 * len(runs) / columns + 0.6))) as figure:
+    with canvas((PANELS + beside, max(HEIGHT, 0.19 * len(runs) / columns + 0.6))) as figure:
         panels: dict[str, Any] = figure.subplot_mosaic(
             [["force", "a", "names"]], width_ratios=[PANELS / 2, PANELS / 2, beside]
         )
-        _draw_forces(panels["force"], runs, None, names)
-        x, y = axis("a", runs), axis("delta", runs)
-        for i, run in enumerate(runs):
-            _curve(panels["a"], y(run["delta"]), x(run["a"]), _look(i, len(runs)))
-        name_axes(panels["a"], y.label, x.label)
-        panels["a"].locator_params(axis="x", nbins=6)
-        from_zero(panels["a"], *(x(run["a"]) for run in runs))
-        _legend_beside(panels["names"], panels["force"], columns)
+        draw_forces(panels["force"], runs, None, names)
+        _draw_radius(panels["a"], runs, None)
+        legend_in(panels["names"], panels["force"], columns)
         save(figure, path)
     return None
 
 
-def _look(i: int, of: int) -> dict[str, Any]:
-    """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light, without marks."""
-    if of <= MANY_RUNS:
-        return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
-    from matplotlib import colormaps
-
-    return {"color": colormaps["viridis"](0.95 * i / (of - 1)), "marker": ""}  # its lightest yellow is lost on white
-
-
-def _legend_beside(axes: Axes, named: Axes, columns: int) -> None:
-    """The legend of a panel in one of its own."""
-    named.get_legend().remove()
-    axes.axis("off")
-    handles, labels = named.get_legend_handles_labels()
-    axes.legend(handles, labels, loc="upper left", fontsize=8, ncol=columns, borderaxespad=0)
+def named_apart(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
+    """Several runs in the order of their names, which say what differs; UsageError when no axis can show all."""
+    _refuse_other_units(runs)
+    names = [in_picture(name) + in_picture(unit) for name, unit in zip(names_of(runs), _units(runs), strict=True)]
+    named = sorted(zip(names, runs, strict=True), key=lambda pair: in_order(pair[0]))
+    return [run for _, run in named], [name for name, _ in named]
 
 
-def _draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None,
-                 names: Sequence[str] = ("this run",)) -> None:  # fmt: skip
+def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None = None,
+                names: Sequence[str] = ("this run",)) -> None:  # fmt: skip
+    """Force over depth: rows as marks on smooth curves, unloading dashed and hollow, error bands, theory beside one."""
     depth, force = axis("delta", runs), axis("force", runs)
-    judged = [run for run in runs if "force_error" in run.table and np.isfinite(run["force_error"]).any()]
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
-        x, y, look = depth(run["delta"]), force(run["force"]), _look(i, len(runs))
-        _curve(axes, x, y, look, name)
-        if any(run is other for other in judged):
-            half = force(np.nan_to_num(run["force_error"]))
-            label = f"{ESTIMATED}{_of_last(half, y) if len(runs) == 1 else ''}" if run is judged[-1] else None
-            if len(x) > 1:
-                axes.fill_between(x, y - half, y + half, color=look["color"], alpha=0.2, lw=0, label=label)
-            else:  # a band needs two
-                axes.errorbar(x, y, half, color=look["color"], alpha=0.5, capsize=6, ls="", label=label)
-    if theory and theory.get("curve", {}).get("delta"):
-        curve = theory["curve"]
-        x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
-        axes.plot(x, y, **THEORY, label=_theory_label(theory))
-    closed = (theory or {}).get("half_space")
-    if theory and closed:
-        label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
-        at = theory | closed  # the formula's force at the run's depth, or its depth at the run's force
-        axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow("D", GREY), label=label)
-        beside = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
-        axes.plot(depth([0, *beside["delta"]]), force([0, *beside["force"]]), color=GREY, ls=":", lw=1.2, zorder=2)
+        curves.draw(axes, run["delta"], depth(run["delta"]), force(run["force"]), curves.look(i, len(runs)), name,
+                    from_origin=_begins_untouched(run))  # fmt: skip
+    if any(goes_out for run in runs for _, goes_out in curves.branches(run["delta"])):
+        axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, **curves.UNLOADING)
+    _draw_bars(axes, runs, depth, force)
+    if theory:
+        _draw_theory(axes, theory, depth, force)
     name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
-    axes.locator_params(axis="x", nbins=6)  # numbers such as 0.0025 are wide
-    axes.legend(loc="upper left")
+
+
+def _begins_untouched(run: Results) -> bool:
+    """Whether a run's first branch begins with no force at no depth, as without adhesion."""
+    scene = scene_of(run.path)
+    adhesive = getattr(scene.contact, "adhesion", None) is not None if scene else True
+    return len(run) > 0 and bool(run["delta"][0] > 0) and not adhesive
+
+
+def _draw_bars(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
+    """The error bars of all runs that have them, named once."""
+    judged = [i for i, run in enumerate(runs) if is_judged(run)]
+    for i in judged:
+        x, y, half = depth(runs[i]["delta"]), force(runs[i]["force"]), force(np.nan_to_num(runs[i]["force_error"]))
+        label = f"{ESTIMATED}{_of_last(half, y) if len(runs) == 1 else ''}" if i == judged[-1] else None
+        colour = curves.look(i, len(runs))["color"]
+        if len(x) > 1:
+            axes.fill_between(x, y - half, y + half, color=colour, alpha=0.2, lw=0, label=label)
+        else:  # a band needs two
+            axes.errorbar(x, y, half, color=colour, alpha=0.5, capsize=6, ls="", label=label)
+
+
+def is_judged(run: Results) -> bool:
+    """Whether a run has error bars."""
+    return "force_error" in run.table and bool(np.isfinite(run["force_error"]).any())
+
+
+def _draw_theory(axes: Axes, theory: Mapping[str, Any], depth: Axis, force: Axis) -> None:
+    if theory.get("curve", {}).get("delta"):
+        curve = theory["curve"]
+        axes.plot(*curves.smooth(depth([0, *curve["delta"]]), force([0, *curve["force"]])), **THEORY,
+                  label=_theory_label(theory))  # fmt: skip
+    if closed := theory.get("half_space"):
+        label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
+        at = {**theory, **closed}  # the formula's force at the run's depth, or its depth at the run's force
+        axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow("D", GREY), label=label)
+        beside = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
+        x, y = depth([0, *beside["delta"]]), force([0, *beside["force"]])
+        axes.plot(*curves.smooth(x, y), color=GREY, ls=":", lw=1.2, zorder=2)
 
 
 def _of_last(half: np.ndarray, y: np.ndarray) -> str:
@@ -161,23 +164,15 @@ def _of_last(half: np.ndarray, y: np.ndarray) -> str:
     return f", \N{PLUS-MINUS SIGN}{said} at the last step"
 
 
-def _draw_radius(axes: Axes, results: Results, theory: Mapping[str, Any] | None) -> None:
-    depth, radius = axis("delta", [results]), axis("a", [results])
-    _curve(axes, depth(results["delta"]), radius(results["a"]), _look(0, 1))
+def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
+    depth, radius = axis("delta", runs), axis("a", runs)
+    for i, run in enumerate(runs):
+        curves.draw(axes, run["delta"], depth(run["delta"]), radius(run["a"]), curves.look(i, len(runs)))
     curve = (theory or {}).get("curve", {})
     if curve.get("a"):
-        axes.plot(depth(curve["delta"]), radius(curve["a"]), **THEORY)
+        axes.plot(*curves.smooth(depth(curve["delta"]), radius(curve["a"])), **THEORY)
     name_axes(axes, depth.label, radius.label)
-    axes.locator_params(axis="x", nbins=3)
-    from_zero(axes, radius(results["a"]), radius(curve.get("a", [])))
-
-
-def _curve(axes: Axes, x: np.ndarray, y: np.ndarray, look: Mapping[str, Any], label: str | None = None) -> None:
-    if len(x) > MANY or not look["marker"]:
-        axes.plot(x, y, color=look["color"], label=label, zorder=3)
-        return
-    axes.plot(x, y, color=look["color"], lw=1.2, alpha=0.6, zorder=2)
-    axes.plot(x, y, **look, ls="", ms=6, mec="white", mew=0.6, label=label, zorder=4)
+    from_zero(axes, *(radius(run["a"]) for run in runs), radius(curve.get("a", [])))
 
 
 # ---- words and units ------------------------------------------------------------

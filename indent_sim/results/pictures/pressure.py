@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.results.pictures.canvas import (
-    COLOURS,
-    GREY,
-    MANY,
-    Axis,
-    axis,
-    from_zero,
-    in_picture,
-    is_plane_strain,
-    name_axes,
-    scaled,
-)
+from indent_sim.results.outline import scene_of
+from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled
+from indent_sim.results.pictures.canvas import COLOURS, GREY, from_zero, name_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,32 +22,168 @@ PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a s
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PRESSED = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
 MARGIN = 0.1  # contact radii around what is pressed
+BESIDE = 1.5  # elements beside a place where the pressure is infinite, in which the mesh says what it is
+INFINITE = "∞"
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure (n,), as modelled.
+
+    mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length] of the contact;
+    infinite: distances from the axis at which the pressure has no bound, and how far from there a mesh finds what its
+    own size makes it.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    p: np.ndarray
+    center: np.ndarray
+    mirrored: tuple[bool, bool]
+    a: float
+    infinite: tuple[tuple[float, float], ...]
+
+    @property
+    def is_map(self) -> bool:
+        """Whether the surface has two dimensions."""
+        return bool(np.ptp(self.y) > 0)
+
+    @property
+    def typical(self) -> float:
+        """The median pressure inside the contact."""
+        inside = np.hypot(self.x, self.y) <= self.a
+        return float(np.median(self.p[inside])) if inside.any() else float(self.p.max(initial=0.0))
+
+    @property
+    def reach(self) -> float:
+        """The half width of the frame around the tip [length]: VIEW radii, and all that is pressed.
+
+        The corners of a contact with few sides are farther from the tip than VIEW radii of a circle with its area.
+        """
+        pressed = self.p > max(PRESSED * self.typical, 0.0)
+        farthest = max(np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0))
+        return max(VIEW * self.a, farthest + MARGIN * self.a)
+
+    def bounded(self) -> np.ndarray:
+        """Which points are not beside a place of infinite pressure (n,)."""
+        r = np.hypot(self.x, self.y)
+        return np.all([np.ones(len(r)), *(np.abs(r - place) > beside for place, beside in self.infinite)], axis=0)
+
+    def profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
+        """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an infinite one."""
+        order = np.argsort(self.x)
+        x, p = self.x[order], np.where(self.bounded(), self.p, np.nan)[order]
+        if self.mirrored[0] and not is_half:
+            x, p = np.concatenate([-x[::-1], x]), np.concatenate([p[::-1], p])
+        return x + middle, p
+
+
+def contact_of(results: Results, step: float) -> Contact:
+    """The contact surface of a step of a result."""
+    surface = results.surface
+    known = (surface["step"] == step) & np.isfinite(surface["pressure"])  # not where it is infinite
+    x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
+    center = _tip(results, x, y, p)
+    x, y = x - center[0], y - center[1]
+    small = 1e-9 * max(np.ptp(x), np.ptp(y), 1e-300)
+    is_part = choice(results.report, "symmetry") != "full"
+    ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
+    mirrored = (is_part and ends[0], is_part and ends[1])
+    return Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y), _infinite(results, step))
+
+
+def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
+    """Where a sharp tip makes the pressure infinite, and the elements beside [length]; p_max is empty there.
+
+    What theory says beside such a place is right.
+    """
+    peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
+    scene = scene_of(results.path)
+    if scene is None or not len(peak) or np.isfinite(peak[0]):
+        return ()
+    size = scene.mesh.h_contact if isinstance(scene.mesh.h_contact, float) else 0.0
+    own = {True: scene.mesh.h_axis, False: scene.mesh.h_edge}
+    return tuple((radius, BESIDE * (own[radius == 0] or size)) for radius, _ in scene.indenter.creases())
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     """The contact pressure of a step, around the tip: a profile along a line or a map."""
-    surface = results.surface
-    known = (surface["step"] == step) & np.isfinite(surface["pressure"])  # not where it is infinite
-    x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
-    center, a = _tip(results, x, y, p), _contact_radius(results, step, x, y)
-    inside = np.hypot(x - center[0], y - center[1]) <= a
-    pressed = p > PRESSED * np.median(p[inside]) if inside.any() else inside
-    frame = [_view(along, c, a, along[pressed]) for along, c in ((x, center[0]), (y, center[1]))]
-    near = _within(x, frame[0]) & _within(y, frame[1])
-    length = scaled("length", [results], x[near], "x" if is_plane_strain(results) else "r")
-    pressure = scaled("pressure", [results], p, "pressure")
-    axes.set_title(f"step {step:g}, depth {_depth_text(results, step)}", color=GREY, loc="left", fontsize=9)
-    if np.ptp(y) > 0:
-        return _draw_map(axes, length(x), length(y), pressure(p), [length(side) for side in frame],
-                         pressure.label, Axis("x", unit=length.unit))  # fmt: skip
-    shown = np.argsort(x)
-    axes.fill_between(length(x[shown]), pressure(p[shown]), color=COLOURS[0], alpha=0.15, lw=0)
-    axes.plot(length(x[shown]), pressure(p[shown]), color=COLOURS[0], marker="." if near.sum() <= MANY else "")
+    contact = contact_of(results, step)
+    axes.set_title(f"step {step:g}, depth {depth_text(results, step)}", color=GREY, loc="left", fontsize="small")
+    if contact.is_map:
+        draw_map(axes, results, contact)
+    else:
+        draw_profiles(axes, [(results, contact, "", COLOURS[0])])
+
+
+def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, object]]) -> None:
+    """Pressure over the radius (plane strain: over x) of several contacts, each with its name and colour."""
+    runs = [results for results, *_ in shown]
+    contacts, (middle, name) = [contact for _, contact, *_ in shown], middle_of(runs)
+    reach = max(contact.reach for contact in contacts)
+    length = scaled("length", runs, np.array([reach]), name)
+    pressures = np.concatenate([contact.p[contact.bounded()] for contact in contacts])
+    pressure = scaled("pressure", runs, pressures, "pressure p")
+    is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
+    tops = [_draw_profile(axes, contact.profile(is_half, middle), length, pressure, contact.typical, name, colour)
+            for _, contact, name, colour in shown]  # fmt: skip
     name_axes(axes, length.label, pressure.label)
-    axes.locator_params(axis="x", nbins=4)
-    axes.set_xlim(*length(frame[0]))
-    from_zero(axes, np.minimum(pressure(p), PEAK * np.median(pressure(p[inside]))) if inside.any() else pressure(p))
-    return None
+    axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
+    from_zero(axes, np.array(tops))
+    _say_infinite(axes, contacts, middle, length)
+
+
+def _draw_profile(axes: Axes, profile: tuple[np.ndarray, np.ndarray], length: Axis, pressure: Axis, typical: float,
+                  name: str, colour: object) -> float:  # fmt: skip
+    """One profile; returns the height that shows it."""
+    x, shown_p = profile
+    if not name:
+        axes.fill_between(length(x), pressure(shown_p), color=colour, alpha=0.12, lw=0)
+    axes.plot(length(x), pressure(shown_p), color=colour, label=name or None)
+    return float(min(np.nanmax(pressure(shown_p), initial=0.0), PEAK * pressure(typical)))
+
+
+def _say_infinite(axes: Axes, contacts: Sequence[Contact], middle: float, length: Axis) -> None:
+    """Where the pressure has no bound: a line up to the top of the frame."""
+    for place in sorted({place for contact in contacts for place, _ in contact.infinite}):
+        at = length(place + middle)
+        axes.axvline(at, color=GREY, lw=0.8, ls=":", zorder=1)
+        axes.annotate(INFINITE, (at, 1), xycoords=("data", "axes fraction"), color=GREY, ha="left", va="top",
+                      xytext=(3, 0), textcoords="offset points")  # fmt: skip
+
+
+def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
+    """The pressure as seen from above: centred on the tip, mirrored where a part is modelled, all that is pressed."""
+    length = scaled("length", [results], np.array([contact.reach]), "x")
+    pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
+    x, y, p = _whole(contact)
+    near = (np.abs(x) < 2 * contact.reach) & (np.abs(y) < 2 * contact.reach)  # triangles reach beyond the frame
+    if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
+        near[:] = True
+    largest = float(contact.p[contact.bounded()].max(initial=0.0))
+    top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or 1.0
+    places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
+    filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(0, top, 25), cmap="cividis",
+                              extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
+    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(0, top, 4))
+    bar.ax.yaxis.set_major_formatter("{x:.3g}")
+    bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
+    axes.set_aspect("equal")
+    for set_limits, middle in zip((axes.set_xlim, axes.set_ylim), contact.center, strict=True):
+        set_limits(length(middle - contact.reach), length(middle + contact.reach))
+    axes.locator_params(nbins=4)
+    name_axes(axes, length.label, Axis("y", unit=length.unit).label)
+
+
+def _whole(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The surface with its mirror images: what is modelled may be a half or a quarter."""
+    x, y, p = contact.x, contact.y, contact.p
+    if contact.mirrored[0]:
+        x, y, p = np.concatenate([x, -x]), np.tile(y, 2), np.tile(p, 2)
+    if contact.mirrored[1]:
+        x, y, p = np.tile(x, 2), np.concatenate([y, -y]), np.tile(p, 2)
+    _, first = np.unique(np.round(np.column_stack([x, y]), 12), axis=0, return_index=True)
+    return x[first], y[first], p[first]
 
 
 def strongest_step(results: Results) -> float | None:
@@ -63,6 +191,12 @@ def strongest_step(results: Results) -> float | None:
     shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
     forces = np.where(shown, results["force"], 0.0) if shown.any() else np.zeros(1)
     return float(results["step"][np.argmax(forces)]) if forces.max() > 0 else None
+
+
+def depth_text(results: Results, step: float) -> str:
+    """The depth of a step in words, as the axes of the picture measure it."""
+    delta = results["delta"][results["step"] == step]
+    return axis("delta", [results]).said(delta[0]) if len(delta) else "?"
 
 
 def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -75,42 +209,3 @@ def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray)
     """The contact radius of a step; the size of the surface where the table has none."""
     a = results["a"][results["step"] == step]
     return float(a[0]) if a.size and a[0] > 0 else float(np.hypot(np.ptp(x), np.ptp(y)))
-
-
-def _view(values: np.ndarray, center: float, a: float, pressed: np.ndarray) -> np.ndarray:
-    """What is shown along one axis: VIEW contact radii around the tip, and all that is pressed, where there is a body.
-
-    The corners of a contact with few sides are farther from the tip than VIEW radii of a circle with its area.
-    """
-    reach = np.array([center - VIEW * a, center + VIEW * a])
-    if pressed.size:
-        low, high = pressed.min() - MARGIN * a, pressed.max() + MARGIN * a
-        reach = np.array([min(reach[0], low), max(reach[1], high)])
-    return np.clip(reach, values.min(), values.max())
-
-
-def _within(values: np.ndarray, side: np.ndarray) -> np.ndarray:
-    return (side[0] <= values) & (values <= side[1])
-
-
-def _draw_map(axes: Axes, x: np.ndarray, y: np.ndarray, p: np.ndarray, frame: Sequence[np.ndarray], label: str,
-              along: Axis) -> None:  # fmt: skip
-    """The pressure on the modelled part of the surface inside a frame."""
-    wider = [side + np.ptp(side) * np.array([-0.5, 0.5]) for side in frame]  # triangles reach beyond its rim
-    near = _within(x, wider[0]) & _within(y, wider[1])
-    if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
-        near[:] = True
-    filled = axes.tricontourf(x[near], y[near], p[near], levels=np.linspace(0, p.max(), 13), cmap="cividis")
-    bar = axes.figure.colorbar(filled, ax=axes, label=label, ticks=np.linspace(0, p.max(), 4))
-    bar.ax.yaxis.set_major_formatter("{x:.3g}")
-    bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
-    axes.locator_params(nbins=4)
-    axes.set_aspect("equal")
-    axes.set(xlim=frame[0], ylim=frame[1])
-    name_axes(axes, along.label, Axis("y", unit=along.unit).label)
-
-
-def _depth_text(results: Results, step: float) -> str:
-    delta = results["delta"][results["step"] == step]
-    depth = axis("delta", [results])
-    return f"{depth(delta[0]):.4g} {in_picture(depth.unit)}".strip() if len(delta) else "?"

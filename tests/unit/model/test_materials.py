@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from indent_sim.config.file import from_mapping
-from indent_sim.model.materials import Gent, MooneyRivlin, Ogden, Yeoh
+from indent_sim.model.materials import Gent, MooneyRivlin, Ogden, TransverselyIsotropic, Yeoh
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -31,6 +32,42 @@ def test_kappa_says_what_nu_says() -> None:
     assert law.constants == pytest.approx(Gent(mu=1.0, Jm=9.0, nu=0.3).constants, rel=1e-14)
 
 
+def surface_compliance(C11: float, C13: float, C33: float, C44: float) -> float:
+    """w k/p of a half-space from its decaying waves: v' = A v for u_r, u_z, sigma_rz, sigma_zz of wavenumber k = 1."""
+    A = np.array(
+        [
+            [0, 1, 1 / C44, 0],
+            [-C13 / C33, 0, 0, 1 / C33],
+            [C11 - C13**2 / C33, 0, 0, C13 / C33],
+            [0, 0, -1, 0],
+        ]
+    )
+    values, vectors = np.linalg.eig(A)
+    decaying = vectors[:, values.real < 0]
+    amplitudes = np.linalg.solve(decaying[2:], [0, -1])
+    return float((decaying[1] @ amplitudes).real)
+
+
+@pytest.mark.parametrize(
+    ("E", "E_z", "nu", "nu_z", "G_z"),
+    [(1, 2, 0.3, 0.4, 0.3), (3, 1, 0.1, 0.2, 2.0), (1, 1, -0.2, 0.3, 0.1), (0.2, 5, 0.3, 0.45, 1.0)],
+)
+def test_indentation_modulus_is_that_of_the_decaying_waves(E: float, E_z: float, nu: float, nu_z: float, G_z: float
+                                                           ) -> None:  # fmt: skip
+    # stiffnesses from the inverse of the compliance matrix of the directions 1, 2, 3 = z
+    S = np.array([[1 / E, -nu / E, -nu_z / E_z], [-nu / E, 1 / E, -nu_z / E_z], [-nu_z / E_z, -nu_z / E_z, 1 / E_z]])
+    C = np.linalg.inv(S)
+    M = 2 / surface_compliance(C[0, 0], C[0, 2], C[2, 2], G_z)  # w = 2 p/(E* k)
+    assert TransverselyIsotropic(E=E, E_z=E_z, nu=nu, nu_z=nu_z, G_z=G_z).E_star == pytest.approx(M, rel=1e-12)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.4999, 0.5])
+def test_an_isotropic_material_stands_for_itself(nu: float) -> None:
+    law = TransverselyIsotropic(E=2.0, E_z=2.0, nu=nu, nu_z=nu, G_z=1.0 / (1.0 + nu)).canonical()
+    assert law.constants == pytest.approx((2.0, nu), rel=1e-14, abs=1e-15)
+
+
+AXIS = {"model": "transversely_isotropic", "E": 1.0, "E_z": 2.0, "nu": 0.3, "nu_z": 0.4, "G_z": 0.5}
 WRONG = {
     "neither": ({"model": "gent", "mu": 1.0, "Jm": 9.0}, "exactly one of nu, kappa"),
     "both": ({"model": "yeoh", "C10": 1.0, "nu": 0.3, "kappa": 1.0}, "exactly one of nu, kappa"),
@@ -44,6 +81,10 @@ WRONG = {
     "no_mu": ({"model": "gent", "Jm": 9.0, "nu": 0.3}, "material.mu: missing"),
     "no_C10": ({"model": "yeoh", "C20": 1.0, "nu": 0.3}, "material.C10: missing"),
     "no_lambda_m": ({"model": "arruda_boyce", "mu": 1.0, "nu": 0.3}, "material.lambda_m: missing"),
+    "no_G_z": ({key: value for key, value in AXIS.items() if key != "G_z"}, "material.G_z: missing"),
+    "nu_z": (AXIS | {"nu_z": 0.9}, "with these E, E_z and nu it must lie within +-0.83666"),
+    "nu_across": (AXIS | {"nu": 1.0}, "must be > -1 and < 1, got 1.0"),
+    "finite": (AXIS | {"mu": 1.0}, "has no parameter 'mu'"),
     "lambda_m": ({"model": "arruda_boyce", "mu": 1.0, "lambda_m": 0.9, "nu": 0.3}, "must be > 1, got 0.9"),
 }
 

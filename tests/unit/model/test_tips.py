@@ -9,7 +9,19 @@ import pytest
 import ufl
 from pytest import approx
 
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere
+from indent_sim.model.tips import (
+    Berkovich,
+    Cone,
+    CubeCorner,
+    FlatPunch,
+    Indenter,
+    Paraboloid,
+    Plate,
+    Profile,
+    Pyramid,
+    Sphere,
+    Vickers,
+)
 from indent_sim.scene.theories import shape_of
 
 BITS = ((0.0, 0.0), (0.2, 0.0), (0.5, 0.1), (1.0, 0.6))
@@ -170,6 +182,29 @@ def test_many_faces_are_a_cone() -> None:
     """A regular polygon of 64 sides is a circle within 1 - cos(pi/64) = 0.12 %."""
     x, y = POINTS
     assert Pyramid(70.0, faces=64).height(x, y) == approx(Cone(70.0).height(x, y), rel=1.3e-3)
+
+
+@pytest.mark.parametrize(("tip", "area", "tolerance"), [
+    (Berkovich(), 24.494, 3e-4), (Vickers(), 24.504, 1e-4), (CubeCorner(), 2.598, 1e-4),
+])  # fmt: skip
+def test_area_of_a_standard_pyramid(tip, area: float, tolerance: float) -> None:
+    """The area functions of ISO 14577-2, A = 24.49 h^2, 24.50 h^2 and 2.60 h^2, and pi radius^2 is that area.
+
+    The tolerances are those of 65.27 degrees, and of the digits given.
+    """
+    assert np.pi * tip.radius_at(1.0) ** 2 == approx(area, rel=tolerance)
+
+
+def test_faces_of_a_cube_corner_are_at_right_angles() -> None:
+    x, y, h = 0.3, 0.1, 1e-6
+    normals = []
+    for turn in (0.0, 120.0, 240.0):
+        c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+        place = (c * x - s * y, s * x + c * y)
+        f = CubeCorner().height
+        normals.append(((f(place[0] + h, place[1]) - f(*place)) / h, (f(place[0], place[1] + h) - f(*place)) / h, -1.0))
+    products = np.array(normals) @ np.array(normals).T
+    assert products == approx(np.diag(np.diag(products)), abs=1e-6)
 
 
 def test_pyramid_turns_with_its_rotation() -> None:

@@ -17,14 +17,16 @@ import numpy as np
 import pytest
 
 from indent_sim.model.state import COLUMNS, ERRORS, READINGS, State, Surface
+from indent_sim.model.tips import Sphere
 from indent_sim.process.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
 from indent_sim.process.signals import uninterrupted
 from indent_sim.results import folder, tables
 from indent_sim.results.compare import compare
 from indent_sim.results.folder import write_atomically
+from indent_sim.results.outline import outline
 from indent_sim.results.reader import earlier_run, read, rows_of
 from indent_sim.results.writer import ResultFolder, to_json
-from indent_sim.results.xdmf import FieldWriter
+from indent_sim.results.xdmf import ARRAYS, FieldWriter
 
 THIRD = 1 / 3
 
@@ -36,6 +38,7 @@ def a_state(step: int, **values) -> State:
         u=np.array([[0, 0, -0.1], [0, 0, -0.05]]),
         gap=np.array([0.0, 0.2]),
         pressure=np.array([THIRD, 0.0]),
+        z=np.zeros(2),
     )
     state = State(step, 0.1 * step, THIRD * step, 0.2, 1.5, 1e-5, 0.01, 4, 0.1 * step, surface=surface)
     return replace(state, **values)
@@ -117,7 +120,7 @@ class TestFiles:
     def test_the_surface_of_the_last_or_of_all_states(self, tmp_path, keep, steps):
         write_run(tmp_path / "run", surface=keep)
         surface = read(tmp_path / "run").surface
-        assert list(surface) == list(tables.SURFACE_COLUMNS)
+        assert list(surface) == list(tables.SURFACE_HEADER)
         assert surface["step"].tolist() == steps
         assert surface["pressure"][0] == THIRD
 
@@ -336,16 +339,16 @@ class TestFullDisk:
 
         monkeypatch.setattr(os, "replace", full)
         with pytest.raises(NotConverged, match="No space"), ResultFolder(tmp_path / "run", "") as run:
-            run.open_fields(POINTS, CELLS, keep="all")
+            run.open_fields(*BODY, keep="all")
             for step in (1, 2):
-                run.write_fields(a_state(step), *some_fields(step))
+                run.write_fields(a_state(step), some_fields(step))
                 run.append(a_state(step))
         assert kept_steps(tmp_path / "run") == [1] and names(tmp_path / "run" / "fields") == {"mesh.h5", "step-1.h5"}
-        writer = FieldWriter(tmp_path, POINTS, CELLS, keep_all=True)
-        writer.write(1, 0.1, *some_fields(1))
+        writer = FieldWriter(tmp_path, *BODY, keep_all=True)
+        writer.write(1, 0.1, some_fields(1))
         monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:500], at))
         with pytest.raises(OSError, match="No space"):
-            writer.write(3, 0.1, *some_fields(3))
+            writer.write(3, 0.1, some_fields(3))
         assert kept_steps(tmp_path) == [1]
 
 
@@ -403,8 +406,15 @@ POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, -1.0], [0.0, -1.0]])
 CELLS = np.array([[0, 1, 2], [0, 2, 3]])
 
 
-def some_fields(step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return step * np.arange(8.0).reshape(4, 2), step * np.arange(18.0).reshape(2, 3, 3), step * np.arange(4.0)
+REGIONS = np.array([0, 1])
+TIP = outline(Sphere(R=1.0), (0.0,), 0.5, "axisymmetric", 1)
+BODY = (POINTS, CELLS, REGIONS, TIP)
+
+
+def some_fields(step: int, points: int = 4, cells: int = 2, dim: int = 2) -> dict[str, np.ndarray]:
+    counts, sizes = {"Node": points, "Cell": cells}, {"displacement": (dim,), "stress": (3, 3)}
+    shapes = {name: (counts[center], *sizes.get(name, size)) for name, (center, _, size) in ARRAYS.items()}
+    return {name: step * np.arange(np.prod(shape, dtype=float)).reshape(shape) for name, shape in shapes.items()}
 
 
 def kept_steps(folder: Path) -> list[int]:
@@ -426,52 +436,75 @@ class TestFields:
     def test_what_is_written_is_what_meshio_reads(self, tmp_path, keep_all, kept):
         import meshio
 
-        writer = FieldWriter(tmp_path, POINTS, CELLS, keep_all=keep_all)
+        writer = FieldWriter(tmp_path, *BODY, keep_all=keep_all)
         for step in (1, 2, 3):
-            writer.write(step, 0.1 * step, *some_fields(step))
+            writer.write(step, 0.1 * step, some_fields(step))
         with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
             points, cells = reader.read_points_cells()
             assert np.array_equal(points[:, [0, 2]], POINTS) and not points[:, 1].any()
             assert cells[0].type == "triangle" and np.array_equal(cells[0].data, CELLS)
             for k, step in enumerate(kept):
                 time_, nodal, cellwise = reader.read_data(k)
-                u, stress, pressure = some_fields(step)
+                fields = some_fields(step)
                 assert time_ == step
-                assert np.array_equal(nodal["displacement"][:, [0, 2]], u)
-                assert np.array_equal(nodal["pressure"], pressure)
-                assert np.array_equal(cellwise["stress"][0], stress.reshape(2, 9))
+                assert np.array_equal(nodal["displacement"][:, [0, 2]], fields["displacement"])
+                assert np.array_equal(nodal["pressure"], fields["pressure"])
+                for name in ("stress", "von_mises", "principal_stresses", "J", "energy_density"):
+                    assert np.array_equal(cellwise[name][0], fields[name].reshape(2, *ARRAYS[name][2])), name
+                assert np.array_equal(cellwise["region"][0], REGIONS)
             assert reader.num_steps == len(kept)
 
     def test_tetrahedra(self, tmp_path):
         import meshio
 
         points = np.vstack([np.zeros(3), np.eye(3)])
-        writer = FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]))
-        writer.write(1, 0.1, points, np.ones((1, 3, 3)), np.ones(4))
+        tip = outline(Sphere(R=1.0), (0.0, 0.0), 0.5, "three_dimensional", 1)
+        writer = FieldWriter(tmp_path, points, np.array([[0, 1, 2, 3]]), np.zeros(1), tip)
+        writer.write(1, 0.1, some_fields(1, 4, 1, 3) | {"displacement": points})
         with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
             points_read, cells = reader.read_points_cells()
             assert cells[0].type == "tetra" and np.array_equal(points_read, points)
             assert np.array_equal(reader.read_data(0)[1]["displacement"], points)
 
+    @pytest.mark.parametrize("dim", [2, 3])
+    def test_the_tip_is_a_second_mesh_that_comes_down(self, tmp_path, dim):
+        """On a sphere of radius 1 as drawn, and as deep at every state as the state says; by half of the approach where
+        half of the body is modelled."""
+        import meshio
+
+        kinematics, center = {2: ("plane_strain", (2.0,)), 3: ("three_dimensional", (2.0, -1.0))}[dim]
+        tip = outline(Sphere(R=1.0), center, 0.5, kinematics, 2)
+        writer = FieldWriter(tmp_path, POINTS, CELLS, REGIONS, tip, keep_all=True)
+        for step in (1, 2):
+            writer.write(step, 0.1 * step, some_fields(step))
+        with meshio.xdmf.TimeSeriesReader(tmp_path / "tip.xdmf") as reader:
+            points, cells = reader.read_points_cells()
+            assert cells[0].type == {2: "line", 3: "triangle"}[dim]
+            for k, step in enumerate((1, 2)):
+                down = reader.read_data(k)[1]["displacement"]
+                assert down == pytest.approx(np.tile([0, 0, -0.05 * step], (len(points), 1)))
+        middle = np.array([center[0], center[1] if dim == 3 else 0.0, 1.0])
+        assert np.linalg.norm(points - middle, axis=1) == pytest.approx(1.0)
+
     @pytest.mark.parametrize("keep_all", [True, False])
     def test_bytes_grow_with_the_states(self, tmp_path, keep_all):
         """300 states more cost what 300 cost: 1.1 for the digits of the steps."""
-        writer, costs = FieldWriter(tmp_path, POINTS, CELLS, keep_all=keep_all), []
+        writer, costs = FieldWriter(tmp_path, *BODY, keep_all=keep_all), []
         for first in (1, 301):
             before = bytes_written()
             for step in range(first, first + 300):
-                writer.write(step, 0.1, *some_fields(step))
+                writer.write(step, 0.1, some_fields(step))
             costs.append(bytes_written() - before)
         assert 0 < costs[1] < 1.1 * costs[0]
         assert len(kept_steps(tmp_path)) == (600 if keep_all else 1)
 
     def test_a_file_torn_amid_a_state_goes_on_with_those_before(self, tmp_path):
-        writer = FieldWriter(tmp_path, POINTS, CELLS, keep_all=True)
+        writer = FieldWriter(tmp_path, *BODY, keep_all=True)
         for step in (1, 2, 3):
-            writer.write(step, 0.1 * step, *some_fields(step))
+            writer.write(step, 0.1 * step, some_fields(step))
         text = (tmp_path / "fields.xdmf").read_text()
         (tmp_path / "fields.xdmf").write_text(text[: text.index("step 3") + 300])
-        again = FieldWriter(tmp_path, POINTS, CELLS, keep_all=True, done=2)
+        again = FieldWriter(tmp_path, *BODY, keep_all=True, done=2)
         assert again.continued and kept_steps(tmp_path) == [1, 2]
         assert names(tmp_path / "fields") == {"mesh.h5", "step-1.h5", "step-2.h5"}
 
@@ -479,13 +512,13 @@ class TestFields:
         write_run(tmp_path / "run")
         (tmp_path / "run" / "fields.h5").write_bytes(b"slots")
         with ResultFolder(tmp_path / "run", "title: x\n", resume=True) as run:
-            run.open_fields(POINTS, CELLS, keep="last")
-        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "fields"}
+            run.open_fields(*BODY, keep="last")
+        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "tip.xdmf", "fields"}
 
     def test_a_new_run_takes_our_fields_and_leaves_others(self, tmp_path):
         with ResultFolder(tmp_path / "run", "") as run:
-            run.open_fields(POINTS, CELLS, keep="all")
-            run.write_fields(a_state(1), *some_fields(1))
+            run.open_fields(*BODY, keep="all")
+            run.write_fields(a_state(1), some_fields(1))
             run.append(a_state(1))
         (tmp_path / "run" / "fields" / "mine.h5").write_text("mine")
         write_run(tmp_path / "run")
@@ -494,11 +527,11 @@ class TestFields:
 
     def test_fields_move_with_the_folder(self, tmp_path):
         with ResultFolder(tmp_path / "run", "") as run:
-            run.open_fields(POINTS, CELLS, keep="last")
+            run.open_fields(*BODY, keep="last")
             for step in (1, 2):
-                run.write_fields(a_state(step), *some_fields(step))
+                run.write_fields(a_state(step), some_fields(step))
                 run.append(a_state(step))
-        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "fields"}
+        assert names(tmp_path / "run") == FILES | {"fields.xdmf", "tip.xdmf", "fields"}
         assert kept_steps(tmp_path / "run") == [2]
 
 
@@ -564,6 +597,30 @@ class TestCompare:
 
     def test_nan_equals_nan_and_a_trace_of_force_is_zero(self, tmp_path):
         self.pair(tmp_path, "1,-0.1,0,nan\n2,0.2,3,nan\n", "1,-0.1,1e-17,nan\n2,0.2,3,nan\n").check()
+
+    def test_every_column_has_its_own_tolerance(self, tmp_path):
+        texts = "1,0.1,1.0,0.5\n", "1,0.1,1.0005,0.505\n"
+        self.pair(tmp_path, *texts, rtol={"force": 1e-3, "a": 2e-2}).check()
+        for rtol in ({"force": 1e-3}, {"a": 2e-2}, {"": 1e-3}):
+            with pytest.raises(VerificationError):
+                self.pair(tmp_path, *texts, rtol=rtol).check()
+        assert compare(tmp_path / "A", tmp_path / "B", 1e-3, ["force"]).differences == ()
+        with pytest.raises(UsageError, match="--rtol names a, which is not among"):
+            compare(tmp_path / "A", tmp_path / "B", {"a": 1e-3}, ["force"])
+        with pytest.raises(UsageError, match="no column 'p_max'"):
+            compare(tmp_path / "A", tmp_path / "B", {"p_max": 1e-3})
+
+    def test_tables_without_steps_are_matched_by_depth(self, tmp_path):
+        """As measured curves are, up and down: the second force of a depth belongs to the second."""
+        (tmp_path / "A").write_text("delta,force\n0.1,1\n0.2,3\n0.1,0.9\n")
+        (tmp_path / "B").write_text("force,delta\n3,0.2\n1,0.1000000000001\n0.9,0.1\n")
+        found = compare(tmp_path / "A", tmp_path / "B")
+        found.check()
+        assert found.matched_by == "delta" and list(found.pairs) == ["delta", "force"]
+        self.pair(tmp_path, "1,0.1,1,0.5\n2,0.3,3,0.6\n", "")
+        (tmp_path / "B").write_text("delta,force\n0.1,1\n0.2,3\n")
+        with pytest.raises(VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"):
+            compare(tmp_path / "A", tmp_path / "B").check()
 
     def test_without_tolerance_every_digit_counts(self, tmp_path):
         self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.3,0\n", rtol=0).check()

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from test_plots import a_result
-from test_results import write_run
+from test_results import TIP, some_fields, write_run
 
 from indent_sim import __version__
 from indent_sim.cli import commands
@@ -284,11 +284,12 @@ class TestDamaged:
 
     def test_fields_that_name_another_file_read_and_name_their_own(self, tmp_path):
         points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
-        writer = FieldWriter(tmp_path, points, cells, keep_all=True)
-        writer.write(1, 0.1, np.zeros((3, 2)), np.zeros((1, 3, 3)), np.zeros(3))
+        body = (points, cells, np.zeros(1), TIP)
+        writer = FieldWriter(tmp_path, *body, keep_all=True)
+        writer.write(1, 0.1, some_fields(1, 3, 1))
         path = tmp_path / "fields.xdmf"
         whole = path.read_text()
         path.write_text(whole.replace("fields/step-1.h5", "/etc/passwd"))
-        assert FieldWriter(tmp_path, points, cells, keep_all=True, done=1).continued and path.read_text() == whole
+        assert FieldWriter(tmp_path, *body, keep_all=True, done=1).continued and path.read_text() == whole
         path.write_text(whole.replace("step 1", f"step {10**30}"))
-        assert FieldWriter(tmp_path, points, cells, keep_all=True, done=1).continued and "<Time" not in path.read_text()
+        assert FieldWriter(tmp_path, *body, keep_all=True, done=1).continued and "<Time" not in path.read_text()

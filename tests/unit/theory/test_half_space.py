@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from scipy.optimize import brentq
 
@@ -37,40 +36,6 @@ def test_sphere_tends_to_the_paraboloid():
     assert ratio(0.01) == pytest.approx(1.0 - 0.001, abs=1e-5)
 
 
-def surface_compliance(C11, C13, C33, C44):
-    """w k/p of a half-space from its decaying waves: v' = A v for u_r, u_z, sigma_rz, sigma_zz of wavenumber k = 1."""
-    A = np.array(
-        [
-            [0, 1, 1 / C44, 0],
-            [-C13 / C33, 0, 0, 1 / C33],
-            [C11 - C13**2 / C33, 0, 0, C13 / C33],
-            [0, 0, -1, 0],
-        ]
-    )
-    values, vectors = np.linalg.eig(A)
-    decaying = vectors[:, values.real < 0]
-    amplitudes = np.linalg.solve(decaying[2:], [0, -1])
-    return (decaying[1] @ amplitudes).real
-
-
-@pytest.mark.parametrize(
-    ("E", "E_z", "nu", "nu_z", "G_z"),
-    [(1, 2, 0.3, 0.4, 0.3), (3, 1, 0.1, 0.2, 2.0), (1, 1, -0.2, 0.3, 0.1), (0.2, 5, 0.3, 0.45, 1.0)],
-)
-def test_transverse_modulus_is_that_of_the_decaying_waves(E, E_z, nu, nu_z, G_z):
-    # stiffnesses from the inverse of the compliance matrix of the directions 1, 2, 3 = z
-    S = np.array([[1 / E, -nu / E, -nu_z / E_z], [-nu / E, 1 / E, -nu_z / E_z], [-nu_z / E_z, -nu_z / E_z, 1 / E_z]])
-    C = np.linalg.inv(S)
-    M = 2 / surface_compliance(C[0, 0], C[0, 2], C[2, 2], G_z)  # w = 2 p/(E* k)
-    assert hs.transverse_modulus(E, E_z, nu, nu_z, G_z) == pytest.approx(M, rel=1e-12)
-    assert hs.transverse_modulus(10 * E, 10 * E_z, nu, nu_z, 10 * G_z) == pytest.approx(10 * M, rel=1e-12)
-
-
-@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.4999, 0.5])
-def test_transverse_modulus_of_an_isotropic_material(nu):
-    assert hs.transverse_modulus(2.0, 2.0, nu, nu, 1.0 / (1.0 + nu)) == pytest.approx(hs.E_star(2.0, nu), rel=1e-14)
-
-
 def test_nothing_happens_out_of_contact():
     for force in (
         hs.paraboloid_force(-0.1, 1.0, 1.0),
@@ -91,9 +56,6 @@ def test_nothing_happens_out_of_contact():
         lambda: hs.cone_force(0.1, 90.0, 1.0),
         lambda: hs.square_pyramid_force(0.1, 0.0, 1.0),
         lambda: hs.flat_punch_force(0.1, math.inf, 1.0),
-        lambda: hs.transverse_modulus(1.0, 1.0, 0.3, 0.7, 0.4),
-        lambda: hs.transverse_modulus(1.0, 1.0, 1.0, 0.0, 0.4),
-        lambda: hs.transverse_modulus(1.0, 1.0, 0.3, 0.3, 0.0),
     ],
 )
 def test_nonsense_is_refused(call):

@@ -1,0 +1,106 @@
+"""Outline of a rigid tip, for pictures and ParaView: its section as a line, its surface as a mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.config.file import load
+from indent_sim.config.schema import Config
+from indent_sim.model.body import AnyBody, Ball
+from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, reach
+from indent_sim.process.errors import IndentSimError
+from indent_sim.results.folder import CONFIG
+
+POINTS = 160  # of a section from its axis to its end
+TURNS = 96  # sections of a whole turn
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A tip as a mesh: points (n, 3) with the apex at first touch, z = 0; cells (m, 2) or (m, 3) of points [length].
+
+    A tip at the depth delta stands delta/pieces lower: of a ball between two tips one half is modelled.
+    """
+
+    points: np.ndarray
+    cells: np.ndarray
+    pieces: int = 1
+
+    def at(self, delta: float) -> np.ndarray:
+        """Its displacement (n, 3) at a depth [length]."""
+        return np.tile([0.0, 0.0, -delta / self.pieces], (len(self.points), 1))
+
+
+def scene_of(folder: Path) -> Config | None:
+    """The scene of a result folder, in the user's units; None where there is none to read."""
+    try:
+        return load(folder / CONFIG)
+    except (IndentSimError, OSError, ValueError):
+        return None
+
+
+def pieces(body: AnyBody) -> int:
+    """Equal pieces of a body on top of each other, of which one is modelled."""
+    return body.dome.pieces if isinstance(body, Ball) else 1
+
+
+def half_section(tip: Indenter, width: float, degrees: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to `width`.
+
+    A sphere is drawn whole where it fits, a tip that ends has a vertical side.
+    """
+    if isinstance(tip, Sphere):
+        angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), POINTS)
+        return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
+    end = min(width, reach(tip))
+    s = np.unique(np.concatenate([np.linspace(0, end, POINTS), *(_close(*crease, end) for crease in tip.creases())]))
+    x, y = s * np.cos(np.radians(degrees)), s * np.sin(np.radians(degrees))
+    z = np.asarray(tip.height(x, y), dtype=float)
+    return (np.append(s, end), np.append(z, z[-1] + width)) if reach(tip) <= width else (s, z)
+
+
+def _close(radius: float, width: float, end: float) -> np.ndarray:
+    """Places across a rounding of the tip, where a corner would have chords."""
+    places = np.linspace(radius, radius + width, POINTS // 4)
+    return places[(places >= 0) & (places <= end)]
+
+
+def section(tip: Indenter, width: float, degrees: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """(s, z) [length] of the tip in the vertical plane at this angle from x, from left to right."""
+    (left, below), (right, above) = half_section(tip, width, degrees + 180), half_section(tip, width, degrees)
+    return np.concatenate([-left[:0:-1], right]), np.concatenate([below[:0:-1], above])
+
+
+def outline(tip: Indenter, center: tuple[float, ...], width: float, kinematics: str, pieces: int) -> Outline:
+    """The tip out to `width` [length]: the half (axisymmetric) or whole section, a surface in three dimensions."""
+    if kinematics == "three_dimensional":
+        points, cells = _surface(tip, width)
+        return Outline(points + np.array([*center, 0.0]), cells, pieces)
+    s, z = half_section(tip, width) if kinematics == "axisymmetric" else section(tip, width)
+    points = np.column_stack([s + (*center, 0.0)[0], np.zeros(len(s)), z])
+    ends = np.arange(len(s))
+    return Outline(points, np.column_stack([ends[:-1], ends[1:]]), pieces)
+
+
+def _surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """The tip's surface as triangles: sections about its axis, among them the edges of a pyramid."""
+    edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
+    turns = -(-TURNS // edges) * edges
+    angles = begin + 360 * np.arange(turns) / turns
+    sections = [half_section(tip, width, angle) for angle in angles]
+    rings = len(sections[0][0])
+    points = np.concatenate([np.column_stack([s * np.cos(np.radians(angle)), s * np.sin(np.radians(angle)), z])
+                             for angle, (s, z) in zip(angles, sections, strict=True)])  # fmt: skip
+    here = (rings * np.arange(turns)[:, None] + np.arange(rings - 1)[None, :]).ravel()
+    there = (here + rings) % (rings * turns)
+    triangles = [(here, here + 1, there + 1), (here, there + 1, there)]
+    return points, np.concatenate([np.column_stack(corners) for corners in triangles])
+
+
+def drawn_width(tip: Indenter, a: float, delta: float) -> float:
+    """How far out a tip is drawn around a contact of radius a at a depth [length]: beyond both, a small tip whole."""
+    wide = 2.5 * max(a, abs(delta))
+    return max(wide, 1.0001 * reach(tip)) if reach(tip) < 2 * wide else wide

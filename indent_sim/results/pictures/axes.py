@@ -1,0 +1,156 @@
+"""Axes of pictures: their names, and the units their numbers are shown in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError, printable
+
+if TYPE_CHECKING:
+    from indent_sim.results.reader import Results
+
+
+PREFIXES = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
+BASES = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
+SHOWN = "shown_units"  # entry of a report: units asked for in a picture, by kind
+NAMES = {"delta": ("depth δ", "length"), "force": ("force F", "force"), "a": ("contact radius a", "length")}
+FLAT_NAMES = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What an axis shows: its name, and the factor and unit its numbers are shown in."""
+
+    name: str
+    factor: float = 1.0
+    unit: str = ""
+
+    @property
+    def label(self) -> str:
+        """The text along the axis."""
+        return f"{self.name} [{in_print(self.unit)}]" if self.unit else self.name
+
+    def __call__(self, values: Any) -> np.ndarray:
+        """Values as they are shown."""
+        return np.asarray(values, dtype=float) * self.factor
+
+    def said(self, value: float) -> str:
+        """A value with its unit, in words."""
+        return f"{float(self(value)):.4g} {in_print(self.unit)}".strip()
+
+
+def in_print(unit: str) -> str:
+    """A unit as it is printed: um and uN with their Greek letter."""
+    parts = in_picture(unit).split("/")
+    return "/".join(f"µ{part[1:]}" if part.rstrip("²") in ("um", "uN") else part for part in parts)
+
+
+def in_picture(text: str, most: int = 60) -> str:
+    """Text of a stranger as a picture shows it: on one line, shortened, a dollar sign being no formula."""
+    text = printable(text)
+    text = text if len(text) <= most else f"{text[: most - 1]}…"
+    text = text.replace("$", r"\$")
+    return f" {text}" if text.startswith("_") else text  # what begins with _ is left out of a legend
+
+
+def choice(report: Mapping[str, Any], key: str) -> str | None:
+    """What a run decided for a key of its plan, None where it says nothing."""
+    choices = report.get("plan", {}).get("choices", [])
+    return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
+
+
+def is_plane_strain(results: Results) -> bool:
+    """Whether forces are per unit length."""
+    return choice(results.report, "kinematics") == "plane_strain"
+
+
+def first_axis(run: Results) -> str:
+    """The name of the axis to the right: r where the body is of revolution, else x."""
+    return "r" if choice(run.report, "kinematics") in (None, "axisymmetric") else "x"
+
+
+def middle_of(runs: Sequence[Results]) -> tuple[float, str]:
+    """Where the axis of all tips stands [length] and the name of the axis through it; 0 of tips at several places."""
+    places = {float([*(run.report.get("center") or [0.0]), 0.0][0]) for run in runs}
+    if len(places) == 1:
+        return places.pop(), first_axis(runs[0])
+    return 0.0, "distance from the tip's axis"
+
+
+def axis(column: str, runs: Sequence[Results]) -> Axis:
+    """The axis of a column of the force table, in the common unit of the runs."""
+    name, kind = NAMES[column]
+    if all(is_plane_strain(run) for run in runs):
+        name, kind = FLAT_NAMES.get(column, (name, kind))
+    return scaled(kind, runs, np.concatenate([run[column] for run in runs]), name)
+
+
+def scaled(kind: str, runs: Sequence[Results], values: Any, name: str) -> Axis:
+    """An axis in the common unit of the runs.
+
+    A length or force in m or N, and every pressure of an SI length and force, gets the prefix that makes its largest
+    number readable; a length in mm stays one. What the picture was asked to show comes before that.
+    """
+    units = {unit_of(kind, run.report.get("units") or {}) for run in runs}
+    unit = units.pop() if len(units) == 1 else ""
+    asked = {(run.report.get(SHOWN) or {}).get(kind, "") for run in runs}
+    wanted = asked.pop() if len(asked) == 1 else ""
+    power = _power(kind, unit)
+    if power is None:
+        if wanted:
+            raise UsageError(f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}: "
+                             f"it cannot be shown in {wanted}; say units: {{length, force}} in the scene")  # fmt: skip
+        return Axis(name, 1.0, unit)
+    if wanted:
+        return Axis(name, 10.0 ** (power - _asked_power(kind, wanted)), wanted)
+    is_chosen = unit not in BASES.values() and kind in ("length", "force")
+    return Axis(name, 1.0, unit) if is_chosen else _prefixed(kind, power, np.asarray(values, dtype=float), name)
+
+
+def _prefixed(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
+    """The axis whose prefix leaves the largest number between 0.2 and 200 as a rule."""
+    largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    size = power + (np.log10(largest) - 0.3 if largest > 0 else 0)
+    wanted = int(np.clip(3 * np.floor(size / 3 + 1e-9), -12, 9))
+    prefix = next(prefix for prefix, of in PREFIXES.items() if of == wanted)
+    return Axis(name, 10.0 ** (power - wanted), prefix + BASES[kind])
+
+
+def unit_of(kind: str, units: Mapping[str, str]) -> str:
+    """The label of a kind of number (length, force, line, pressure) from those of length and force."""
+    length, force = units.get("length", ""), units.get("force", "")
+    if kind == "length" or not (length and force):
+        return {"length": length, "force": force}.get(kind, "")
+    return {"force": force, "line": f"{force}/{length}", "pressure": f"{force}/{length}²"}[kind]
+
+
+def _power(kind: str, unit: str) -> int | None:
+    """The power of ten of the SI unit that a label of `unit_of` stands for; None for any other."""
+    if kind in ("length", "force"):
+        return _prefix(unit, BASES[kind])
+    force, _, length = unit.rstrip("²").partition("/")
+    of_force, of_length = _prefix(force, "N"), _prefix(length, "m")
+    if of_force is None or of_length is None:
+        return None
+    return of_force - (2 if kind == "pressure" else 1) * of_length
+
+
+def _prefix(unit: str, base: str) -> int | None:
+    return PREFIXES.get(unit[: -len(base)]) if unit.endswith(base) else None
+
+
+def _asked_power(kind: str, wanted: str) -> int:
+    power = _prefix(wanted, BASES[kind])
+    if power is None:
+        example = {"length": "nm, um, mm", "force": "pN, nN, mN", "pressure": "Pa, kPa, MPa", "line": "mN/m, N/m"}[kind]
+        raise UsageError(f"{wanted} is no unit of {kind}: for example {example}")
+    return power
+
+
+def shown_in(run: Results, units: Mapping[str, str]) -> Results:
+    """The same result, to be drawn in these units, by kind."""
+    return replace(run, report=run.report | {SHOWN: dict(units)}) if units else run

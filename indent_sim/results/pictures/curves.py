@@ -1,0 +1,95 @@
+"""Curves through the rows of a result: smooth, and loading told from unloading."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.results.pictures.canvas import COLOURS, MANY, MARKERS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+FINE = 20  # points of a drawn curve between two rows
+MANY_RUNS = 10  # from which their colours are those of a map, in their order
+UNLOADING = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
+Look = Mapping[str, Any]
+
+
+def look(i: int, of: int) -> dict[str, Any]:
+    """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light, without marks."""
+    if of <= MANY_RUNS:
+        return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
+    return {"color": shade(i, of), "marker": ""}
+
+
+def shade(i: int, of: int) -> Any:
+    """The i-th of so many colours of a map, from dark to light."""
+    from matplotlib import colormaps
+
+    return colormaps["viridis"](0.9 * i / max(1, of - 1))  # its lightest yellow is lost on white
+
+
+def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
+    """The rows between turning points of a path, which belong to both branches; whether the tip goes out there."""
+    if len(delta) < 2:
+        return [(slice(0, len(delta)), False)]
+    steps = np.sign(np.diff(delta))
+    turns = [k + 1 for k in range(len(steps) - 1) if steps[k] * steps[k + 1] < 0]
+    ends = pairwise([0, *turns, len(delta) - 1])
+    return [(slice(first, last + 1), bool(delta[last] < delta[first])) for first, last in ends]
+
+
+def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+    """A smooth curve through points in order of x, up or down, that rises and falls only where they do.
+
+    Piecewise cubic, its slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983) 645: no overshoot.
+    Points that do not go on in x are joined by straight lines.
+    """
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    h = np.diff(x)
+    if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()) or not ((h > 0).all() or (h < 0).all()):
+        return x, y
+    secant = np.diff(y) / h
+    slope = _slopes(h, secant)
+    t = np.linspace(0, 1, FINE, endpoint=False)
+    rise = (h * (slope[:-1] + slope[1:]) - 2 * np.diff(y))[:, None]
+    bend = (h * (3 * secant - 2 * slope[:-1] - slope[1:]))[:, None]
+    fine_y = y[:-1, None] + t * (h * slope[:-1])[:, None] + t**2 * bend + t**3 * rise
+    fine_x = x[:-1, None] + t * h[:, None]
+    return np.append(fine_x.ravel(), x[-1]), np.append(fine_y.ravel(), y[-1])
+
+
+def _slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
+    """dy/dx at the points by parabolas through three of them, as steep as three secants at most, 0 at an extremum."""
+    share = h[1:] / (h[:-1] + h[1:])
+    inside = share * secant[:-1] + (1 - share) * secant[1:]
+    first, last = 2 * secant[0] - inside[0], 2 * secant[-1] - inside[-1]
+    slopes = np.concatenate([[first], inside, [last]])
+    before, after = np.append(secant[0], secant), np.append(secant, secant[-1])
+    most = 3 * np.minimum(np.abs(before), np.abs(after))
+    rises = np.sign(before) * ((before * after > 0) & (slopes * before > 0))
+    return rises * np.minimum(np.abs(slopes), most)
+
+
+def draw(axes: Axes, delta: np.ndarray, x: np.ndarray, y: np.ndarray, look: Look, label: str | None = None, *,
+         from_origin: bool = False) -> None:  # fmt: skip
+    """Draw rows (x, y) of a path of depths: smooth lines, and marks where the rows are unless there are very many.
+
+    Unloading is dashed and its marks are hollow. from_origin: the first branch begins at (0, 0), where no row is.
+    """
+    marks, colour = look["marker"] if len(x) <= MANY else "", look["color"]
+    for rows, goes_out in branches(delta):
+        begin = [0.0] if from_origin and rows.start == 0 and not goes_out else []
+        line = {"ls": UNLOADING["ls"]} if goes_out else {}
+        axes.plot(*smooth([*begin, *x[rows]], [*begin, *y[rows]]), color=colour, lw=1.2 if marks else 1.6, zorder=2,
+                  label=None if marks else label, **line)  # fmt: skip
+        if marks:
+            own = slice(rows.start + goes_out, rows.stop)  # the turning point is one of loading
+            ink = {"mec": colour, "mew": 1.0, "mfc": UNLOADING["mfc"]} if goes_out else {"mec": "white", "mew": 0.6}
+            axes.plot(x[own], y[own], ls="", marker=marks, ms=5.5, color=colour, label=label, zorder=4, **ink)
+        label = None

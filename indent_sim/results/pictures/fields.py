@@ -1,0 +1,236 @@
+"""The deformed body with the tip in it and a field on it, in the vertical plane through the tip's axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+from indent_sim.results.outline import scene_of
+from indent_sim.results.pictures.axes import Axis, choice, first_axis, middle_of, scaled
+from indent_sim.results.pictures.canvas import GREY, name_axes
+from indent_sim.results.pictures.pressure import depth_text
+from indent_sim.results.pictures.profile import draw_tip
+from indent_sim.results.xdmf import read_fields
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from indent_sim.results.reader import Results
+
+
+VIEW = 3.0  # contact radii or depths around the tip that are shown
+ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
+WHOLE = 1.6  # times that a body may be wider or deeper to be shown whole
+SHOWN = 99.8  # per cent of the shown values inside the colours: at an edge a stress is infinite
+SLIVER = 2e-3  # of the width of the frame: about half a pixel
+
+
+@dataclass(frozen=True)
+class Field:
+    """What a picture can show on the body: its name in words, its kind of number, and how it is made of the arrays.
+
+    {r} and {t} in the name stand for the first two axes: r and theta where the body is of revolution, else x and y.
+    middle: the value that is white, of a field with two signs; None for one that begins at 0.
+    """
+
+    name: str
+    kind: str
+    values: Callable[[dict[str, np.ndarray]], np.ndarray]
+    middle: float | None = None
+
+
+FIELDS = {
+    "von_mises": Field("von Mises stress", "pressure", lambda f: f["von_mises"]),
+    "principal_1": Field("principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0),
+    "principal_2": Field("principal stress σ₂", "pressure", lambda f: f["principal_stresses"][:, 1], 0.0),
+    "principal_3": Field("principal stress σ₃", "pressure", lambda f: f["principal_stresses"][:, 2], 0.0),
+    "sigma_xx": Field(r"stress $\sigma_{{{r}{r}}}$", "pressure", lambda f: f["stress"][:, 0], 0.0),
+    "sigma_yy": Field(r"stress $\sigma_{{{t}{t}}}$", "pressure", lambda f: f["stress"][:, 4], 0.0),
+    "sigma_zz": Field(r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0),
+    "sigma_xz": Field(r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0),
+    "J": Field("volume ratio J", "1", lambda f: f["J"], 1.0),
+    "energy_density": Field("energy density ψ", "pressure", lambda f: f["energy_density"]),
+    "displacement": Field("displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)),
+}
+
+
+@dataclass(frozen=True)
+class Section:
+    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,) of a field there."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+    values: np.ndarray
+
+    def mirrored(self, middle: float) -> Section:
+        """With its image in the vertical line x = middle."""
+        image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
+        triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
+        return Section(np.concatenate([self.points, image]), triangles, np.tile(self.values, 2))
+
+    def without_slivers(self, least: float) -> np.ndarray:
+        """The triangles but those lower than `least` [length], whose colours would be drawn beyond their sides."""
+        corners = self.points[self.triangles]
+        sides = np.roll(corners, -1, axis=1) - corners
+        longest = np.linalg.norm(sides, axis=2).max(axis=1)
+        area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+        return self.triangles[area > least * longest]
+
+    def inside(self, frame: np.ndarray) -> np.ndarray:
+        """The values at the points inside a frame (left, right, bottom, top)."""
+        x, z = self.points.T
+        return self.values[(frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])]
+
+
+def field_of(name: str) -> Field:
+    """The field of a name; UsageError for any other."""
+    if name not in FIELDS:
+        raise UsageError(f"there is no field {name}; choose among {', '.join(FIELDS)}")
+    return FIELDS[name]
+
+
+def section_of(results: Results, step: float, field: Field) -> Section:
+    """The deformed section of a step in the plane through the tip's axis, its other half mirrored where it is one."""
+    fields = read_fields(results.path, int(step))
+    values = field.values(fields)
+    parts = [_part(fields, values, fields["region"] == region) for region in np.unique(fields["region"])]
+    center = np.array([*results.report.get("center", [0.0]), 0.0][:2])
+    if fields["cells"].shape[1] == 4:
+        y = fields["points"][:, 1]
+        inside = np.clip(center[1], y.min() + 1e-6 * np.ptp(y), y.max() - 1e-6 * np.ptp(y))
+        parts = [_cut(*part, inside) for part in parts]
+    points, triangles, shown = _joined(parts)
+    section = Section(points[:, [0, 2]], triangles, shown)
+    left = fields["points"][:, 0].min()
+    is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(fields["points"][:, 0])
+    return section.mirrored(center[0]) if is_half else section
+
+
+Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
+
+
+def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) -> Part:
+    """One region by itself: its field jumps where it ends. Values of cells become those of vertices, by volume."""
+    used, cells = np.unique(fields["cells"][own], return_inverse=True)
+    cells = cells.reshape(-1, fields["cells"].shape[1])
+    points = fields["points"][used]
+    if len(values) == len(fields["points"]) and len(values) != len(fields["cells"]):
+        nodal = values[used]
+    else:
+        nodal = _at_vertices(points, cells, values[own])
+    return points, points + fields["displacement"][used], cells, nodal
+
+
+def _at_vertices(points: np.ndarray, cells: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The mean (n,) of the cells (m,) around each vertex, weighted by their volumes."""
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    weights = np.sqrt(np.abs(np.linalg.det(edges @ np.swapaxes(edges, 1, 2))))
+    corners = cells.shape[1]
+    total = np.bincount(cells.ravel(), np.repeat(weights * values, corners), len(points))
+    return total / np.bincount(cells.ravel(), np.repeat(weights, corners), len(points))
+
+
+def _cut(points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.ndarray, y: float) -> Part:
+    """The triangles in which the undeformed plane y cuts tetrahedra."""
+    side = points[:, 1] - y
+    count = (side[cells] > 0).sum(axis=1)
+    order = np.take_along_axis(cells, np.argsort(-side[cells], axis=1), axis=1)  # those in front come first
+    corners = {1: [(0, 1), (0, 2), (0, 3)], 3: [(0, 3), (1, 3), (2, 3)]}
+    pairs = [order[count == n][:, np.array(edges)] for n, edges in corners.items()]
+    quads = order[count == 2]
+    pairs += [quads[:, np.array(edges)] for edges in ([(0, 2), (0, 3), (1, 3)], [(0, 2), (1, 3), (1, 2)])]
+    ends = np.concatenate(pairs).reshape(-1, 2)
+    share = (side[ends[:, 0]] / (side[ends[:, 0]] - side[ends[:, 1]]))[:, None]
+    columns = np.column_stack([points, moved, values])
+    found = (1 - share) * columns[ends[:, 0]] + share * columns[ends[:, 1]]
+    return found[:, :3], found[:, 3:6], np.arange(len(found)).reshape(-1, 3), found[:, 6]
+
+
+def _joined(parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Deformed points, triangles and values of several parts."""
+    starts = np.cumsum([0, *(len(part[1]) for part in parts[:-1])])
+    triangles = [part[2] + start for part, start in zip(parts, starts, strict=True)]
+    return np.concatenate([part[1] for part in parts]), np.concatenate(triangles), np.concatenate([p[3] for p in parts])
+
+
+@dataclass(frozen=True)
+class FieldRow:
+    """A field of several results or steps, each with its words, side by side in one frame and with the same colours."""
+
+    shown: Sequence[tuple[Results, float, str]]
+    field: Field
+
+    @cached_property
+    def sections(self) -> list[Section]:
+        """The deformed body of each."""
+        return [section_of(results, step, self.field) for results, step, _ in self.shown]
+
+    @cached_property
+    def frame(self) -> np.ndarray:
+        """(left, right, bottom, top) [length]: every contact with what is below it, or the whole of a small body."""
+        points = np.concatenate([section.points for section in self.sections])
+        (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
+        size = max(max(_at(run, step, "a"), abs(_at(run, step, "delta"))) for run, step, _ in self.shown)
+        reach, middle = VIEW * size, middle_of([self.shown[0][0]])[0]
+        sides = (left, right) if right - left <= 2 * WHOLE * reach else (middle - reach, middle + reach)
+        return np.array([*sides, bottom if -bottom <= WHOLE * reach else -reach, top + ABOVE * size])
+
+    @property
+    def aspect(self) -> float:
+        """Height over width of a panel."""
+        left, right, bottom, top = self.frame
+        return float((top - bottom) / (right - left))
+
+    def draw(self, panels: Sequence[Axes]) -> None:
+        """Draw into as many panels, with one bar for the colours of all."""
+        runs, frame = [run for run, *_ in self.shown], self.frame
+        length = scaled("length", runs, np.ptp(frame[:2]) / 2 * np.ones(1), first_axis(runs[0]))
+        inside = np.concatenate([section.inside(frame) for section in self.sections])
+        axis = self._axis(runs, inside)
+        low, high, colours = _colours(axis(inside), self.field.middle)
+        for axes, (run, step, words), section in zip(panels, self.shown, self.sections, strict=True):
+            triangles = section.without_slivers(SLIVER * np.ptp(frame[:2]))
+            drawn = axes.tripcolor(*length(section.points).T, triangles, axis(section.values), shading="gouraud",
+                                   vmin=low, vmax=high, cmap=colours, rasterized=True)  # fmt: skip
+            _finish(axes, run, step, words, frame, length)
+        ends = [axis(inside).min() < low, axis(inside).max() > high]
+        beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
+        bar = panels[0].figure.colorbar(drawn, ax=list(panels), label=axis.label, extend=beyond, aspect=25)
+        bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
+        for axes in panels:
+            axes.label_outer()
+
+    def _axis(self, runs: Sequence[Results], values: np.ndarray) -> Axis:
+        first = first_axis(runs[0])
+        name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
+        return Axis(name) if self.field.kind == "1" else scaled(self.field.kind, runs, values, name)
+
+
+def _finish(axes: Axes, results: Results, step: float, words: str, frame: np.ndarray, length: Axis) -> None:
+    """The tip, the frame and the words of one panel."""
+    if (scene := scene_of(results.path)) is not None:
+        draw_tip(axes, scene, _at(results, step, "delta"), middle_of([results])[0], float(np.ptp(frame[:2])), length)
+    axes.set_aspect("equal")
+    axes.set(xlim=length(frame[:2]), ylim=length(frame[2:]))
+    axes.locator_params(nbins=5)
+    said = ", ".join(filter(None, [words, f"δ = {depth_text(results, step)}"]))
+    axes.set_title(said, loc="left", fontsize="small", color=GREY)
+    name_axes(axes, length.label, Axis("z", unit=length.unit).label)
+
+
+def _at(results: Results, step: float, column: str) -> float:
+    return float(results[column][results["step"] == step][0])
+
+
+def _colours(values: np.ndarray, middle: float | None) -> tuple[float, float, Any]:
+    """The limits of the colours and their map: from 0 up, or as far to both sides of the middle."""
+    if middle is None:
+        high = float(np.percentile(values, SHOWN))
+        return 0.0, high if high > 0 else 1.0, "viridis"
+    away = float(np.percentile(np.abs(values - middle), SHOWN)) or 1.0
+    return middle - away, middle + away, "RdBu_r"

@@ -1,0 +1,260 @@
+"""Pictures on request: which panels, of which steps and fields, how wide and in which units."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+from indent_sim.results.pictures import canvas, curves
+from indent_sim.results.pictures.axes import BASES, shown_in
+from indent_sim.results.pictures.fields import FieldRow, field_of
+from indent_sim.results.pictures.forces import draw_forces, named_apart
+from indent_sim.results.pictures.pressure import contact_of, depth_text, draw_map, strongest_step
+from indent_sim.results.pictures.pressure import draw_profiles as draw_pressures
+from indent_sim.results.pictures.profile import draw_profiles
+from indent_sim.results.xdmf import kept_steps
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
+
+    from indent_sim.results.reader import Results
+
+
+WHAT = ("force", "pressure", "profile", "fields")
+OF_STEPS = ("pressure", "profile", "fields")
+MM = 1 / 25.4  # inches
+PANEL = 4.4  # inches: width of a panel where no width is asked for
+LINE_ASPECT, MAP_ASPECT = 0.72, 0.85  # height over width of panels
+WORDS, NUMBERS, BESIDE_BAR = 0.75, 0.4, 0.85  # inches around a field for words and numbers, and what its bar leaves
+LOWEST = 1.2  # inches: of a bar with its words
+MOST_IN_ROW, MOST_WIDE, MOST_PANELS = 4, 3, 40
+NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
+Shown = tuple["Results", float, str]  # a result, a step, and what tells them from the others in words
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a picture shall show. steps: numbers, last or all; "": the step of the largest force; width [mm]."""
+
+    what: tuple[str, ...]
+    fields: tuple[str, ...] = ("von_mises",)
+    steps: tuple[str, ...] = ()
+    width: float | None = None
+    font: float = canvas.FONT
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+    def side_by_side(self, narrowest: float, most: int) -> int:
+        """How many panels stand side by side, none narrower than so many inches at the standard font size."""
+        room = self.width * MM / (narrowest * self.font / canvas.FONT) if self.width else most
+        return int(np.clip(room, 1, most))
+
+    @property
+    def name(self) -> str:
+        """The file of a picture that nobody named."""
+        return f"{'_'.join(self.what)}.png"
+
+
+def wish(given: Mapping[str, Any]) -> Wish:
+    """The wish of some options; UsageError for words that are none, and for options that would have no effect."""
+    found = Wish(**{"what": ("force",), **given})
+    if unknown := [word for word in found.what if word not in WHAT]:
+        raise UsageError(f"--what {unknown[0]} is none of {', '.join(WHAT)}")
+    if "fields" in given and "fields" not in found.what:
+        raise UsageError("--field belongs to --what fields")
+    if "steps" in given and not set(found.what) & set(OF_STEPS):
+        raise UsageError(f"--steps belongs to --what {' or '.join(OF_STEPS)}: the force is drawn at every step")
+    if wrong := [word for word in found.steps if not (word in ("last", "all") or word.isdecimal())]:
+        raise UsageError(f"--steps {wrong[0]} is neither a step nor last nor all")
+    if wrong := [kind for kind in found.units if kind not in BASES]:
+        raise UsageError(f"--units {wrong[0]}: there are {', '.join(BASES)}")
+    for name in found.fields:
+        field_of(name)
+    return found
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row of so many panels: its height at a width of the picture [inches], and what draws it into its part."""
+
+    panels: int
+    height: Callable[[float], float]
+    draw: Callable[[SubFigure], None]
+
+
+def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
+    """Draw what was wished for; UsageError for steps, fields and panels that the results do not have."""
+    canvas.format_of(Path(path))
+    runs = [shown_in(run, wish.units) for run in runs]
+    runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
+    lines = _line_panels(runs, names, wish)
+    rows = [_line_row(part, len(runs)) for part in _in_rows(lines, wish.side_by_side(NARROWEST_LINES, MOST_WIDE))]
+    rows += _map_rows(runs, names, wish)
+    width = wish.width * MM if wish.width else PANEL * min(MOST_WIDE, max(row.panels for row in rows))
+    heights = [row.height(width) for row in rows]
+    with canvas.canvas((width, sum(heights)), wish.font) as figure:
+        parts = figure.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
+        for row, part in zip(rows, parts[:, 0], strict=True):
+            row.draw(part)
+        canvas.save(figure, path)
+
+
+def svg(runs: Sequence[Results], wish: Wish) -> str:
+    """The picture of a wish as an element of a page: no prolog, no metadata, and no name that another one may have."""
+    with tempfile.TemporaryDirectory() as folder:
+        draw(runs, wish, Path(folder) / "picture.svg")
+        text = (Path(folder) / "picture.svg").read_text(encoding="utf-8")
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    own = hashlib.sha256(text.encode()).hexdigest()[:8]
+    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{own}-", text)
+    return text.replace("<svg ", '<svg role="img" ', 1)
+
+
+def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[Callable[[Axes], None]]:
+    """What draws each panel of curves, in the order of the wish."""
+    panels: list[Callable[[Axes], None]] = []
+    for what in wish.what:
+        if what == "force":
+            panels.append(partial(_draw_forces, runs, names))
+        elif what == "profile":
+            panels.append(partial(_call, draw_profiles, _coloured(_shown(runs, names, wish, what))))
+        elif what == "pressure":
+            shown = _coloured([one for one in _shown(runs, names, wish, what) if not _has_map(one[0])])
+            told = [(run, contact_of(run, step), name, colour) for run, step, name, colour in shown]
+            panels += [partial(_call, draw_pressures, told)] if told else []
+    return panels
+
+
+def _draw_forces(runs: Sequence[Results], names: Sequence[str], axes: Axes) -> None:
+    """The forces of one run beside theory, or of several."""
+    if len(runs) > 1:
+        draw_forces(axes, runs, None, names)
+    else:
+        draw_forces(axes, runs, runs[0].report.get("theory"))
+
+
+def _call(drawing: Callable[[Axes, Any], None], shown: Any, axes: Axes) -> None:
+    drawing(axes, shown)
+
+
+def _line_row(panels: Sequence[Callable[[Axes], None]], runs: int) -> _Row:
+    """Panels of curves side by side, each with its legend below."""
+
+    def into(part: SubFigure) -> None:
+        axes = part.subplots(2, len(panels), squeeze=False)
+        for draw_panel, (plot, below) in zip(panels, axes.T, strict=True):
+            draw_panel(plot)
+            canvas.legend_in(below, plot)
+        lines = max(len(plot.get_legend_handles_labels()[1]) for plot in axes[0])
+        height = part.bbox.height / part.figure.dpi
+        legend = min(0.6 * height, canvas.LINE * (lines + 0.5) * canvas.figure_font() / canvas.FONT)
+        axes[0, 0].get_gridspec().set_height_ratios([height - legend, legend])
+
+    return _Row(len(panels), lambda width: LINE_ASPECT * width / len(panels) + canvas.LINE * (3 + runs), into)
+
+
+def _map_rows(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
+    """Rows of maps: of the pressure where the surface has two dimensions, and of every field."""
+    rows: list[_Row] = []
+    most = wish.side_by_side(NARROWEST_MAPS, MOST_IN_ROW)
+    for what in wish.what:
+        if what == "pressure":
+            mapped = [one for one in _shown(runs, names, wish, what) if _has_map(one[0])]
+            rows += [_pressure_row(part) for part in _in_rows(mapped, most)]
+        if what == "fields":
+            shown = _shown(runs, names, wish, what)
+            rows += [_field_row(FieldRow(shown, field_of(name)), most) for name in wish.fields]
+    return rows
+
+
+def _pressure_row(shown: Sequence[Shown]) -> _Row:
+    def into(part: SubFigure) -> None:
+        for axes, (run, step, words) in zip(part.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
+            draw_map(axes, run, contact_of(run, step))
+            axes.set_title(_titled(run, step, words), loc="left", fontsize="small", color=canvas.GREY)
+
+    return _Row(len(shown), lambda width: MAP_ASPECT * min(width / len(shown), PANEL), into)
+
+
+def _field_row(row: FieldRow, most: int) -> _Row:
+    """A field in one frame and one range of colours, in as many lines as the panels need."""
+    lines = -(-len(row.shown) // most)
+    columns = -(-len(row.shown) // lines)
+
+    def into(part: SubFigure) -> None:
+        axes = part.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).ravel()
+        for unused in axes[len(row.shown) :]:
+            unused.remove()
+        row.draw(list(axes[: len(row.shown)]))
+
+    def height(width: float) -> float:
+        return lines * max(row.aspect * (BESIDE_BAR * width / columns - NUMBERS), LOWEST) + WORDS
+
+    return _Row(columns, height, into)
+
+
+T = TypeVar("T")
+
+
+def _in_rows(panels: Sequence[T], most: int) -> list[Sequence[T]]:
+    """So many in each row at most."""
+    return [panels[begin : begin + most] for begin in range(0, len(panels), most)]
+
+
+def _coloured(shown: Sequence[Shown]) -> list[tuple[Results, float, str, Any]]:
+    """With the words that tell a curve from the others and its colour: steps from dark to light, results by hue."""
+    many = len(shown)
+    single = len({id(run) for run, *_ in shown}) == 1
+    colours = [curves.shade(i, many) if single and many > 1 else curves.look(i, many)["color"] for i in range(many)]
+    return [
+        (run, step, _titled(run, step, words), colour)
+        for (run, step, words), colour in zip(shown, colours, strict=True)
+    ]
+
+
+def _titled(run: Results, step: float, words: str) -> str:
+    return ", ".join(filter(None, [words, f"δ = {depth_text(run, step)}"]))
+
+
+def _has_map(run: Results) -> bool:
+    """Whether the surface of a result has two dimensions."""
+    return bool(np.ptp(run.surface["y"]) > 0)
+
+
+def _shown(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[Shown]:
+    """Every result at every step asked for; UsageError where one is missing."""
+    found = [(run, step, name) for run, name in zip(runs, names, strict=True) for step in _steps(run, wish, what)]
+    if len(found) > MOST_PANELS:
+        raise UsageError(f"{len(found)} curves or panels of {what} are too many for one picture; name fewer --steps")
+    return found
+
+
+def _steps(run: Results, wish: Wish, what: str) -> list[float]:
+    """The steps of a result that are shown: those asked for, or that of the largest force."""
+    there = sorted(set(map(int, kept_steps(run.path) if what == "fields" else run.surface.get("step", ()))))
+    key = "fields" if what == "fields" else "surface"
+    if not there:
+        raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}=last or all")
+    asked = [there[-1] if word == "last" else word for word in wish.steps]
+    steps = there if "all" in asked else [int(word) for word in asked] or [_strongest(run, there)]
+    if missing := [step for step in steps if step not in there]:
+        raise UsageError(f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}; "
+                         f"output.{key}: all keeps every step")  # fmt: skip
+    return [float(step) for step in steps]
+
+
+def _strongest(run: Results, there: Sequence[int]) -> int:
+    """Of the steps that are there that of the largest force."""
+    known = replace(run, surface={"step": np.array(there, dtype=float)})
+    return int(strongest_step(known) or there[-1])

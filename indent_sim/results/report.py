@@ -1,0 +1,260 @@
+"""Report of a result or a study: one HTML file that needs nothing beside it, neither network nor other files."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from indent_sim.process.errors import UsageError
+from indent_sim.process.version import VERSION
+from indent_sim.results.folder import CONFIG, PROGRAM, content, write_atomically
+from indent_sim.results.pictures import panels
+from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
+from indent_sim.results.pictures.panels import Wish
+from indent_sim.results.reader import Results, read_run
+from indent_sim.results.xdmf import kept_steps
+
+MOST_ROWS = 100  # of a table; more are thinned
+DIGITS = 6
+WIDE = 110.0  # mm: what stays readable on a screen 400 pixels wide
+CAPTIONS = {"force": "Force over depth", "pressure": "Contact pressure at the largest force",
+            "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
+NAME, STUDY = "report.html", "study.json"
+STUDY_PICTURES = {"curves.png": "Force over depth, and the last force over each varied number",
+                  "study.png": "What accuracy costs"}  # fmt: skip
+SILENT = ("cpu_", "peak_", "memory_", "wall_s")  # columns of a study that say nothing of the physics
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture as it stands in the page, and what it shows in words."""
+
+    svg: str
+    words: str
+    broad: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the page; figures: its columns are numbers."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: str = ""
+    figures: bool = False
+
+
+def write(folder: Path, path: Path) -> None:
+    """Write the report of a result folder or of a study's; UsageError when there is none, or it cannot be written."""
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is no folder of a result or a study")
+    page = of_study(folder) if (folder / STUDY).exists() else of_run(folder)
+    try:
+        write_atomically(path, page)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def of_run(folder: Path) -> str:
+    """The page of one result."""
+    results = read_run(folder)
+    report = results.report
+    if not report:
+        raise UsageError(f"{folder} holds no result of {PROGRAM}: there is no run.json")
+    failed = report.get("status") not in ("done", "running")
+    tables = [_rows(results), _choices(report), *_bars(report), _audit(report), _provenance(report)]
+    return _page(
+        title=report.get("title") or folder.resolve().name,
+        subtitle=_subtitle(results),
+        failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
+        numbers=_numbers(results),
+        said=_theory(results),
+        pictures=_pictures(results),
+        warnings=report.get("warnings", []),
+        tables=[table for table in tables if table.rows],
+        scene=_scene(folder),
+        chosen=", ".join(report.get("plan", {}).get("auto", [])) or "nothing",
+    )
+
+
+def of_study(folder: Path) -> str:
+    """The page of a study: its table, its pictures, and what it compares."""
+    record = json.loads(content(folder / STUDY))
+    rows = list(csv.DictReader(io.StringIO(content(folder / "study.csv").decode("utf-8"))))
+    names = [name for name in (rows[0] if rows else {}) if not name.startswith(SILENT)]
+    shown = [name for name in names if name != "warnings" and any(row[name] for row in rows)]
+    kept = _thinned(rows)
+    found = [Picture(_image(folder / name, words), words, broad=True) for name, words in STUDY_PICTURES.items()
+             if (folder / name).exists()]  # fmt: skip
+    ended = sum(row["status"] == "done" for row in rows)
+    table = Table("Runs", shown, [[_short(row[name]) for name in shown] for row in kept], _told(rows, kept), True)
+    warned = {line for row in rows for line in (row.get("warnings") or "").split(" | ") if line}
+    compared = any(row.get("force_error_vs") for row in rows)
+    against = f"; forces compared with {record.get('compare_to')}" if compared else ""
+    return _page(
+        title=record.get("title") or folder.resolve().name,
+        subtitle=f"Study of {', '.join(record.get('keys', []))}: {ended} of {len(rows)} runs done{against}",
+        failure="" if ended else "no run gave a result",
+        numbers=[],
+        said=[],
+        pictures=found,
+        warnings=sorted(warned),
+        tables=[table],
+        scene="",
+        chosen="",
+    )
+
+
+def _page(**parts: Any) -> str:
+    """The page of its parts; whatever is text stays text."""
+    from jinja2 import Environment, StrictUndefined
+
+    source = (files("indent_sim.results") / "report.html").read_text(encoding="utf-8")
+    page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(source)
+    text = page.render(program=PROGRAM, version=VERSION, **parts)
+    return "".join(sign for sign in text if sign in "\n\t" or sign >= " ") + "\n"  # no control characters
+
+
+def _subtitle(results: Results) -> str:
+    report = results.report
+    parts = [choice(report, "kinematics"), report.get("method"), f"{report.get('rows', 0)} rows",
+             f"{PROGRAM} {report.get('version', '')}", report.get("finished", report.get("started", ""))]  # fmt: skip
+    return "  ·  ".join(str(part).replace("_", " ") for part in parts if part)
+
+
+def _numbers(results: Results) -> list[tuple[str, str]]:
+    """The deepest row in words."""
+    if not len(results):
+        return []
+    deepest = int(np.argmax(results["delta"]))
+    found = []
+    for name in ("delta", "force", "a"):
+        along = axis(name, [results])
+        error = results.table.get(f"{name}_error", np.full(len(results), np.nan))[deepest]
+        bar = f" ± {float(along(error)):.2g}" if np.isfinite(error) else ""
+        found.append((along.name, f"{float(along(results[name][deepest])):.4g}{bar} {in_print(along.unit)}".strip()))
+    peak = results.table.get("p_max", np.full(len(results), np.nan))[deepest]
+    if np.isfinite(peak):
+        found.append(("largest pressure", scaled("pressure", [results], np.array([peak]), "p").said(peak)))
+    return found
+
+
+def _theory(results: Results) -> list[str]:
+    """What theory and the usual formulas say beside the run."""
+    theory = results.report.get("theory") or {}
+    if not theory:
+        return ["No theory is known for this scene."]
+    asked = "delta" if "delta_deviation" in theory else "force"
+    units, kind = results.report.get("units") or {}, {"delta": "length", "force": "force"}[asked]
+    unit = in_print(unit_of(kind, units))
+    lines = []
+    if f"{asked}_deviation" in theory and results.report.get("method") != "theory":
+        exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
+        beside = f"this run {theory[f'{asked}_deviation']:+.2%}{f' ({exact})' if exact else ''}"
+        lines.append(f"{theory['name']}: {asked} {theory[asked]:.5g} {unit}; {beside}.")
+    for formula in filter(None, [theory.get("half_space"), *theory.get("formulas", [])]):
+        beside = f"{formula['deviation']:+.1%} of this run"
+        lines.append(f"{formula['name']}: {asked} {formula[asked]:.5g} {unit}, {beside}.")
+    return lines
+
+
+def _pictures(results: Results) -> list[Picture]:
+    """What there is to draw of a result."""
+    touched = bool(results.surface) and results["force"].max(initial=0.0) > 0
+    there = {"force": len(results) > 0, "pressure": touched, "profile": touched,
+             "fields": bool(kept_steps(results.path))}  # fmt: skip
+    return [Picture(panels.svg([results], Wish((what,), width=WIDE)), CAPTIONS[what])
+            for what, is_there in there.items() if is_there]  # fmt: skip
+
+
+def _rows(results: Results) -> Table:
+    names = [name for name in results.table if name != "wall_s"]
+    every = list(range(len(results)))
+    kept = _thinned(every)
+    rows = [[_short(results.table[name][i]) for name in names] for i in kept]
+    return Table("Rows of force_indentation.csv", names, rows, _told(every, kept) + _unit_words(results), True)
+
+
+def _unit_words(results: Results) -> str:
+    units = results.report.get("units") or {}
+    kinds = [in_print(unit_of(kind, units)) for kind in ("length", "force", "pressure")]
+    return f"Lengths in {kinds[0]}, forces in {kinds[1]}, pressures in {kinds[2]}." if all(kinds) else ""
+
+
+def _thinned(rows: Sequence[Any]) -> Sequence[Any]:
+    """At most MOST_ROWS of them, the first and the last among them."""
+    places = np.linspace(0, len(rows) - 1, min(MOST_ROWS, len(rows))).round().astype(int)
+    return [rows[i] for i in places]
+
+
+def _told(rows: Sequence[Any], kept: Sequence[Any]) -> str:
+    return f"{len(kept)} of {len(rows)} rows. " if len(kept) < len(rows) else ""
+
+
+def _choices(report: Mapping[str, Any]) -> Table:
+    choices = report.get("plan", {}).get("choices", [])
+    rows = [[str(one.get("key", "")), _short(one.get("value", "")), str(one.get("why", ""))] for one in choices]
+    return Table("Choices and their reasons", ["what", "choice", "why"], rows)
+
+
+def _bars(report: Mapping[str, Any]) -> list[Table]:
+    """The parts of the error bar at every step."""
+    budget = report.get("error_budget")
+    rows = [one for one in budget if isinstance(one, Mapping)] if isinstance(budget, list) else []
+    if not rows:
+        return []
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    kept = _thinned(rows)
+    cells = [[_short(row.get(name, "")) for name in names] for row in kept]
+    return [Table("Where the error bars come from", names, cells, _told(rows, kept), True)]
+
+
+def _audit(report: Mapping[str, Any]) -> Table:
+    audit = report.get("audit") or {}
+    words = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
+    rows = [[name.replace("_", " "), _short(value)] for name, value in audit.items()]
+    return Table("Audit", ["what", "value"], rows, words)
+
+
+def _provenance(report: Mapping[str, Any]) -> Table:
+    """Which program, libraries and mesh made this, and what it took."""
+    mesh = report.get("mesh") or {}
+    facts = {"program": f"{PROGRAM} {report.get('version', '')}", "started": report.get("started"),
+             "finished": report.get("finished"), "ranks": report.get("ranks"), "unknowns": report.get("dofs"),
+             **{f"mesh {name}": value for name, value in mesh.items()},
+             **{name: value for name, value in (report.get("versions") or {}).items()},
+             "seconds": sum((report.get("timings") or {}).values()) or None,
+             "peak memory [MB]": report.get("peak_memory_MB")}  # fmt: skip
+    rows = [[name, _short(value)] for name, value in facts.items() if value is not None]
+    return Table("Provenance", ["what", "value"], rows)
+
+
+def _scene(folder: Path) -> str:
+    try:
+        return content(folder / CONFIG).decode("utf-8")
+    except (OSError, ValueError):
+        return ""
+
+
+def _short(value: Any) -> str:
+    """A value as it is read, not to its last digit; nothing for what there is none of."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return str(value) if value is not None else ""
+    return "" if number != number or isinstance(value, bool) else f"{number:.{DIGITS}g}"
+
+
+def _image(path: Path, words: str) -> str:
+    data = base64.b64encode(content(path)).decode("ascii")
+    return f'<img alt="{words}" src="data:image/png;base64,{data}">'

@@ -1,0 +1,82 @@
+"""curves.csv: the curves of a study in long form, and the families of them that a picture shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from indent_sim.results.reader import Results
+from indent_sim.study import table
+from indent_sim.study.cases import Case, short
+
+COLUMNS = ("step", "delta", "force", "a", "force_error")
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The curve of a run and the values of the varied keys that made it."""
+
+    values: Mapping[str, Any]
+    results: Results
+
+    def name(self, keys: Sequence[str]) -> str:
+        """These of the varied keys in words."""
+        given = [key for key in keys if self.values.get(key) is not None]
+        return ", ".join(f"{key.split('.')[-1]} {short(self.values[key])}" for key in given)
+
+
+@dataclass(frozen=True)
+class Families:
+    """The curves of a study and the varied keys that tell them apart, those that decide others first."""
+
+    curves: tuple[Curve, ...]
+    keys: tuple[str, ...]
+
+    def apart(self) -> list[str]:
+        """The name of each curve."""
+        return [curve.name(self.keys) for curve in self.curves]
+
+    def numeric(self) -> tuple[str, ...]:
+        """The keys whose values are numbers."""
+        return tuple(key for key in self.keys if all(is_number(curve.values.get(key)) for curve in self.curves))
+
+
+def is_number(value: Any) -> bool:
+    """Whether the value of a key can stand along an axis."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> list[Row]:
+    """One row per run and step: run, every varied key, then `COLUMNS`; what is unknown is None."""
+    found: list[Row] = []
+    for case in cases:
+        results = done.get(case.id)
+        head = {"run": results.path.name} | {key: case.values.get(key) for key in keys} if results else {}
+        for i in range(len(results) if results else 0):
+            assert results is not None
+            values = {name: _known(results.table, name, i) for name in COLUMNS}
+            found.append(head | values | {"step": int(results["step"][i])})
+    return found
+
+
+def _known(columns: Mapping[str, np.ndarray], name: str, i: int) -> float | None:
+    value = float(columns[name][i]) if name in columns else math.nan
+    return value if math.isfinite(value) else None
+
+
+def write(curves: Sequence[Row]) -> str:
+    """The rows as CSV text, numbers to the last digit."""
+    return table.write(curves) if curves else ",".join(["run", *COLUMNS]) + "\n"
+
+
+def families(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> Families:
+    """The curves of all runs that came to their end."""
+    found = [Curve({key: case.values.get(key) for key in keys}, done[case.id]) for case in cases
+             if case.id in done and done[case.id].report.get("status") == "done"]  # fmt: skip
+    return Families(tuple(found), tuple(table.telling([curve.values for curve in found], keys)))

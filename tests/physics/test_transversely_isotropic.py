@@ -1,0 +1,117 @@
+"""Transversely isotropic bodies: uniform strain, the exact half-space, the isotropic limit, all kinematics alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, scene, solve
+from test_material_laws import Numbers
+from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
+
+from indent_sim.config.file import from_mapping
+from indent_sim.model.materials import LinearElastic, TransverselyIsotropic
+from indent_sim.process.errors import ConfigError
+from indent_sim.run import chain
+from indent_sim.scene.scene import resolve
+
+E, E_Z, NU, NU_Z, G_Z = 1.0, 2.0, 0.3, 0.4, 0.3
+AXIS = {"model": "transversely_isotropic", "E": E, "E_z": E_Z, "nu": NU, "nu_z": NU_Z, "G_z": G_Z}
+ISOTROPIC = AXIS | {"E_z": 1.0, "nu_z": 0.3, "G_z": 1 / 2.6}  # ELASTIC
+BONE = AXIS | {"E": 12.0, "E_z": 20.0, "nu": 0.4, "nu_z": 0.3, "G_z": 4.5}
+INCOMPRESSIBLE = AXIS | {"nu": 0.75, "nu_z": 0.5}  # D = 1 - nu - 2 nu_z^2 E/E_z = 0
+SHEARED = AXIS | {"E_z": 1.0, "nu_z": 0.3, "G_z": 0.01}
+LOOSE = AXIS | {"E_z": 0.1, "nu_z": 0.05, "G_z": 0.05}
+FIBROUS = AXIS | {"E_z": 10.0, "nu_z": 0.3, "G_z": 0.5}
+ACROSS = -NU_Z / E_Z
+COMPLIANCE = np.array([[1 / E, -NU / E, ACROSS], [-NU / E, 1 / E, ACROSS], [ACROSS, ACROSS, 1 / E_Z]])
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_the_stress_is_that_of_the_compliance_matrix(mixed: bool) -> None:
+    """Of any displacement gradient, to round-off; mixed with q = stiffness theta, where it is stationary."""
+    law = TransverselyIsotropic(E=E, E_z=E_Z, nu=NU, nu_z=NU_Z, G_z=G_Z)
+    H = np.random.default_rng(1).normal(size=(3, 3))
+    eps = (H + H.T) / 2
+    stress = np.diag(np.linalg.solve(COMPLIANCE, np.diag(eps)))
+    for i, j, G in ((0, 1, E / (2 * (1 + NU))), (0, 2, G_Z), (1, 2, G_Z)):
+        stress[i, j] = stress[j, i] = 2 * G * eps[i, j]
+    d = (1 - NU - 2 * NU_Z**2 * E / E_Z) / (1 + NU)
+    q = E * (1 - d) / (2 * d * (1 + NU)) * (eps[0, 0] + eps[1, 1] + (2 * NU_Z + d) * eps[2, 2]) if mixed else 0.0
+    assert Numbers(law, mixed).stress_of_gradient(H, q) == pytest.approx(stress, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("nu", [-0.4, 0.3, 0.49])
+def test_the_isotropic_limit_is_hookes_law(mixed: bool, nu: float) -> None:
+    """Term by term, so that energies and stresses agree to round-off, for any pressure q."""
+    law = TransverselyIsotropic(E=2.0, E_z=2.0, nu=nu, nu_z=nu, G_z=1 / (1 + nu))
+    H = np.random.default_rng(2).normal(size=(3, 3))
+    found, wanted = (Numbers(one, mixed).stress_of_gradient(H, 0.7) for one in (law, LinearElastic(E=2.0, nu=nu)))
+    assert found == pytest.approx(wanted, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("body", [CYLINDER | {"radius": 1.5, "height": H}, STRIP | {"width": 3.0, "height": H},
+                                  BOX | {"size": [3.0, 2.0, H]}], ids=lambda body: body["shape"])  # fmt: skip
+@pytest.mark.parametrize("sides", ["roller", "free"])
+def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
+    """Under a punch that covers it the force is p A with p = delta/(h/M + 1/epsilon_n): M = C33 between rollers, E_z
+    with free sides, and 1/(S33 - S13^2/S11) with free sides in plane strain. 1e-9 as in test_patch."""
+    S, is_strip = COMPLIANCE, body["shape"] == "strip"
+    free = 1 / (S[2, 2] - S[0, 2] ** 2 / S[0, 0]) if is_strip else E_Z
+    modulus = np.linalg.inv(S)[2, 2] if sides == "roller" else free
+    state = solve(covered(body | {"base": "roller", "sides": sides}, material=AXIS))[-1]
+    p = DELTA / (H / modulus + 1 / EPSILON_N)
+    assert state.force == pytest.approx(p * AREA[body["shape"]], rel=EXACT)
+    assert state.p_max == pytest.approx(p, rel=EXACT)
+
+
+@pytest.mark.parametrize("material", [BONE, INCOMPRESSIBLE, SHEARED, LOOSE, FIBROUS],
+                         ids=["bone", "incompressible", "sheared", "loose", "fibrous"])  # fmt: skip
+def test_a_half_space(material: dict[str, Any]) -> None:
+    """Theory with the indentation modulus is exact, and a mesh agrees with it to 0.3 % and the stated truncation."""
+    exact = scene({"shape": "half_space"}, material=material)
+    assert not exact.is_meshed and exact.exact_theory is not None
+    (state,) = chain.states(exact)
+    meshed = scene({"shape": "half_space"}, material=material, solver={"method": "condensed"})
+    found = force(meshed)
+    print(f"half-space by a mesh: {found / state.force - 1:+.3%}")
+    assert found == pytest.approx(state.force, rel=3e-3 + meshed.plan.prediction["truncation_error"])
+
+
+@pytest.mark.parametrize("body", [WALLED, STRIP, CYLINDER | {"symmetry": "quarter"}], ids=["section", "strip", "3d"])
+def test_the_isotropic_limit_of_a_run(body: dict[str, Any]) -> None:
+    """1e-9: the same elements, the same decisions."""
+    mesh = {"h_contact": 0.05, "h_far": 0.4, "symmetry": body.get("symmetry", "auto")}
+    body = {key: value for key, value in body.items() if key != "symmetry"}
+    forces = [force(scene(body, material=material, mesh=mesh)) for material in (ELASTIC, ISOTROPIC)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
+def test_a_section_and_a_quarter_agree() -> None:
+    """0.5 %, the facets of the curved wall and four elements in the contact radius."""
+    body, deep = CYLINDER | {"sides": "roller"}, {"delta": 0.04, "steps": 1}
+    section = force(scene(body, material=AXIS, loading=deep))
+    mesh = {"h_contact": 0.05, "h_far": 0.2, "symmetry": "quarter"}
+    assert force(scene(body, material=AXIS, loading=deep, mesh=mesh)) == pytest.approx(section, rel=5e-3)
+
+
+def test_layers_and_inclusions_have_the_material_too() -> None:
+    """Theory's layers are isotropic, which is said; of the limit they give the same force, 1e-9."""
+    found = []
+    for material in (ELASTIC, ISOTROPIC):
+        ball = {"shape": "ball", "center": [0.0, 0.0, -0.4], "radius": 0.1, "material": material | {"E": 1.0}}
+        layers = [{"thickness": 0.1, "material": ELASTIC | {"E": 3.0}}, {"thickness": 0.9, "material": material}]
+        given = {"body": WALLED | {"layers": layers, "inclusions": [ball]}, "indenter": PARABOLOID}
+        found.append(scene(given["body"], "material=null", mesh={"h_contact": 0.02, "h_far": 0.3}))
+    assert force(found[1]) == pytest.approx(force(found[0]), rel=1e-9)
+    layered = scene(WALLED | {"layers": [{"thickness": 0.1}, {"thickness": 0.9}]}, material=AXIS)
+    assert layered.exact_theory is None and "theory's layers are isotropic" in layered.differences
+
+
+def test_theory_alone_says_why_it_cannot() -> None:
+    config = {"body": WALLED, "material": AXIS, "indenter": PARABOLOID, "loading": {"delta": 0.01, "steps": 1},
+              "solver": {"method": "theory"}}  # fmt: skip
+    with pytest.raises(ConfigError, match="theory's layers are isotropic"):
+        resolve(from_mapping(config))

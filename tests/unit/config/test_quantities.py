@@ -1,0 +1,130 @@
+"""Quantities in a scene: the same digits as in one system of units, and for wrong ones a message that helps."""
+
+from __future__ import annotations
+
+import random
+from decimal import Decimal
+
+import pytest
+
+from indent_sim.config.file import from_mapping, load, loads, to_mapping, to_yaml
+from indent_sim.config.reference import json_schema
+from indent_sim.process.errors import ConfigError
+from indent_sim.scene.scene import resolve
+
+LENGTHS = {"pm": -12, "nm": -9, "um": -6, "µm": -6, "mm": -3, "cm": -2, "m": 0, "km": 3}
+FORCES = {"pN": -12, "nN": -9, "uN": -6, "mN": -3, "N": 0, "kN": 3}
+PRESSURES = {"mPa": -3, "Pa": 0, "kPa": 3, "MPa": 6, "GPa": 9, "N/m^2": 0, "N/mm²": 6, "mN/um**2": 9, "J/m^3": 0}
+BASE = """\
+units: {length: um, force: nN}
+body: {shape: cylinder, radius: 30, height: 10}
+material: {model: linear_elastic, E: 1, nu: 0.3}
+indenter: {shape: cone, half_angle: 70, tip_radius: 0.05}
+loading: {delta: 0.5}
+"""
+
+
+def a_scene(chance: random.Random) -> dict:
+    """A scene of numbers with a few digits, in units chosen at random."""
+
+    def number(low: float, high: float) -> float:
+        return float(f"{chance.uniform(low, high):.4g}")
+
+    E, height = number(0.1, 9), number(5, 20)
+    return {
+        "units": {"length": chance.choice(list(LENGTHS)), "force": chance.choice(list(FORCES))},
+        "body": {"shape": "cylinder", "radius": number(30, 60), "layers": [{"thickness": height, "material": {
+            "model": "linear_elastic", "mu": E, "nu": number(0, 0.4)}}], "height": height},
+        "indenter": {"shape": "sphere", "R": number(1, 9)},
+        "contact": {"method": "penalty", "epsilon_n": number(10, 90)},
+        "loading": {"deltas": [number(0.1, 0.2), number(0.2, 0.4)]},
+        "mesh": {"h_contact": number(0.1, 0.3)},
+    }  # fmt: skip
+
+
+def with_units(value, key: str, units: dict, chance: random.Random):
+    """The same scene, every number with a dimension in a unit of its own."""
+    if isinstance(value, dict):
+        return {name: with_units(part, name, units, chance) for name, part in value.items()}
+    if isinstance(value, list):
+        return [with_units(part, key, units, chance) for part in value]
+    length, force = LENGTHS[units["length"]], FORCES[units["force"]]
+    stiffnesses = {"kPa/um": 9, "Pa/mm": 3, "N/m^3": 0}
+    tables = {"mu": (PRESSURES, force - 2 * length), "epsilon_n": (stiffnesses, force - 3 * length)}
+    table, own = tables.get(key, (LENGTHS, length))
+    if not isinstance(value, float) or key == "nu" or chance.random() < 0.2:
+        return value
+    unit = chance.choice(list(table))
+    return f"{Decimal(repr(value)).scaleb(own - table[unit])}{chance.choice(['', ' '])}{unit}"
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_mixed_units_give_the_digits_of_one_system(seed):
+    """Every number to the last bit, and with the numbers the resolved config that is written."""
+    chance = random.Random(seed)
+    plain = a_scene(chance)
+    mixed = with_units(plain, "", plain["units"], chance)
+    assert mixed != plain and to_mapping(from_mapping(mixed)) == to_mapping(from_mapping(plain))
+    assert loads(to_yaml(from_mapping(mixed))) == from_mapping(plain)
+
+
+@pytest.mark.parametrize(("override", "key", "problem", "remedy"), [
+    ("material.E=1,0", "material.E", "a comma is no decimal point", "write 1.0"),
+    ("material.E='1,5 kPa'", "material.E", "a comma is no decimal point", "write 1.5 kPa"),
+    ("material.E=1 kpa", "material.E", "no unit 'kpa'", "did you mean kPa?"),
+    ("material.E=1 um", "material.E", "a length, not a pressure", "for example 1 kPa"),
+    ("material.E=1 N", "material.E", "a force, not a pressure", "for example 1 kPa"),
+    ("material.E=1 furlong^", "material.E", "no unit 'furlong^'", "for example um"),
+    ("material.nu=0.3 um", "material.nu", "has no unit", "write 0.3"),
+    ("material.nu=30 %", "material.nu", "has no unit", "write 30"),
+    ("body.height=10 umm", "body.height", "no unit 'umm'", "did you mean um?"),
+    ("body.height=10 kPa", "body.height", "a pressure, not a length", "for example 2.5 um"),
+    ("body.height=10 um^2", "body.height", "length^2, not a length", "for example 2.5 um"),
+    ("body.height=10 um*um", "body.height", "length^2, not a length", "for example 2.5 um"),
+    ("body.height=10 deg", "body.height", "an angle, not a length", "for example 2.5 um"),
+    ("indenter.half_angle=70 um", "indenter.half_angle", "is no angle", "70 deg"),
+    ("loading={force: 3 Pa}", "loading.force", "a pressure, not a force", "for example 3 nN"),
+    ("loading={deltas: [0.1, 2 s]}", "loading.deltas[1]", "a time, not a length", "for example 2.5 um"),
+    ("contact={method: penalty, epsilon_n: 3 kPa}", "contact.epsilon_n", "not a pressure per length", "kPa/um"),
+    ("mesh.h_contact=0.1 apples", "mesh.h_contact", "no unit 'apples'", "for example um"),
+    ("units={length: um}", "material.E", "units say no force", "length: um, force: nN"),
+    ("units={length: zorp, force: nN}", "units.length", "no unit 'zorp'", ""),
+    ("units={length: kPa, force: nN}", "units.length", "a pressure, no length", "for example um"),
+])  # fmt: skip
+def test_wrong_ones_name_key_and_remedy(override, key, problem, remedy):
+    base = BASE.replace("E: 1,", "E: 1 kPa,").replace("delta: 0.5", "delta: 500 nm")
+    with pytest.raises(ConfigError) as caught:
+        loads(base, "scene.yaml", [override])
+    found = next((one for one in getattr(caught.value, "errors", [caught.value]) if one.key == key), caught.value)
+    assert found.key == key and problem in found.problem and remedy in found.remedy and found.file
+
+
+def test_plain_numbers_and_labels_of_any_kind_stay():
+    config = loads(BASE.replace("um", "blob").replace("nN", "push"))
+    assert config.body.height == 10.0 and not config.source.quantities
+
+
+def test_plan_says_what_was_converted():
+    scene = resolve(loads(BASE.replace("E: 1,", "E: 0.001 MPa,")))
+    choice = next(choice for choice in scene.plan.choices if choice.key == "material.E")
+    assert choice.value == 1.0 and "given as 0.001 MPa" in choice.why and "um and nN" in choice.why
+
+
+def test_forces_on_a_strip_are_per_length():
+    text = BASE.replace("cylinder, radius: 30", "strip, width: 30").replace("delta: 0.5", "force: 2 mN/m").replace(
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}")  # fmt: skip
+    assert loads(text).loading.force == 2.0
+    with pytest.raises(ConfigError, match="a force, not a force per length"):
+        loads(text.replace("2 mN/m", "2 nN"))
+
+
+def test_radians_are_degrees_to_rounding():
+    assert loads(BASE.replace("half_angle: 70", "half_angle: 1.2 rad")).indenter.half_angle == pytest.approx(68.7549354)
+
+
+def test_files_and_editors_take_them(tmp_path):
+    (tmp_path / "scene.yaml").write_text(BASE.replace("height: 10", "height: 0.01 mm"))
+    assert load(tmp_path / "scene.yaml", ["material.E=2 kPa"]).material.E == 2.0
+    kinds = json_schema()["$defs"]["Cylinder"]["properties"]
+    assert {part["type"] for part in kinds["height"]["anyOf"]} == {"number", "string"}
+    assert "string" not in str(json_schema()["$defs"]["LinearElastic"]["properties"]["nu"])

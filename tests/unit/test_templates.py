@@ -1,0 +1,53 @@
+"""Templates of `init`: each is a scene that can be run, and nothing of anybody's is overwritten."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from indent_sim.cli import commands
+from indent_sim.config.file import load
+from indent_sim.scene.scene import resolve
+
+
+def said(*words: str):
+    return CliRunner().invoke(commands.program, words)
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("kind", commands.TEMPLATES)
+def test_a_template_is_a_scene_of_little_cost(kind):
+    """Half a minute at the most on one core, as `plan` predicts; its own comments name the file it is in."""
+    done = said("init", kind)
+    assert done.exit_code == 0 and done.stdout == f"{kind}.yaml\n"
+    config = load(f"{kind}.yaml")
+    assert resolve(config).plan.prediction.get("seconds", 0.0) < 30 and config.units.length and config.source.quantities
+    text = Path(f"{kind}.yaml").read_text()
+    assert text.startswith("# yaml-language-server: $schema=scene.schema.json\n") and f"plan {kind}.yaml" in text
+    assert max(map(len, text.splitlines())) <= 128
+    told = json.loads(said("plan", f"{kind}.yaml", "--json").stdout)
+    assert told["exit_code"] == 0
+
+
+def test_a_file_that_is_there_stays(tmp_path):
+    Path("cell.yaml").write_text("mine")
+    done = said("init")
+    assert done.exit_code == 2 and "cell.yaml is there already" in done.stderr
+    assert Path("cell.yaml").read_text() == "mine" and os.listdir() == ["cell.yaml"]
+    os.symlink("nowhere", "link.yaml")
+    assert said("init", "--output", "link.yaml").exit_code == 2 and not os.path.exists("nowhere")
+    assert said("init", "gel", "--output", "new.yaml").exit_code == 0
+    assert said("init", "--output", "no/such/folder.yaml").exit_code == 2 and said("init", "metal").exit_code == 2
+
+
+def test_what_the_wheel_needs_is_package_data():
+    project = (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text()
+    assert '"*.yaml"' in project and len(list((Path(commands.__file__).parent / "templates").glob("*.yaml"))) == 5
