@@ -21,6 +21,8 @@ NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 RUBBER = {"model": "mooney_rivlin", "C10": 0.3, "C01": 0.1, "nu": 0.5}
 BALL = {"indenter": {"shape": "sphere", "R": 0.5}, "loading": {"delta": 0.05, "steps": 2}}
 STACK = [{"thickness": 0.2, "material": ELASTIC | {"E": 20.0, "nu": 0.4999}}, {"thickness": 0.8}]
+ALONG_Z = {"model": "transversely_isotropic", "E": 1.0, "nu": 0.3, "E_z": 5.0, "nu_z": 0.2, "G_z": 1.0}
+NUCLEUS = {"shape": "ball", "center": [1.0, 1.0, -0.4], "radius": 0.2, "material": ELASTIC | {"E": 10.0, "nu": 0.4999}}
 
 SCENES: dict[str, dict[str, Any]] = {
     "linear": {},
@@ -34,6 +36,8 @@ SCENES: dict[str, dict[str, Any]] = {
     "stiff layer, mixed": {"body": BOX | {"layers": STACK}},
     "between weak walls": {"body": {"shape": "cylinder", "radius": 1.0, "height": 1.0, "sides": "roller"},
                            "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}},
+    "stiffer along z": {"material": ALONG_Z},
+    "a ball of other matter inside": {"body": BOX | {"inclusions": [NUCLEUS]}},
     "neo-Hookean": BALL | {"body": CUBE, "material": NEO_HOOKEAN},
     "neo-Hookean, mixed": BALL | {"body": CUBE, "material": NEO_HOOKEAN | {"nu": 0.4999}},
     "rubber": BALL | {"body": CUBE | {"sides": "free"}, "material": RUBBER},
