@@ -42,6 +42,7 @@ class Newton:
         self._largest_reaction = 0.0
         self._solved_at = 0.0  # depth of the last solution
         self._reaction = 0.0
+        self._has_tangent = False
         self._residual = self._before = 0.0  # now, and before the last step
         self.failure = ""  # why the last solve did not converge
         self._user_options = settings.petsc
@@ -81,6 +82,7 @@ class Newton:
         problem.b.copy(f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self._has_tangent = True
         if self._iterative:
             self._iterative.assemble(self._forcing())
         else:
@@ -198,8 +200,7 @@ class Newton:
         problem = self.problem
         if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
             return nan
-        if self._iterative:
-            self._iterative.rtol = SETTLED
+        self._provide_tangent()
         start, depth, force = problem.x.copy(), problem.depth, problem.force()
         step, settled, first, way = PROBE * abs(depth), False, 0.0, problem.x.duplicate()
         way.set(0.0)
@@ -221,6 +222,15 @@ class Newton:
         problem.delta.value = depth
         problem.body.set_solution(start)
         return found
+
+    def _provide_tangent(self) -> None:
+        """A tangent to solve with: the last one, or the first, where a state taken up again needed no iteration."""
+        if self._iterative:
+            self._iterative.assemble(SETTLED)
+        elif not self._has_tangent:
+            self.problem.assemble_tangent(self._tangent)
+            self._has_tangent = True
+        self.snes.getKSP().setOperators(self._tangent, self._tangent)
 
     def _why_not(self) -> str:
         """What ended the last solve, in words."""
