@@ -280,12 +280,14 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         from indent_sim.results.writer import to_json
 
-        parts = ("title", "units", "choices", "prediction", "warnings")
+        parts = ("title", "units", "choices", "prediction", "stick", "warnings")
         say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
         return
     from indent_sim.cli import terminal
 
     say(terminal.plan(scene, _width()))
+    if scene.plan.stick and scene.plan.stick.is_telling:
+        say(scene.plan.stick.words)
     for warning in scene.plan.warnings:
         tell(f"warning: {warning}")
 

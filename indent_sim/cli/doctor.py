@@ -31,7 +31,11 @@ NEEDED = (
     "dolfinx",
     "gmsh",
 )
-OPTIONAL = {"matplotlib": "no pictures without it"}
+OPTIONAL = {
+    "matplotlib": "no pictures without it",
+    "pint": "no quantities with units in scenes without it",
+    "jinja2": "no reports without it",
+}
 BLAS = {"openblas": "OpenBLAS", "mkl": "MKL", "blis": "BLIS", "atlas": "ATLAS", "accelerate": "Accelerate"}
 
 

@@ -166,8 +166,8 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _inclusions, _constants, _path, _axis, _tip, _experiment, _sizes, _file, _petsc,
-                  _directory)  # fmt: skip
+        checks = (_cap, _layers, _inclusions, _constants, _friction, _path, _axis, _tip, _experiment, _sizes, _file,
+                  _petsc, _directory)  # fmt: skip
         if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
         return self
@@ -316,6 +316,12 @@ def _constants(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, "these constants belong to no stable material")
         except ValueError as error:
             yield ConfigError(key, str(error))
+
+
+def _friction(config: Config) -> Iterator[ConfigError]:
+    """`epsilon_t` steers friction and nothing else."""
+    if config.contact.epsilon_t != "auto" and not config.contact.friction:
+        yield ConfigError("contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction")
 
 
 def _path(config: Config) -> list[ConfigError]:

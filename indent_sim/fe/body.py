@@ -18,7 +18,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
-from indent_sim.mesh.part import Region
+from indent_sim.mesh.part import Part, Region
 from indent_sim.scene.scene import Scene
 
 ORDER = 2  # of the displacement
@@ -29,15 +29,18 @@ class Unknowns:
     """Space, solution and dof numbering; `fields` maps the name of each unknown to its UFL expression.
 
     u has ORDER, the pressures of mixed regions one less, one each because they jump between materials, lam the order
-    given by `multiplier`, 0 for none. They are on the whole body, but constrained to zero off their region or surface.
+    given by `multiplier`, 0 for none, tau that of u and one component for each horizontal axis, where it is asked for.
+    They are on the whole body, but constrained to zero off their region or surface.
     """
 
-    def __init__(self, mesh: Any, *, pressures: Sequence[str], multiplier: int):
+    def __init__(self, mesh: Any, *, pressures: Sequence[str], multiplier: int, shear: bool = False):
         dim = mesh.geometry.dim
         elements = {"u": compat.lagrange(dim, ORDER, dim)}
         elements |= {name: compat.lagrange(dim, ORDER - 1) for name in pressures}
         if multiplier:
             elements["lam"] = compat.lagrange(dim, multiplier)
+        if shear:
+            elements["tau"] = compat.lagrange(dim, ORDER, None if dim == 2 else dim - 1)
         self.names = tuple(elements)
         self.dim = dim
         alone = len(elements) == 1
@@ -45,8 +48,12 @@ class Unknowns:
         self.space = compat.function_space(mesh, element)
         self.solution = fem.Function(self.space)
         self.x = compat.vector(self.solution)
-        parts = (self.solution,) if alone else ufl.split(self.solution)
-        self.fields = dict(zip(self.names, parts, strict=True))
+        self.fields = self.of(self.solution)
+
+    def of(self, function: Any) -> dict[str, Any]:
+        """The fields of any function of the space, by their names."""
+        parts = (function,) if len(self.names) == 1 else ufl.split(function)
+        return dict(zip(self.names, parts, strict=True))
 
     def variation(self, name: str, argument: Any) -> Any:
         """A test or trial function of one field alone as a variation of the whole solution."""
@@ -78,6 +85,12 @@ class Unknowns:
         """Where the dofs of the field's own space stand in the solution's local array."""
         return self._collapsed[name][1]
 
+    def components(self, name: str) -> dict[int | None, np.ndarray]:
+        """`places` of each component of the field, None for that of a scalar."""
+        size = {"u": self.dim, "tau": self.dim - 1}.get(name, 1)
+        places = self.places(name)
+        return {c: places[c::size] for c in range(size)} if size > 1 else {None: places}
+
     def displacement_places(self, nodes: np.ndarray) -> np.ndarray:
         """Indices (..., dim) into the local array of the displacement components at nodes of u's own space."""
         return self.places("u")[nodes[..., None] * self.dim + np.arange(self.dim)]
@@ -101,14 +114,21 @@ class Unknowns:
         return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
 
 
-def held(space: Any, body_mesh: BodyMesh) -> tuple[list[tuple[int, np.ndarray]], list[tuple[int, np.ndarray]]]:
-    """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
-    part, supports = body_mesh.part, []
+def held_sides(part: Part) -> list[tuple[int, str]]:
+    """Each component of the displacement that a support holds, and its surface."""
+    sides: list[tuple[int, str]] = []
     for surface, support in part.supports.items():
         normal = part.normal(surface)  # a curved wall has none and is guided weakly
         components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
-        facets = body_mesh.surfaces[surface]
-        supports += [(c, fem.locate_dofs_topological(space.sub(c), body_mesh.facet_dim, facets)) for c in components]
+        sides += [(c, surface) for c in components]
+    return sides
+
+
+def held(space: Any, body_mesh: BodyMesh) -> tuple[list[tuple[int, np.ndarray]], list[tuple[int, np.ndarray]]]:
+    """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
+    part, dim, surfaces = body_mesh.part, body_mesh.facet_dim, body_mesh.surfaces
+    sides = held_sides(part)
+    supports = [(c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side])) for c, side in sides]
     pins = [(c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point))) for point, c in part.pins]
     return supports, pins
 
@@ -138,14 +158,15 @@ def symbolic(item: Any, mesh: Any) -> Any:
 class Body:
     """The unknown fields of a scene's body on a mesh, what is held, and the measures of its volume and surfaces."""
 
-    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: int = 0):
+    def __init__(self, scene: Scene, body_mesh: BodyMesh, *, multiplier: int = 0, shear: bool = False):
         self.scene = scene
         self.body_mesh = body_mesh
         self.mesh = body_mesh.mesh
         self.comm = body_mesh.comm
         regions = scene.physics.part.regions
         self.pressures = {region: f"q{k}" for k, region in enumerate(regions) if region.formulation == "mixed"}
-        self.unknowns = Unknowns(self.mesh, pressures=list(self.pressures.values()), multiplier=multiplier)
+        pressures = list(self.pressures.values())
+        self.unknowns = Unknowns(self.mesh, pressures=pressures, multiplier=multiplier, shear=shear)
         self.x = self.unknowns.x
         self.X = ufl.SpatialCoordinate(self.mesh)
         self.weight = scene.physics.part.kinematics.weight(self.X)
@@ -212,22 +233,39 @@ class Body:
         supported, pins = held(displacement, body_mesh)
         self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
         self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
-        self.z_supports = _owned([dofs for c, dofs in supported + pins if c == part.dim - 1], unknowns.owned)
+        self.z_supports = _owned([dofs for c, dofs in supported if c == part.dim - 1], unknowns.owned)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
         self.constrained, self.active_dofs = self.supports, unknowns.total
         if len(part.regions) > 1:
             for region, name in self.pressures.items():
                 cells = np.flatnonzero(body_mesh.regions == part.regions.index(region)).astype(np.int32)
                 self._confine(name, unknowns.dofs_on(name, None, body_mesh.dim, cells))
+        top = (body_mesh.facet_dim, body_mesh.surfaces["top"])
         if "lam" in unknowns.names:
-            self._confine("lam", unknowns.dofs_on("lam", None, body_mesh.facet_dim, body_mesh.surfaces["top"]))
+            self._confine("lam", unknowns.dofs_on("lam", None, *top))
+        if "tau" in unknowns.names:
+            self._confine("tau", unknowns.dofs_on("tau", None, *top))
+            self._hold_shear()
 
     def _confine(self, name: str, dofs: np.ndarray) -> None:
         """A field lives on these dofs; its others are held at zero and cost nothing."""
-        unknowns = self.unknowns
-        off = np.setdiff1d(unknowns.places(name), dofs)
-        self.bcs.append(zero(unknowns.subspace(name), off))
-        own = off[off < unknowns.owned]
+        for component, places in self.unknowns.components(name).items():
+            self._hold(name, component, np.setdiff1d(places, dofs))
+
+    def _hold_shear(self) -> None:
+        """tau is zero wherever its component of u is held: the modes of tau that do no work there would be free, and
+        make a wrong force of a residual that has converged."""
+        unknowns, body_mesh = self.unknowns, self.body_mesh
+        for component, surface in held_sides(body_mesh.part):
+            if component < body_mesh.dim - 1:
+                along = component if body_mesh.dim == 3 else None
+                facets = body_mesh.surfaces[surface]
+                self._hold("tau", along, unknowns.dofs_on("tau", along, body_mesh.facet_dim, facets))
+
+    def _hold(self, name: str, component: int | None, dofs: np.ndarray) -> None:
+        """Hold dofs of a field that has no supports."""
+        self.bcs.append(zero(self.unknowns.subspace(name, component), dofs))
+        own = np.setdiff1d(dofs[dofs < self.unknowns.owned], self.constrained)
         self.constrained = np.union1d(self.constrained, own)
         self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)
 

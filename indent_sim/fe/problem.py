@@ -2,7 +2,8 @@
 
     Pi(u, q, lam; delta) = int psi dOmega + int potential(g, lam) dGamma
 
-residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing here knows mechanics: the terms do.
+residual = dPi, tangent = d(dPi), force = dPi/d(delta). Nothing here knows mechanics: the terms do. Friction
+has a virtual work and no potential, and adds it to dPi.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.body import Body
 from indent_sim.fe.mesh import BodyMesh
+from indent_sim.fe.terms.friction import Friction
 from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.fe.terms.multiplier import multiplier_order
 from indent_sim.fe.terms.nodal import NodalContact
@@ -34,7 +36,8 @@ class Problem:
 
     def __init__(self, scene: Scene, body_mesh: BodyMesh):
         self.scene, self.law, self.body_mesh = scene, scene.physics.contact, body_mesh
-        self.body = body = Body(scene, body_mesh, multiplier=multiplier_order(scene))
+        has_friction = bool(self.law.friction)
+        self.body = body = Body(scene, body_mesh, multiplier=multiplier_order(scene), shear=has_friction)
         self.mesh, self.comm, self.trace = body.mesh, body.comm, body.trace
         self.unknowns, self.x = body.unknowns, body.x
         self.delta = fem.Constant(self.mesh, 0.0)
@@ -44,9 +47,11 @@ class Problem:
         self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
         self.multiplier_at, self.pressure_at = self.contact.multiplier_at, self.contact.pressure_at
         terms += [self.contact] if isinstance(self.contact, Traction) else []
+        self.friction = self._friction() if has_friction else None
+        works = [*terms, self.friction] if self.friction else terms
         test, trial = ufl.TestFunction(body.unknowns.space), ufl.TrialFunction(body.unknowns.space)
         self.terms = terms
-        residuals, self._tangents = zip(*(term.work(test, trial) for term in terms), strict=True)
+        residuals, self._tangents = zip(*(term.work(test, trial) for term in works), strict=True)
         self._residual = fem.form(reduce(add, residuals))
         self._energy = fem.form(reduce(add, (term.energy for term in terms)))
         self.b = compat.create_vector(self._residual, body.unknowns.space)
@@ -63,6 +68,10 @@ class Problem:
         if self.law.multiplier == "nodal":
             return NodalContact(self.body, self.delta)
         return Traction(self.body, self.strains[0], self.delta)
+
+    def _friction(self) -> Friction:
+        assert isinstance(self.contact, Traction)
+        return Friction(self.body, self.contact, self.delta)
 
     @property
     def depth(self) -> float:
@@ -87,7 +96,7 @@ class Problem:
     def weights(self) -> dict[str, float]:
         """The factor of each field beside the displacement that turns its rows into forces."""
         pressures = {name: region.material.constants.E for region, name in self.body.pressures.items()}
-        return pressures | {"lam": self.stiffness_scale}
+        return pressures | {"lam": self.stiffness_scale, "tau": self.stiffness_scale}
 
     # ---- what is observed of it ----------------------------------------------------------------------------
 
@@ -99,12 +108,19 @@ class Problem:
     @property
     def has_symmetric_tangent(self) -> bool:
         """Whether the tangent is a second derivative of the potential."""
-        return self.contact.has_symmetric_tangent
+        return self.friction is None and self.contact.has_symmetric_tangent
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
         assert isinstance(self.contact, Traction)
         self.contact.soften(factor)
+        if self.friction:
+            self.friction.soften(factor)
+
+    def depart(self) -> None:
+        """Take the present equilibrium as the one that the next step sets out from."""
+        if self.friction:
+            self.friction.depart()
 
     def begin_solve(self) -> None:
         """Forget what the last solve has remembered."""
@@ -162,7 +178,30 @@ class Problem:
 
     def force(self) -> float:
         """Virtual work of pressing deeper, dPi/d(delta), of the whole body."""
+        if self.friction:
+            return float(self.thrust()[-1])
         return self.scene.physics.part.copies * self.comm.allreduce(self.contact.force(), op=MPI.SUM)
+
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
+        assert self.friction
+        return self.friction.room_at(points)
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) [pressure]."""
+        assert self.friction
+        return self.friction.shear_at(points)
+
+    def thrust(self) -> np.ndarray:
+        """Force on the tip along each axis, of the whole body; across a mirror plane it is that of the part."""
+        assert self.friction
+        return self.scene.physics.part.copies * self.comm.allreduce(self.friction.thrust(), op=MPI.SUM)
+
+    def dissipation(self) -> float:
+        """What friction dissipates on the way to the present state from the one before, in the whole body."""
+        if not self.friction:
+            return 0.0
+        return self.scene.physics.part.copies * self.comm.allreduce(self.friction.dissipation(), op=MPI.SUM)
 
     def energy(self) -> float:
         """Pi of the whole body: strain plus contact energy."""

@@ -11,13 +11,19 @@ its derivative is the traction <p_hat> along the tip's normal, and <p_hat> >= 0 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
+
+from annotated_types import Ge, Le
 
 from indent_sim.model.algebra import macaulay
 from indent_sim.model.units import Auto, ContactStiffness
 
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
+Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]  # Coulomb's coefficient; stick: no slip at all
+# Where a point that comes into contact during a step is taken to have touched the tip: at its place at the step's
+# beginning (too stiff), nowhere before the end (too soft), or half way, which the other two enclose.
+Anchor = Literal["implicit", "glue", "mid"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +32,8 @@ class AutoContact:
 
     method: Literal["auto"] = "auto"
     gap: Gap = "auto"
+    friction: Friction = 0.0
+    epsilon_t: ContactStiffness | Auto = "auto"
 
 
 class _StiffnessLaw:
@@ -33,6 +41,8 @@ class _StiffnessLaw:
 
     method: str
     stiffness: Any
+    friction: Any = 0.0
+    epsilon_t: Any = "auto"
 
     def trial_pressure(self, g: Any, lam: Any) -> Any:
         """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
@@ -65,6 +75,8 @@ class Penalty(_NormalStiffness):
     method: Literal["penalty"] = "penalty"
     epsilon_n: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
+    friction: Friction = 0.0
+    epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "none"
     auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
@@ -77,6 +89,8 @@ class AugmentedLagrangian(_NormalStiffness):
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
     epsilon_n: ContactStiffness | Auto = "auto"
     gap: Gap = "auto"
+    friction: Friction = 0.0
+    epsilon_t: ContactStiffness | Auto = "auto"
 
     multiplier: ClassVar[Multiplier] = "unknown"
     auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
@@ -130,6 +144,8 @@ class ActiveSet:
 
     multiplier: ClassVar[Multiplier] = "nodal"
     uncondensed: ClassVar[str] = ""
+    friction: ClassVar[float] = 0.0
+    epsilon_t: ClassVar[Any] = "auto"
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

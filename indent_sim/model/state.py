@@ -9,6 +9,7 @@ import numpy as np
 from indent_sim.model.units import Scales
 
 READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
+OF_FRICTION = ("stick_radius", "dissipation", "side_force_x", "side_force_y")  # the last where the tip is off centre
 ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
 EFFORT = ("krylov_iterations",)  # with an iterative linear solver
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
@@ -18,8 +19,9 @@ COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "new
 class Surface:
     """The contact surface at one state: reference coordinates, displacement, gap and pressure, one entry a point.
 
-    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3) [length];
-    gap [length] >= 0 open; pressure [pressure] >= 0.
+    x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3) [length]; gap [length]
+    >= 0 open; pressure [pressure] >= 0; shear [pressure] the tangential traction on the body, > 0 along x or the
+    radius, in three dimensions its size; None without friction.
     """
 
     x: np.ndarray
@@ -28,11 +30,13 @@ class Surface:
     gap: np.ndarray
     pressure: np.ndarray
     z: np.ndarray
+    shear: np.ndarray | None = None
 
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
         lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
-        return Surface(pressure=self.pressure * pressure, **lengths)
+        shear = None if self.shear is None else self.shear * pressure
+        return Surface(pressure=self.pressure * pressure, shear=shear, **lengths)
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,10 @@ class State:
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
     [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). stiffness
     [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
-    half-space fit of this one point returns; NaN where there is none, None where nobody asked. krylov_iterations are
-    those of an iterative linear solver. Errors are half-widths of error bars, None where there are none.
+    half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
+    without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
+    side_force on the tip [force] across a body that it stands off the middle of. krylov_iterations are those of
+    an iterative linear solver. Errors are half-widths of error bars, None where there are none.
     """
 
     step: int
@@ -67,6 +73,10 @@ class State:
     stiffness: float | None = None
     area: float | None = None
     E_hertz: float | None = None
+    stick_radius: float | None = None
+    dissipation: float | None = None
+    side_force_x: float | None = None
+    side_force_y: float | None = None
     force_error: float | None = None
     a_error: float | None = None
     p_max_error: float | None = None
@@ -90,6 +100,10 @@ class State:
             stiffness=_times(self.stiffness, F / scales.depth),
             area=_times(self.area, L ** (scales.dim - 1)),
             E_hertz=_times(self.E_hertz, P),
+            stick_radius=_times(self.stick_radius, L),
+            dissipation=_times(self.dissipation, scales.energy),
+            side_force_x=_times(self.side_force_x, F),
+            side_force_y=_times(self.side_force_y, F),
             surface=self.surface and self.surface.in_units(L, P),
         )
 

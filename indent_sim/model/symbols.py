@@ -118,7 +118,9 @@ CONTACT = (
            "the deformed point, pressure along the tip's normal; auto: reference at small strain", WORD),
     Symbol("lam", r"\lambda_n", "contact multiplier, a pressure >= 0", "pressure"),
     Symbol("p", "p", "normal contact pressure >= 0", "pressure"),
-    Symbol("friction", "f", "friction coefficient", "1"),
+    Symbol("friction", "f", "Coulomb's friction coefficient, or stick: the surface never slips on the tip", "1"),
+    Symbol("tau", r"\tau", "tangential traction on the body", "pressure"),
+    Symbol("epsilon_t", r"\varepsilon_t", "tangential contact stiffness; auto: epsilon_n", "pressure/length"),
 )  # fmt: skip
 
 LOADING = (
@@ -229,6 +231,11 @@ RESULTS = (
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
     Symbol("krylov_iterations", "", "iterations of these linear solves, where they are iterative", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
+    Symbol("stick_radius", "", "sqrt(area/pi) of the part of the contact that does not slip on the tip; half its width "
+           "in plane strain; with friction", "length"),
+    Symbol("dissipation", "", "what friction turned into heat since the row before; with friction", "energy"),
+    Symbol("side_force_x", "", "force on the tip along x; with friction, where no mirror plane stands across", "force"),
+    Symbol("side_force_y", "", "force on the tip along y, as side_force_x", "force"),
     Symbol("force_error", "", "half-width of the error bar on the force", "force"),
     Symbol("a_error", "", "half-width of the error bar on the contact radius", "length"),
     Symbol("p_max_error", "", "half-width of the error bar on the largest pressure", "pressure"),
@@ -293,6 +300,8 @@ SURFACE = (
     Symbol("u_z", "u_z", "displacement along z, < 0 under the tip", "length"),
     Symbol("gap", "g", "distance of the body from the tip, >= 0 open", "length"),
     Symbol("pressure", "p", "contact pressure >= 0", "pressure"),
+    Symbol("shear", r"\tau", "tangential traction on the body, > 0 along x or the radius; its size where there are "
+           "three dimensions; with friction", "pressure"),
 )
 
 CONTINUUM = (

@@ -15,7 +15,7 @@ from indent_sim.process.errors import IndentSimError
 from indent_sim.results.folder import CONFIG
 
 POINTS = 160  # of a section from its axis to its end
-TURNS = 96  # sections of a whole turn
+TURNS, RINGS = 96, 40  # of a surface: sections of a whole turn, and points of each
 
 
 @dataclass(frozen=True)
@@ -47,24 +47,27 @@ def pieces(body: AnyBody) -> int:
     return body.dome.pieces if isinstance(body, Ball) else 1
 
 
-def half_section(tip: Indenter, width: float, degrees: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def half_section(
+    tip: Indenter, width: float, degrees: float = 0.0, points: int = POINTS
+) -> tuple[np.ndarray, np.ndarray]:
     """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to `width`.
 
     A sphere is drawn whole where it fits, a tip that ends has a vertical side.
     """
     if isinstance(tip, Sphere):
-        angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), POINTS)
+        angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
         return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
     end = min(width, reach(tip))
-    s = np.unique(np.concatenate([np.linspace(0, end, POINTS), *(_close(*crease, end) for crease in tip.creases())]))
+    corners = [_close(*crease, end, points // 4) for crease in tip.creases()]
+    s = np.unique(np.concatenate([np.linspace(0, end, points), *corners]))
     x, y = s * np.cos(np.radians(degrees)), s * np.sin(np.radians(degrees))
     z = np.asarray(tip.height(x, y), dtype=float)
     return (np.append(s, end), np.append(z, z[-1] + width)) if reach(tip) <= width else (s, z)
 
 
-def _close(radius: float, width: float, end: float) -> np.ndarray:
+def _close(radius: float, width: float, end: float, points: int) -> np.ndarray:
     """Places across a rounding of the tip, where a corner would have chords."""
-    places = np.linspace(radius, radius + width, POINTS // 4)
+    places = np.linspace(radius, radius + width, points)
     return places[(places >= 0) & (places <= end)]
 
 
@@ -90,7 +93,7 @@ def _surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
     edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
     turns = -(-TURNS // edges) * edges
     angles = begin + 360 * np.arange(turns) / turns
-    sections = [half_section(tip, width, angle) for angle in angles]
+    sections = [half_section(tip, width, angle, RINGS) for angle in angles]
     rings = len(sections[0][0])
     points = np.concatenate([np.column_stack([s * np.cos(np.radians(angle)), s * np.sin(np.radians(angle)), z])
                              for angle, (s, z) in zip(angles, sections, strict=True)])  # fmt: skip

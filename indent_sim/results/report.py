@@ -89,8 +89,7 @@ def of_run(folder: Path) -> str:
 
 def of_study(folder: Path) -> str:
     """The page of a study: its table, its pictures, and what it compares."""
-    record = json.loads(content(folder / STUDY))
-    rows = list(csv.DictReader(io.StringIO(content(folder / "study.csv").decode("utf-8"))))
+    record, rows = _study(folder)
     names = [name for name in (rows[0] if rows else {}) if not name.startswith(SILENT)]
     shown = [name for name in names if name != "warnings" and any(row[name] for row in rows)]
     kept = _thinned(rows)
@@ -103,7 +102,7 @@ def of_study(folder: Path) -> str:
     against = f"; forces compared with {record.get('compare_to')}" if compared else ""
     return _page(
         title=record.get("title") or folder.resolve().name,
-        subtitle=f"Study of {', '.join(record.get('keys', []))}: {ended} of {len(rows)} runs done{against}",
+        subtitle=f"Study of {', '.join(map(str, record['keys']))}: {ended} of {len(rows)} runs done{against}",
         failure="" if ended else "no run gave a result",
         numbers=[],
         said=[],
@@ -113,6 +112,20 @@ def of_study(folder: Path) -> str:
         scene="",
         chosen="",
     )
+
+
+def _study(folder: Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    """study.json and the rows of study.csv; UsageError when they are missing or damaged."""
+    try:
+        record = json.loads(content(folder / STUDY))
+        rows = list(csv.DictReader(io.StringIO(content(folder / "study.csv").decode("utf-8")), restval=""))
+        if not isinstance(record, dict) or record.get("program") != PROGRAM or any(None in row for row in rows):
+            raise ValueError("not what this program writes")
+        if not all("status" in row and isinstance(record.get("keys"), list) for row in rows):
+            raise ValueError("it lacks what a study has")
+    except (OSError, ValueError, RecursionError) as error:
+        raise UsageError(f"{folder} holds no study that can be read: {error}") from None
+    return record, rows
 
 
 def _page(**parts: Any) -> str:

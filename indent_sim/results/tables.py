@@ -27,7 +27,7 @@ INTEGERS = ("step", "newton_iterations", *EFFORT)
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
-SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
+SURFACE_HEADER = (*SURFACE_COLUMNS, "z")  # and shear with friction
 
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
@@ -75,10 +75,16 @@ def whole(cell: str) -> int:
 
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z])
+    shear = () if surface.shear is None else (surface.shear,)
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *shear])
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
+
+
+def surface_header(surface: Surface) -> bytes:
+    """The first line of the surface table."""
+    return (",".join((*SURFACE_HEADER, *(() if surface.shear is None else ("shear",)))) + "\n").encode()
 
 
 def table_of(items: Sequence[Any]) -> bytes:
@@ -104,8 +110,10 @@ def drop_later_blocks(path: Path, steps: int) -> None:
         return
     data = path.read_bytes()
     head, *lines = data[: data.rfind(b"\n") + 1].splitlines() or [b""]
-    lacking = b"," * (len(SURFACE_HEADER) - 1 - head.count(b","))
-    kept = [",".join(SURFACE_HEADER).encode(), *(line + lacking for line in lines if _step(line) <= steps)]
+    names = [name for name in head.decode().split(",") if name]
+    missing = [name for name in SURFACE_HEADER if name not in names]
+    lacking = b"," * len(missing)
+    kept = [",".join([*names, *missing]).encode(), *(line + lacking for line in lines if _step(line) <= steps)]
     if (table := b"".join(line + b"\n" for line in kept)) != data:
         write_atomically(path, table)
 

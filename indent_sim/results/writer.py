@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.model.state import COLUMNS, READINGS, State
+from indent_sim.model.state import COLUMNS, READINGS, State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -28,11 +28,11 @@ from indent_sim.results.tables import (
     DYNAMIC,
     EXPERIMENT,
     SURFACE,
-    SURFACE_HEADER,
     drop_later_blocks,
     row,
     surface_block,
     surface_blocks,
+    surface_header,
     table_of,
 )
 from indent_sim.results.xdmf import FieldWriter
@@ -122,7 +122,7 @@ class ResultFolder:
         with uninterrupted(), self._writing():
             sync = time.monotonic() - self._synced > SYNC_EVERY
             if state.surface is not None:
-                self._write_surface(state, surface_block(state.step, state.surface), sync)
+                self._write_surface(state, state.surface, sync)
             append_whole(self.path / TABLE, row(state, self._columns), sync)
             self.rows += 1
             if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
@@ -207,9 +207,9 @@ class ResultFolder:
         report = {**identity, "started": self._started, **ended, **self.report}
         write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
 
-    def _write_surface(self, state: State, block: bytes, sync: bool) -> None:
+    def _write_surface(self, state: State, surface: Surface, sync: bool) -> None:
         """Every state's surface, or those of the deepest and of the last."""
-        path, header = self.path / SURFACE, (",".join(SURFACE_HEADER) + "\n").encode()
+        path, header, block = self.path / SURFACE, surface_header(surface), surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
             append_whole(path, block, sync)
         elif self._surface != "none":

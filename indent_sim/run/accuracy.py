@@ -95,11 +95,14 @@ def _finer(
     allowed = fineness.target * worst.total / found
     if worst.enforcement >= allowed and fineness.stiffness_given:
         return None, f"the penalty's epsilon_n alone costs {found * worst.enforcement / worst.total:.2g}"
+    if worst.path >= allowed:
+        return None, f"the steps of the path alone cost {found * worst.path / worst.total:.2g}: more of them may help"
     if worst.truncation >= allowed:
         return None, "the finite body that stands for the half-space costs more"
     if attempts >= ATTEMPTS:
         return None, f"{attempts} attempts were not enough"
-    room = (allowed - worst.truncation) / (worst.total - worst.truncation)
+    other = worst.truncation + worst.path
+    room = (allowed - other) / (worst.total - other)
     factor = 2.0 if fineness.refinements else min(max(AIM * room ** (-1 / RATE), LEAST), GREATEST)
     if fineness.n * factor > MOST:
         return None, f"more than {MOST:g} elements in the contact radius would be needed"

@@ -21,7 +21,7 @@ from indent_sim.results.reader import checked_report, earlier_run, lost_files
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.by_theory import TheoryWalk
-from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer
+from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer, ways
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, mesh_text, resolved
@@ -105,7 +105,8 @@ class Run:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    columns=self._columns(scene), mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
+                    columns=(*scene.physics.columns, *self._columns(scene)),
+                    mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
                     "auto": left_open(config, decided)}  # fmt: skip
@@ -146,7 +147,8 @@ class Run:
             companions = attempt.companions or self._companions(attempt)
             own = companions[0].scene
             soft = self._curve(softer(own)) if own is not None and isinstance(own.physics.contact, Penalty) else None
-            return ErrorBars(attempt.scene, companions, soft)
+            along = ways(own, self._curve) if own is not None else None
+            return ErrorBars(attempt.scene, companions, soft, along)
 
     def _companions(self, attempt: Attempt) -> list[Companion]:
         """Runs beside the first attempt; those of a resumed one begin with its earlier attempts, as before."""

@@ -9,7 +9,7 @@ for the accidents, not for the trend: many errors fade faster from them to the r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isnan
@@ -18,6 +18,7 @@ import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import Nitsche, Penalty
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene.corners import POWER
 from indent_sim.scene.fineness import BLUNT, EASING, RATE, STEEPEST, fading
@@ -74,19 +75,21 @@ class Companion:
 
 @dataclass(frozen=True)
 class Budget:
-    """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, and the finite body that
-    stands for a half-space; `theory` is how far the force is from that of a theory that is exact for this body."""
+    """What makes up the half-width of a step's error bar [force]: mesh, penalty stiffness, the finite body that stands
+    for a half-space, and with friction the steps of the path; `theory` is how far the force is from that of a theory
+    that is exact for this body."""
 
     step: int
     discretisation: float
     enforcement: float
     truncation: float
     theory: float = 0.0
+    path: float = 0.0
 
     @property
     def estimated(self) -> float:
         """The sum of the parts [force]."""
-        return self.discretisation + self.enforcement + self.truncation
+        return self.discretisation + self.enforcement + self.truncation + self.path
 
     @property
     def total(self) -> float:
@@ -141,7 +144,46 @@ def softer(scene: Scene) -> Scene:
     """The same scene with half the penalty stiffness."""
     law = scene.physics.contact
     assert isinstance(law, Penalty)
-    return scene.with_physics(contact=replace(law, epsilon_n=law.stiffness / 2))
+    tangential = law.epsilon_t if law.epsilon_t == "auto" else law.epsilon_t / 2
+    return scene.with_physics(contact=replace(law, epsilon_n=law.stiffness / 2, epsilon_t=tangential))
+
+
+STEPPING = 0.7  # the error of new contact stuck where its step began falls as the steps^-0.7, measured
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Two runs along the path of a scene with friction that differ by `factor`^-1 of its error in a number."""
+
+    one: Sequence[State]
+    other: Sequence[State]
+    factor: float
+
+    def difference(self, step: int, name: str) -> float:
+        """The error of a number of a step; NaN where a run has no such step."""
+        values = [getattr(state, name) for states in (self.one, self.other) for state in states
+                  if state.step == step and state.converged]  # fmt: skip
+        return self.factor * abs(values[0] - values[1]) if len(values) == 2 else float("nan")
+
+
+def ways(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Ways | None:
+    """What the steps of a path with friction may cost: half of what lies between its anchor's two ends, which enclose
+    it; or what steps half as long change, continued to none. None without friction."""
+    if not scene.physics.has_memory:
+        return None
+    if scene.physics.anchor == "mid":
+        implicit, glue = (follow(scene.with_physics(anchor=anchor)) for anchor in ("implicit", "glue"))
+        return Ways(implicit, glue, 0.5)
+    physics = scene.physics
+    path = LoadPath(physics.path.control, _halved(physics.path.values))
+    finer = follow(scene.with_physics(path=path, deltas=_halved(physics.deltas)))
+    kept = [replace(state, step=state.step // 2) for state in finer if state.step % 2 == 0]
+    return Ways(follow(scene), kept, 1 / (1 - 2**-STEPPING))
+
+
+def _halved(values: Sequence[float]) -> tuple[float, ...]:
+    """The values of a path, and between each and the one before the mean of the two."""
+    return tuple(part for before, value in pairwise((0.0, *values)) for part in ((before + value) / 2, value))
 
 
 class ErrorBars:
@@ -151,7 +193,8 @@ class ErrorBars:
     the depth what the curve makes of it.
     """
 
-    def __init__(self, scene: Scene, companions: Sequence[Companion], soft: Sequence[State] | None = None):
+    def __init__(self, scene: Scene, companions: Sequence[Companion], soft: Sequence[State] | None = None,
+                 ways: Ways | None = None):  # fmt: skip
         self.budgets: list[Budget] = []
         self.companions = companions
         self._truncation = sum(doubt.force_error for doubt in scene.plan.doubts if doubt.key == "truncation")
@@ -164,6 +207,7 @@ class ErrorBars:
         self._finds_depths = scene.physics.path.control == "force"
         self._dim, self._creases = scene.physics.part.kinematics.dim, scene.physics.indenter.creases()
         self._coarser = [companion.curve for companion in companions]
+        self._ways = ways
         self._soft = None if soft is None else Companion(1.0, soft).curve
         beside = companions[0].scene or scene
         self._stiffer = 1.0  # than its companion, whose penalty may be that of an earlier attempt
@@ -177,13 +221,21 @@ class ErrorBars:
         self._run[state.step] = state
         size = abs(state.force)
         budget = Budget(state.step, self._discretisation(state), self._enforcement(state.step) * size,
-                        self._truncation * size, self._from_theory(state))  # fmt: skip
+                        self._truncation * size, self._from_theory(state), self._path(state, "force"))  # fmt: skip
         if self._missed(state):
             budget = Budget(state.step, self._beyond(state, "force"), 0.0, 0.0, budget.theory)
         self.budgets.append(budget)
         depth = self._depth_error(state, budget.total) if self._finds_depths else None
         return replace(state, force_error=budget.total, a_error=self._beside_force(state, "a", RADIUS),
                        p_max_error=self._beside_force(state, "p_max", PEAK), delta_error=depth)  # fmt: skip
+
+    def _path(self, state: State, name: str) -> float:
+        """What the steps of the path may cost a number, in a force of the depth that prescribed forces have found."""
+        if self._ways is None:
+            return 0.0
+        if name == "force" and self._finds_depths:
+            return self._ways.difference(state.step, "delta") * self._slope(state) if state.delta > 0 else 0.0
+        return self._ways.difference(state.step, name)
 
     def _missed(self, state: State) -> bool:
         """Whether the tip is pressed in so little that no point of the mesh notices."""
@@ -198,9 +250,13 @@ class ErrorBars:
 
     def _depth_error(self, state: State, force_error: float) -> float:
         """The error of a depth found for a force: the force's over dF/ddelta."""
+        slope = self._slope(state) if state.delta else 0.0
+        return force_error / slope if slope > 0 else force_error
+
+    def _slope(self, state: State) -> float:
+        """dF/ddelta, of the first companion."""
         companion = self._coarser[0]
-        slope = _exponent(companion.get(state.step, state), companion) * state.force
-        return force_error * state.delta / slope if slope > 0 else force_error
+        return _exponent(companion.get(state.step, state), companion) * state.force / state.delta
 
     def _beside_force(self, state: State, name: str, trend: Trend) -> float:
         """The error of a or p_max: what the meshes say, for a at least how well it is read off, and the share of the
@@ -211,7 +267,8 @@ class ErrorBars:
         said = self._said(state, name, trend)
         if name == "a" and value > 0:
             said = max(said, READING * value / self._elements(value)) if said == said else said
-        return said + self._soft_difference(state.step, name) + self._truncation * value
+        of_path = self._path(state, name)
+        return said + self._soft_difference(state.step, name) + self._truncation * value + of_path
 
     def _said(self, state: State, name: str, trend: Trend) -> float:
         """What two meshes say of a number of this step, or of the steps beside it in proportion; the worst counts."""

@@ -17,6 +17,7 @@ from indent_sim.process.errors import NotConverged
 from indent_sim.run.readings import punches_of
 from indent_sim.scene.given import remaining
 from indent_sim.scene.scene import Scene
+from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.surface.adhesion import Contact, Jkr, maugis_lambda, maugis_pull_off, tabor
 from indent_sim.theory.surface.punches import Punches, radius_at
@@ -344,7 +345,8 @@ class _Conduct:
         if adhesion.range is None:
             return {}
         scales = physics.scales
-        R, E_star = physics.indenter.R * self.L, physics.material.E_star * scales.pressure  # type: ignore[union-attr]
+        R = relative_tip(physics.indenter, physics.body).R * self.L  # type: ignore[union-attr]
+        E_star = physics.material.E_star * scales.pressure
         given = adhesion.work, adhesion.range, R, E_star
         parameter = maugis_lambda(*given)
         shape = maugis_pull_off(parameter)

@@ -1,8 +1,9 @@
-"""Plausibility of rows: bounds on a frictionless elastic body that hold whatever the mesh and the method.
+"""Plausibility of rows: bounds on an elastic body that hold whatever the mesh and the method.
 
 The tip only pushes, so nothing pulls, and a tip pressed into a flat body touches it. The force grows with the depth
 and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface stays below the tip. The force is
 theory's where theory is exact, and of one order with it where it is nearly so. None of this says how accurate a row is.
+A rough surface gives back less than was put in: its forces are compared while the tip goes in, never on the way back.
 
 Each rule is a function of the scene, a converged state and the states before it (in the user's units) to a sentence, or
 to None where it has nothing against the state. They are wide enough for coarse meshes and soft penalties.
@@ -11,6 +12,7 @@ to None where it has nothing against the state. They are wide enough for coarse 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from math import isfinite, isnan
 
 from indent_sim.model.contact import Nitsche, Penalty
@@ -116,6 +118,8 @@ def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | Non
 
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """0 <= Pi <= force delta, as of any force that grows with the depth."""
+    if scene.physics.has_memory and any(one.delta > state.delta for one in earlier):
+        return None
     work = state.force * state.delta
     if -SLACK * work <= state.energy <= (1 + SLACK) * work or _may_soften(scene):
         return None
@@ -124,6 +128,8 @@ def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
+    if scene.physics.has_memory and any(later.delta < one.delta for one, later in pairwise((*earlier, state))):
+        return None
     fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
     noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)

@@ -41,9 +41,11 @@ class Readings:
     def _stiffness(self, state: State) -> float:
         if state.stiffness is not None:  # theory's own
             return state.stiffness
+        physics = self.scene.physics
+        if physics.has_memory:  # it is another on the way out
+            return nan
         if state.delta <= 0 or state.force <= 0:
             return 0.0
-        physics = self.scene.physics
         if self._equilibrium is None:
             return nan
         if self.scene.solver.method == "condensed" and physics.part.kinematics.name == "axisymmetric":

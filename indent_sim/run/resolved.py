@@ -114,5 +114,11 @@ def _mesh(config: Config, scene: Scene) -> Any:
 
 def _contact(config: Config, scene: Scene) -> Any:
     law = scene.physics.scales.unscaled(scene.physics.contact)
-    given = config.contact if isinstance(config.contact, type(law)) else type(law)(gap=config.contact.gap)
+    given = config.contact if isinstance(config.contact, type(law)) else _of_kind(type(law), config.contact)
     return _decided(given, **vars(law) | {"gap": scene.physics.gap})
+
+
+def _of_kind(kind: type[Any], given: Any) -> Any:
+    """A law of a kind with all that another says of it too."""
+    shared = {f.name for f in dataclasses.fields(kind)} - {"method"}
+    return kind(**{name: value for name, value in vars(given).items() if name in shared})

@@ -12,7 +12,7 @@ from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Endless, HalfSpace, Meshed
-from indent_sim.model.contact import AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
+from indent_sim.model.contact import Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
@@ -116,6 +116,7 @@ def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | No
     """The contact method and its stiffness [pressure/length, without units]; ConfigError for one that is too soft."""
     if isinstance(wanted, AutoContact):
         law, why = AugmentedLagrangian(), "auto: no penetration to pay for, smooth pressures, fewest iterations"
+        law = dataclasses.replace(law, friction=wanted.friction, epsilon_t=given.scales.scaled(wanted).epsilon_t)
     else:  # the scene says which gap
         law, why = dataclasses.replace(given.scales.scaled(wanted), gap="auto"), "as given"  # type: ignore[assignment]
     name = next((f.name for f in dataclasses.fields(law) if f.name in ("epsilon_n", "gamma")), None)
@@ -128,8 +129,33 @@ def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | No
         value = rounded(_stiffness(law, given, sizes, fineness))
     _refuse_soft(law, name, value / unit, unit * scales.stiffness)
     law = dataclasses.replace(law, **{name: value})  # type: ignore[arg-type]
+    if law.friction and law.epsilon_t == "auto":
+        law = dataclasses.replace(law, epsilon_t=value)
     why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
+
+
+FREE = 0.3  # friction up to which steps of a tenth of the path need no second pass: 0.01 % of the force, measured
+
+
+def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
+    """Where new contact is taken to have touched, and what to say of friction; nothing where there is none.
+
+    ConfigError for a scene that friction was never verified in.
+    """
+    if not law.friction:
+        return "implicit", []
+    beyond = (
+        (bool(given.part.pins), "it pushes sideways, and nothing holds this body there (roller base, free sides)",
+         "fix the base, hold a side, or put the tip in the middle and use symmetry"),
+    )
+    for applies, why, remedy in beyond:
+        if applies:
+            raise ConfigError("contact.friction", f"does not fit this scene: {why}", remedy)
+    if law.friction != "stick" and law.friction <= FREE:
+        return "implicit", [Choice("contact.friction", law.friction, "new contact sticks where its step began")]
+    why = "new contact sticks half way through its step, found in a pass without friction for it"
+    return "mid", [Choice("contact.friction", law.friction, why)]
 
 
 def _stiffness(law: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:
@@ -173,6 +199,7 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (bool(law.uncondensed), law.uncondensed),
             (config.solver.linear == "iterative", "solver.linear: iterative is for the whole body"),
+            (isinstance(law, Penalty) and bool(law.friction), "a penalty with friction is solved on the whole body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
             (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
         )
@@ -193,6 +220,7 @@ def against_iterative(config: Config, given: Given, law: ContactLaw) -> str:
     """Why the linear systems of a scene are not solved iteratively; empty where they can be."""
     reasons = (
         (given.part.dim == 2, "axisymmetric and plane bodies are factored"),
+        (bool(law.friction), "friction has a tangent that is not symmetric"),
         (law.multiplier in ("stress", "nodal"), f"{law.method} has a tangent that is not symmetric"),
         (bool(config.solver.petsc), "solver.petsc options choose the linear solver themselves"),
         (config.solver.method == "condensed", "solver.method: condensed factors the body once"),
@@ -281,6 +309,7 @@ def unlike_theory(config: Config) -> str:
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (config.contact.gap == "current", "theory tests the gap at the undeformed point"),
         (not isinstance(config.contact, AutoContact), f"contact.method: {config.contact.method} is for a mesh"),
+        (bool(config.contact.friction), "theory knows no friction"),
         (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
         (solver != type(solver)(), "linear, rtol, max_iterations and petsc of solver are for a mesh"),
         (any(material.formulation != "auto" for material in materials), "material.formulation is for a mesh"),
@@ -371,12 +400,28 @@ def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
     if given.experiment.adhesion and given.part.kinematics.name != "axisymmetric":
         problem = f"the JKR limit is that of a disc, and this scene is {given.part.kinematics.name.replace('_', ' ')}"
         raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
-    if given.experiment.adhesion and solver.value == "theory" and not given.adhesive:
+    if given.experiment.adhesion and not given.adhesive:
         problem = "the contact that adheres so is wider than theory reaches, or there is none at that depth"
         raise ConfigError("experiment.adhesion", problem, "check work, R and E: are they in the same units?")
+    if given.experiment.adhesion and solver.value == "condensed" and given.adhesive:
+        _refuse_unlike_contacts(given, *given.adhesive)
     if given.experiment.is_stepped and solver.value == "theory" and given.body.dim == 2:
         problem = "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
         raise ConfigError("experiment.relaxation", problem, "use solver.method: condensed")
+
+
+SPREAD, FILLED = 500.0, 0.95  # of a mesh: between its contacts that come off and the deepest; of the way to the rim
+
+
+def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> None:
+    """ConfigError where no mesh holds the contacts with adhesion, from where the tip comes off to the deepest."""
+    L, rim = given.scales.length, given.body.rim_distance(given.center)
+    if largest > FILLED * rim:
+        problem = f"pulls the body around the tip to a radius of {largest * L:.3g}, its rim being at {rim * L:.3g}"
+        raise ConfigError("experiment.adhesion.work", problem, "check work, R and E: are they in the same units?")
+    if largest > SPREAD * smallest:
+        problem = f"lets the tip come off at a radius of {smallest * L:.3g}, far below the deepest, {largest * L:.3g}"
+        raise ConfigError("experiment.adhesion.work", problem, "do not go as deep, or solver.method: theory")
 
 
 BLUNTING = 1e-3  # of the expected contact radius: the radius that a sharp apex or edge gets

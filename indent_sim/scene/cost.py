@@ -38,13 +38,15 @@ DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condens
 
 @dataclass(frozen=True)
 class Work:
-    """What is done with the unknowns: solver, formulation, steps, and whether contact is nonlinear beyond its edge."""
+    """What is done with the unknowns: solver, formulation, steps, whether contact is nonlinear beyond its edge, and
+    whether there is friction, which has as many directions as the mesh."""
 
     method: str  # condensed | newton
     linear: str  # direct | iterative
     mixed: bool
     steps: int
     nonlinear: bool
+    rough: bool = False
 
     @property
     def iterations(self) -> float:
@@ -81,7 +83,7 @@ def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, fl
         return KRYLOV_BYTES[work.mixed] * dofs, _iterative(dofs, work)
     if work.method == "newton":
         return (6e3 * dofs if part.dim == 2 else 1100.0 * dofs**1.25), _newton(part.dim, dofs, work)
-    n = candidates(sizes, part)
+    n = candidates(sizes, part) * (part.dim if work.rough else 1)
     return (6e3 * dofs + DENSE * n**2 if part.dim == 2 else 780.0 * dofs**1.25), _condensed(part.dim, n, dofs, work)
 
 

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
+from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body, Dome
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
-from indent_sim.model.tips import Indenter
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, section_depth
+from indent_sim.theory.surface import no_slip
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
+POWERS: dict[type, float] = {Paraboloid: 2.0, Sphere: 2.0, Cone: 1.0, FlatPunch: inf}  # of the tip's profile
+ROOM = 2.0  # thicknesses, or contact radii, to the side walls of a layer that feels them little
+TELLING = 1.0  # per cent that stick changes: less is not worth a sentence
 SAME_PLACE = 1e-9  # of a length
 
 
@@ -69,6 +76,48 @@ def prediction_of(path: LoadPath, theory: Theory | None, tip: Indenter, material
     for name in theory.formulas if theory and delta > 0 else ():
         found[f"{asked}_{name}"] = theory.formula_at(name, delta, largest)  # type: ignore[union-attr]
     return {"a": a * scales.length} | {name: value * unit for name, value in found.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Stick:
+    """What no slip instead of no friction would change the deepest force by [per cent]: between low and high, and the
+    number itself where it is known; source says from what."""
+
+    percent: float | None
+    low: float
+    high: float
+    source: str
+
+    @property
+    def is_telling(self) -> bool:
+        """Whether it may be worth a sentence."""
+        return max(abs(self.low), abs(self.high)) >= TELLING
+
+    @property
+    def words(self) -> str:
+        """The same as a sentence."""
+        change = f"between {self.low:+.1f} and {self.high:+.1f} %" if self.percent is None else f"{self.percent:+.1f} %"
+        return f"no slip instead of no friction would change this force by {change} ({self.source})"
+
+
+def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool) -> Stick | None:
+    """What no slip would change at a contact of radius a, `rim` away from the side walls [length]: exactly on a
+    half-space, a range of the map of bonded layers elsewhere; None where neither knows the scene."""
+    power = POWERS.get(type(tip))
+    rounding = max(getattr(tip, name, 0.0) for name in ("tip_radius", "edge_radius"))
+    if power is None or rounding > 0 or len(part.regions) > 1 or part.kinematics.name == "plane_strain" or a <= 0:
+        return None
+    nu = part.regions[0].material.constants.nu
+    if is_half_space:
+        percent = 100 * (no_slip.force_ratio(nu, power) - 1)
+        return Stick(percent, percent, percent, "half-space, exact")
+    if part.supports.get("base") != "fixed" or rim < ROOM * max(part.height, a):
+        return None
+    found = no_slip.layer_range(nu, a / part.height, power)
+    if found is None:
+        return None
+    low, high = (100 * (ratio - 1) for ratio in found)
+    return Stick(None, low, high, "map of bonded layers at small strain")
 
 
 def infinite_pressure(tip: Indenter, a: float) -> str:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Body
-from indent_sim.model.contact import ActiveSet, ContactLaw
+from indent_sim.model.body import Body, HalfSpace
+from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
+from indent_sim.model.state import OF_FRICTION
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
@@ -22,7 +23,7 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
-from indent_sim.scene.expected import peakless, prediction_of
+from indent_sim.scene.expected import Stick, peakless, prediction_of, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
 from indent_sim.scene.sizing import AT_END
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
+MIRROR = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
 
 
@@ -51,6 +53,29 @@ class Physics:
     gap: str  # reference | current
     path: LoadPath  # what is prescribed, step by step
     deltas: tuple[float, ...]  # prescribed, or expected at the prescribed forces
+    anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether an equilibrium depends on the path to it."""
+        return bool(self.contact.friction)
+
+    @property
+    def sideways(self) -> dict[str, int]:
+        """The horizontal axes, by name, along which friction may push the tip: no mirror plane cuts the body there."""
+        if not self.has_memory or self.part.kinematics.name == "axisymmetric":
+            return {}
+        walls = self.part.distances(self.center)
+        axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
+        return {name: axis for name, axis in axes.items() if walls.get(f"{name}_min", 1.0) > MIRROR}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the force table that only some scenes have, in order."""
+        if not self.has_memory:
+            return ()
+        across = [f"side_force_{axis}" for axis in self.sideways]
+        return tuple(name for name in OF_FRICTION if not name.startswith("side") or name in across)
 
     @property
     def material(self) -> Material:
@@ -74,6 +99,7 @@ class Plan:
     choices: tuple[Choice, ...]
     doubts: tuple[Doubt, ...]
     prediction: dict[str, float]  # in the user's units
+    stick: Stick | None = None  # what no slip would change; None where there is friction, or nothing is known
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -112,6 +138,7 @@ class Scene:
         theory = self.plan.theory
         parts = (
             (not self.physics.small_strain, "strain is finite, theory's small"),
+            (self.physics.has_memory, "the surface is rough, theory's frictionless"),
             (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
         )
@@ -154,7 +181,7 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
               *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
     against = (*of_theory(given), *of_whole_contact(given))
-    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted)
+    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted, _stick(config, given))
     settings = dataclasses.replace(config.solver, method="theory")
     return Scene(physics, sizing.surface_points(given), settings, plan, config.experiment, given.asked)
 
@@ -164,21 +191,33 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
-    solver, linear, cost = _solver(config, given, law, gap, sizes)
+    anchor, friction_choice = choices.friction(law, given)
+    solver, linear, cost = _solver(config, given, law, gap, sizes, anchor)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
     if cost.memory > machine_memory():
-        work = _work(given, str(solver.value), str(linear.value), gap)
+        work = _work(given, str(solver.value), str(linear.value), gap, law, anchor)
         raise _unaffordable(config, given, law, sizes, work, fineness is not None)
     doubted = doubts(given, law, gap, sizes)
-    physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path, given.deltas)
+    physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
+                      given.deltas, anchor)  # fmt: skip
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
+              *friction_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
-    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted)
+    said = None if law.friction else _stick(config, given)
+    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
+
+
+def _stick(config: Config, given: Given) -> Stick | None:
+    """What no slip would change at the deepest contact."""
+    if given.deepest <= 0:
+        return None
+    is_half_space = isinstance(config.body, HalfSpace)
+    return stick(given.part, given.tip, given.a, given.body.rim_distance(given.center), is_half_space=is_half_space)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
@@ -195,11 +234,13 @@ def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
     return [Choice("p_max", "empty", why)] if why else []
 
 
-def _solver(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Choice, Choice, Cost]:
+def _solver(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Sizes, anchor: Anchor
+            ) -> tuple[Choice, Choice, Cost]:  # fmt: skip
     """What solves the scene, how its linear systems are solved, and what that will cost."""
-    method = choices.solver(config, given, law, gap, candidates(sizes, given.part))
-    direct = cost_of(sizes, given.part, _work(given, str(method.value), "direct", gap))
-    iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap))
+    nodes = candidates(sizes, given.part) * (given.dim if law.friction else 1)
+    method = choices.solver(config, given, law, gap, nodes)
+    direct = cost_of(sizes, given.part, _work(given, str(method.value), "direct", gap, law, anchor))
+    iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap, law, anchor))
     linear = choices.linear(config, given, law, direct, iterative, machine_memory())
     if linear.value == "direct":
         return method, linear, direct
@@ -207,10 +248,11 @@ def _solver(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Size
     return Choice("solver.method", "newton", why), linear, iterative
 
 
-def _work(given: Given, method: str, linear: str, gap: str) -> Work:
-    solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1)
+def _work(given: Given, method: str, linear: str, gap: str, law: ContactLaw, anchor: Anchor) -> Work:
+    solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1) * (2 if anchor == "mid" else 1)
     mixed = any(region.formulation == "mixed" for region in given.part.regions)
-    return Work(method, linear, mixed, solves, gap == "current" or not given.small_strain)
+    is_nonlinear = gap == "current" or not given.small_strain or bool(law.friction)
+    return Work(method, linear, mixed, solves, is_nonlinear, bool(law.friction))
 
 
 def _unaffordable(config: Config, given: Given, law: ContactLaw, sizes: Sizes, work: Work, is_chosen: bool

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # Elements per contact radius that keep the force within 0.3 % at the last step (measured on HERTZ axi and cube)
 PER_RADIUS = {2: 10.0, 3: 5.0}  # by dim
 PER_ADHESIVE = 30.0  # per radius of a contact that comes off: its pull-off within 0.2 %, measured on bonded layers
+PER_STEPPED = 25.0  # per radius of a contact that is stepped in time by nodal pressures: 0.03 % of the force, measured
 POINTS = 40  # of theory's surface in every contact radius
 GRADING = 0.2  # growth of the size per unit distance
 PER_WALL_RADIUS = 8.0  # elements per radius of a curved wall: its polygon encloses 0.3 % less than the circle, which
@@ -153,6 +154,9 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     if wanted:
         settled = wanted.sizes(height, width, edge, bend, keenness)
     last = given.radius(given.deltas[-1]) if given.deltas[-1] > 0 and edge is None else None
+    stepped = given.experiment is not None and given.experiment.is_stepped and given.dim == 2
+    if stepped and settled.h_contact is None:
+        settled = replace(settled, h_contact=rounded(min(a / PER_STEPPED, height / 4)))
     if given.adhesive and settled.h_contact is None:  # as fine in the smallest contact as in the deepest one
         settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE),
                           h_axis=rounded(given.adhesive[0] / PER_ADHESIVE))  # fmt: skip

@@ -44,8 +44,8 @@ class Case:
     @property
     def name(self) -> str:
         """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and the id."""
-        words = "_".join(f"{key.split('.')[-1]}={short(value)}" for key, value in self.values.items())
-        return f"{re.sub(r'[^A-Za-z0-9=.+_-]+', '_', words)[:LONGEST].lstrip('.-')}-{self.id}"
+        words = "_".join(f"{key.split('.')[-1]}={_in_a_name(value)}" for key, value in self.values.items())
+        return f"{words[:LONGEST].lstrip('.-')}-{self.id}"
 
     @property
     def problem(self) -> str:
@@ -100,6 +100,11 @@ def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
 def short(value: Any) -> str:
     """A value as it is read, not to its last digit."""
     return f"{value:.4g}" if isinstance(value, float) else inline(value)
+
+
+def _in_a_name(value: Any) -> str:
+    """A value as the name of a file may hold it."""
+    return re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value)).strip("_")
 
 
 def identity(scene: Scene) -> str:

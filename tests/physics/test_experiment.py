@@ -13,8 +13,9 @@ from scipy.interpolate import CubicSpline
 from indent_sim.config.file import from_mapping
 from indent_sim.process.errors import NotConverged
 from indent_sim.run import chain
-from indent_sim.run.experiment import Findings, conduct
+from indent_sim.run.experiment import Findings, _Conduct, conduct
 from indent_sim.scene.scene import Scene, resolve
+from indent_sim.theory.surface.stepping import StepByStep, SurfaceContact
 
 LAYER = {"shape": "layer", "height": 1.0}
 HALF_SPACE = {"shape": "half_space"}
@@ -94,6 +95,22 @@ def test_a_tip_that_comes_back_from_a_mesh_and_from_theory() -> None:
         theory, mesh = (at(findings, t) for findings in both)
         assert mesh.force == pytest.approx(theory.force, rel=2e-3) and mesh.a == pytest.approx(theory.a, rel=5e-3)
     assert {findings.report["relaxation"]["method"] for findings in both} == {"time steps"}
+
+
+@pytest.mark.parametrize("body", [LAYER, STRIP])
+def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, Any]) -> None:
+    """Direct stepping of contact on the condensed compliance is the oracle; what a contact without a past gives at 2000
+    depths, superposed by the modulus, is the same force, but for a point that touches between two of them: 1e-4."""
+    history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
+    base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
+    assert base.experiment is not None
+    one = _Conduct(base, base.experiment, chain.condense(base).equilibrium)
+    surface, t = one.surface(0.01), np.linspace(0, 1, 2001)
+    elastic = SurfaceContact(surface, surface.A)
+    force = [float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas)) for x in t]
+    superposed = float(one.modulus(1 - 0.5 * (t[1:] + t[:-1])) @ np.diff(force))
+    *_, stepped = StepByStep(surface, one.modulus.prony(1e-3, 1.0)).responses([0.0, 1.0], [0.0, 0.01])
+    assert stepped.force == pytest.approx(superposed, rel=1e-4)
 
 
 @pytest.mark.parametrize(("body", "tip"), [(STRIP, PARABOLOID), (WALLED, {"shape": "flat_punch", "radius": 0.3}),

@@ -116,3 +116,45 @@ def test_choice_of_the_part() -> None:
     assert scene(BOX | {"sides": uneven}, mesh={"h_contact": 0.1}).physics.part.symmetry == "half"
     assert scene(STRIP).physics.part.symmetry == "half"
     assert scene(STRIP, indenter=PARABOLOID | {"center": [1.9]}).physics.part.symmetry == "full"
+
+
+# ---- friction: a traction along the surface that the planes of symmetry mirror too ------------------------------
+
+ROUGH = [(0.3, "reference"), ("stick", "reference"), (0.3, "current"), ("stick", "current")]
+
+
+@pytest.mark.parametrize(("friction", "gap"), ROUGH)
+def test_rough_strip_by_its_half(friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The shear traction is odd across the plane on which the half holds it at zero; no force pushes the tip aside."""
+    contact = {"method": "auto", "gap": gap, "friction": friction}
+    half, full = (scene(STRIP, contact=contact, mesh={"h_contact": 0.05, "symmetry": symmetry}, **DEEP)
+                  for symmetry in ("half", "full"))  # fmt: skip
+    grid = grid_of(half)
+    whole = on_grid(full, mirrored(grid, axis=0, plane=half.physics.center[0]), monkeypatch)
+    assert_same(on_grid(half, grid, monkeypatch), whole)
+    assert abs(whole[-1].side_force_x) <= SAME * whole[-1].force
+
+
+@pytest.mark.parametrize("friction", [0.3, "stick"])
+def test_rough_box_by_its_quarter(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same for both components in three dimensions."""
+    contact = {"method": "auto", "friction": friction}
+    quarter, full = (scene(BOX, contact=contact, mesh={"h_contact": 0.2, "symmetry": symmetry}, **DEEP)
+                     for symmetry in ("quarter", "full"))  # fmt: skip
+    grid = grid_of(quarter)
+    whole = mirrored(mirrored(grid, axis=0, plane=quarter.physics.center[0]), 1, quarter.physics.center[1])
+    assert_same(on_grid(quarter, grid, monkeypatch), on_grid(full, whole, monkeypatch))
+
+
+@pytest.mark.parametrize(("friction", "gap"), ROUGH)
+def test_rough_strip_and_its_mirror_image(friction: float | str, gap: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tip off the middle and its image on the image of its mesh: one force, and the side force turned round."""
+    contact = {"method": "auto", "gap": gap, "friction": friction}
+    left, right = (scene(STRIP, contact=contact, mesh={"h_contact": 0.05}, indenter=PARABOLOID | {"center": [x]},
+                         **DEEP) for x in (1.4, 2.6))  # fmt: skip
+    grid = grid_of(left)
+    image = Grid(grid.points * [-1.0, 1.0] + [4.0, 0.0], grid.cells)
+    here, there = on_grid(left, grid, monkeypatch), on_grid(right, image, monkeypatch)
+    assert_same(here, there)
+    assert here[-1].side_force_x == pytest.approx(-there[-1].side_force_x, rel=1e-6)
+    assert abs(here[-1].side_force_x) > 1e-6 * here[-1].force

@@ -99,6 +99,22 @@ def test_nothing_to_report(tmp_path):
     )
 
 
+@pytest.mark.parametrize("damage", [
+    ("study.csv", None), ("study.csv", "a,b\n1,2,3\n"), ("study.csv", "\xff"), ("study.json", "[]"),
+    ("study.json", "{"),
+])  # fmt: skip
+def test_a_damaged_study_is_told(tmp_path, damage):
+    name, text = damage
+    (tmp_path / "study.json").write_text('{"program": "indent-sim", "keys": ["a"]}')
+    (tmp_path / "study.csv").write_text("index,run,a,status\n1,x,2,done\n")
+    (tmp_path / name).unlink()
+    if text is not None:
+        (tmp_path / name).write_bytes(text.encode("latin-1"))
+    done = CliRunner().invoke(commands.program, ["report", str(tmp_path)])
+    assert done.exit_code == 2 and "no study that can be read" in done.stderr
+    assert not (tmp_path / "report.html").exists()
+
+
 def test_a_failed_run_says_so_first(tmp_path):
     page = written(tmp_path)
     report = json.loads((page.parent / "run.json").read_text())

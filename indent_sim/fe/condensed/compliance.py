@@ -2,10 +2,12 @@
 
 F are nodal forces pushing down (int p N_j), u_z the nodal displacements there. Everything a frictionless tip does to
 a linear body with a reference gap passes through C; every depth, tip and contact method after that is small and dense.
+With friction C has rows and columns for the horizontal axes too, after those of the downward one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -31,12 +33,14 @@ Own = tuple[np.ndarray, np.ndarray, np.ndarray]
 class Compliance:
     """C (n, n) [1/(pressure length)] between the candidates, nodes of the contact surface; the same on all ranks.
 
-    trace: the facets between the candidates, with `nodes` numbering rows of C; surface: all facets of the contact
-    surface, whose node places[i] is candidate i; support and stray (n,): what a unit force at a candidate makes the
-    supports and the rigid-mode pins feel.
+    whole (m n, m n): C, and with friction m - 1 horizontal axes after it; held (m - 1, nodes of the surface): where
+    their displacements are held. trace: the facets between the candidates, with `nodes` numbering rows of C; surface:
+    all facets of the contact surface, whose node places[i] is candidate i; support and stray (m n,): what a unit force
+    at a candidate makes the supports and the rigid-mode pins feel.
     """
 
-    C: np.ndarray
+    whole: np.ndarray
+    held: np.ndarray
     trace: Trace
     surface: Trace
     places: np.ndarray
@@ -46,7 +50,12 @@ class Compliance:
     @property
     def size(self) -> int:
         """Number of nodes."""
-        return len(self.C)
+        return len(self.places)
+
+    @property
+    def C(self) -> np.ndarray:
+        """Downward displacements for downward forces."""
+        return self.whole[: self.size, : self.size]
 
 
 class Condenser:
@@ -130,54 +139,74 @@ class Condenser:
         distance = np.linalg.norm(surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1).min(axis=1)
         return np.asarray(distance <= reach)
 
-    def condense(self, reach: float, center: tuple[float, ...]) -> Compliance:
-        """The compliance of all facets that come within `reach` [length] of the tip's axis, or of more of them."""
+    def condense(self, reach: float, center: tuple[float, ...], *, shear: bool = False) -> Compliance:
+        """The compliance of all facets that come within `reach` [length] of the tip's axis, or of more of them; also
+        along the horizontal axes with `shear`."""
         surface, near = self._surface, self._near(reach, center)
         places, nodes = np.unique(surface.nodes[near], return_inverse=True)
+        axes = [surface.dim - 1, *range(surface.dim - 1)] if shear else [surface.dim - 1]
+        if self._last is not None and len(self._last.held) != len(axes) - 1:
+            self._last = None
         if self._last is None or not np.isin(places, self._last.places).all():
             nodes = nodes.reshape(surface.nodes[near].shape)
-            trace = Trace(nodes, surface.X[near], nodes)
-            self._last = Compliance(trace=trace, surface=surface, places=places, **self._columns(places))
+            trace, held = Trace(nodes, surface.X[near], nodes), self._held(axes[1:])
+            columns = self._columns(places, axes)
+            self._last = Compliance(held=held, trace=trace, surface=surface, places=places, **columns)
         return self._last
 
     def spread(self, nodal: np.ndarray) -> np.ndarray:
         """Values at the nodes of the whole surface as (facets, nodes) of this rank's facets."""
         return nodal[self._rows]
 
-    def _columns(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """C, and what unit forces make supports and pins feel; nodes condensed to before are not solved for again."""
-        own = self._own(places)
-        dofs, is_free = self._numbers(*own, len(places))
-        n, known = len(places), self._last
+    def _held(self, axes: Sequence[int]) -> np.ndarray:
+        """Whether the displacement along each axis is held (axes, nodes of the whole surface)."""
+        dofs = self.body.unknowns.displacement_places(self._owned_nodes)[..., list(axes)]
+        held = np.zeros((len(axes), 1 + self._surface.nodes.max(initial=-1)))
+        held[:, self._owned_rows] = np.isin(dofs, self.body.constrained).T
+        return _summed(self.body.comm, held) > 0
+
+    def _columns(self, places: np.ndarray, axes: Sequence[int]) -> dict[str, np.ndarray]:
+        """C, and what unit forces make supports and pins feel: down, and along the horizontal axes that follow.
+
+        Nodes condensed to before are not solved for again.
+        """
+        n, known = len(places) * len(axes), self._last
+        own = self._own(places, axes)
+        dofs, is_free = self._numbers(*own, n)
+        up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
         C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
-        old = np.zeros(n, dtype=bool) if known is None else np.isin(places, known.places)
+        old = np.zeros(n, dtype=bool)
         if known is not None:
-            there = np.isin(known.places, places)
-            C[np.ix_(old, old)] = known.C[np.ix_(there, there)]
+            old = np.tile(np.isin(places, known.places), len(axes))
+            there = np.tile(np.isin(known.places, places), len(axes))
+            C[np.ix_(old, old)] = known.whole[np.ix_(there, there)]
             support[old], stray[old] = known.support[there], known.stray[there]
         for block in _blocks(np.flatnonzero(~old)):
-            C[:, block], support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
-        new = ~old
-        C[np.ix_(new, old)] = C[np.ix_(old, new)].T
-        return {"C": (C + C.T) / 2, "support": support, "stray": stray}
+            found, support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
+            C[:, block] = up[:, None] * found * up[block]
+            support[block] = up[block] * support[block] + (up[block] < 0) * ~is_free[block]
+        C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
+        return {"whole": (C + C.T) / 2, "support": support, "stray": stray}
 
-    def _own(self, places: np.ndarray) -> Own:
-        """This rank's own nodes among the candidates: dofs of u_z in its local array, columns, which are free."""
+    def _own(self, places: np.ndarray, axes: Sequence[int]) -> Own:
+        """This rank's own nodes among the candidates, one axis after the other: dofs in its local array, columns, which
+        are free."""
         mine = np.isin(self._owned_rows, places)
-        local = self.body.unknowns.displacement_places(self._owned_nodes[mine])[..., -1].reshape(-1)
-        columns = np.searchsorted(places, self._owned_rows[mine])
+        here = np.searchsorted(places, self._owned_rows[mine])
+        columns = np.concatenate([here + k * len(places) for k in range(len(axes))])
+        local = self.body.unknowns.displacement_places(self._owned_nodes[mine])[..., list(axes)].T.reshape(-1)
         return local, columns, ~np.isin(local, self.body.constrained)
 
     def _numbers(self, local: np.ndarray, columns: np.ndarray, free: np.ndarray, n: int
                  ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """The number of u_z at each of n candidates among the unknowns of all ranks, and whether it is free."""
+        """The number of each of n columns among the unknowns of all ranks, and whether it is free."""
         numbers, is_free = np.zeros((2, n), dtype=np.int32)
         numbers[columns], is_free[columns] = local + self.body.x.getOwnershipRange()[0], free
         return _summed(self.body.comm, numbers), _summed(self.body.comm, is_free) > 0
 
     def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-        """u_z at n candidates, the reaction of the supports and the largest of the pins, for unit forces at dofs."""
+        """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs."""
         comm, owned, (local, columns, _) = self.body.comm, self.body.unknowns.owned, own
         X = PETSc.Mat().createDense(((owned, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
         X.setUp()
@@ -187,14 +216,17 @@ class Condenser:
         C[columns] = solutions[local]
         reactions = _summed(comm, np.array([row @ solutions for row in (self._support_rows, *self._pin_rows)]))
         X.destroy()  # left to Python they stay until the end: all blocks at once
-        return _summed(comm, C), ~is_free - reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0)
+        return _summed(comm, C), reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0)
 
     def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
         """Put the whole body's response to forces at the nodes of a compliance into the body's solution."""
-        dofs, columns, free = self._own(compliance.places)
+        vertical = compliance.surface.dim - 1
+        axes = [vertical, *range(len(compliance.held))]
+        dofs, columns, free = self._own(compliance.places, axes)
         load, response = self.body.x.duplicate(), self.body.x.duplicate()
         load.set(0.0)
-        load.array[dofs[free]] = -nodal_forces[columns[free]]
+        up = np.where(columns < len(compliance.places), -1.0, 1.0)
+        load.array[dofs[free]] = (up * nodal_forces[columns])[free]
         self._pc.apply(load, response)
         self.body.set_solution(response)
 

@@ -24,6 +24,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
 from indent_sim.fe.condensed.compliance import Compliance
+from indent_sim.fe.condensed.friction import CondensedFriction
 from indent_sim.fe.observe.surface import (
     Trace,
     contact_quadrature,
@@ -34,6 +35,7 @@ from indent_sim.fe.observe.surface import (
     undeformed,
 )
 from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve.anchor import anchored
 from indent_sim.fe.solve.mixing import Mixing
 from indent_sim.fe.solve.newton import softening
 from indent_sim.scene.scene import Scene
@@ -53,20 +55,27 @@ class CondensedContact:
         self.places = compliance.places
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
-        self.F: np.ndarray = np.zeros(compliance.size)
+        # nodal forces down and, with friction, along the horizontal axes
+        self.forces: np.ndarray = np.zeros((1 + len(compliance.held), compliance.size))
         # multiplier at the nodes of the whole surface (active set: nodal pressures)
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self.scene = scene
         self._recent = [self.F]  # nodal forces of the last equilibria
+        self.friction = CondensedFriction(self) if self.law.friction else None
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
+
+    @property
+    def F(self) -> np.ndarray:
+        """Nodal forces pushing down (nodes,)."""
+        return self.forces[0]
 
     def solve(self, delta: float) -> bool:
         """Find the equilibrium at a depth from the present forces; on failure they are as they were."""
-        before = self.F, self.lam
+        before = self.forces, self.lam
         if self._solve(delta):
             self._recent = [*self._recent[-1:], self.F]
             return True
-        self.F, self.lam = before
+        self.forces, self.lam = before
         return False
 
     def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
@@ -89,30 +98,35 @@ class CondensedContact:
         return area * weights * self.scene.physics.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
 
     @cached_property
-    def _quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shape functions (points, nodes), weighted areas and heights (facets, points) of the contact quadrature."""
         points, weights = contact_quadrature(self.compliance.trace.dim)
         return shapes(points), *self.rule(points, weights)
 
     @cached_property
-    def _mass(self) -> Any:
-        """The factored mass matrix M [area] of the whole contact surface."""
+    def mass(self) -> Any:
+        """The mass matrix M [area] of the whole contact surface."""
         surface = self.compliance.surface
         points, weights = contact_quadrature(surface.dim)
         N, W, nodes = shapes(points), self._areas(surface, points, weights), surface.nodes
         local = np.einsum("fp,pn,pm->fnm", W, N, N)
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-        return splu(csc_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2))
+        return csc_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2)
 
-    def _projected(self, F: np.ndarray) -> np.ndarray:
+    @cached_property
+    def _factored_mass(self) -> Any:
+        return splu(self.mass)
+
+    def projected(self, F: np.ndarray) -> np.ndarray:
         """M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
         whole = np.zeros((len(self.lam), *F.shape[1:]))
         whole[self.places] = F
-        return self._mass.solve(whole)
+        return self._factored_mass.solve(whole)
 
     @cached_property
     def _inverse_mass(self) -> np.ndarray:
         """M^-1 (n, n) [1/area] between the candidates: their lam = M^-1 F."""
-        return self._projected(np.eye(self.compliance.size))[self.places]
+        return self.projected(np.eye(self.compliance.size))[self.places]
 
     def _matrix(self, local: np.ndarray) -> np.ndarray:
         """Sum facet matrices (facets, n, n) into a dense one over the nodes."""
@@ -120,7 +134,8 @@ class CondensedContact:
         places = self.nodes[:, :, None] * size + self.nodes[:, None, :]
         return np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size) if n else np.zeros((0, 0))
 
-    def _vector(self, local: np.ndarray) -> np.ndarray:
+    def vector(self, local: np.ndarray) -> np.ndarray:
+        """Facet vectors (facets, nodes) summed over the nodes of the candidates."""
         return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
 
     # ---- laws with a stiffness -----------------------------------------------------------------------------------
@@ -131,27 +146,31 @@ class CondensedContact:
         From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
         own; if that is too far, through softer contact to the law's own.
         """
-        start, epsilon_n = self.F, self.law.stiffness  # type: ignore[union-attr]
+        start, epsilon_n = self.forces, self.law.stiffness  # type: ignore[union-attr]
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
         is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
         first = [unit / epsilon_n, 1.0] if is_other else [1.0]
         for factors in (first, softening(self.law, self.scene)):
-            self.F = start
-            if all(self._newton(delta, factor * epsilon_n, with_multiplier) for factor in factors):
+            self.forces = start
+            if self.friction:
+                found = all(self.friction.newton(delta, factor) for factor in factors)
+            else:
+                found = all(self._newton(delta, factor * epsilon_n, with_multiplier) for factor in factors)
+            if found:
                 return True
         self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
         return False
 
     def update(self, mixing: Mixing) -> float:
         """Change the multiplier; returns how far it was from its projection, relative to itself."""
-        before, image = self.lam, self._projected(self.F)
-        change, nothing = np.linalg.norm(image - before), self.nothing(lambda F: np.linalg.norm(self._projected(F)))
+        before, image = self.lam, self.projected(self.F)
+        change, nothing = np.linalg.norm(image - before), self.nothing(lambda F: np.linalg.norm(self.projected(F)))
         self.lam = mixing(before, image)
         size = max(np.linalg.norm(before), np.linalg.norm(image))
         return float(change / size) if change > nothing else 0.0
 
     def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool) -> bool:
-        N, W, height = self._quadrature
+        N, W, height = self.quadrature
         C = self.compliance.C
         D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
         offset = -epsilon_n * (height - delta)
@@ -164,12 +183,12 @@ class CondensedContact:
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
-            load = self._vector((W * np.where(active, p_hat, 0.0)) @ N)
+            load = self.vector((W * np.where(active, p_hat, 0.0)) @ N)
             residual = F - load
             # between two Newton steps with the same active points the problem is linear: the first was exact
             settled = before is not None and np.array_equal(active, before)
             if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0) + nothing:
-                self.F = load
+                self.forces = load[None]
                 return True
             if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
                 return False
@@ -204,13 +223,13 @@ class CondensedContact:
         """
         if self.law.multiplier == "nodal":
             return self._nodal_stiffness()
-        N, W, height = self._quadrature
+        N, W, height = self.quadrature
         epsilon_n: float = self.law.stiffness  # type: ignore[union-attr]
         D = (0.0 if self.law.multiplier == "none" else self._inverse_mass) - epsilon_n * self.compliance.C
         active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - delta) > 0
         if not active.any():
             return 0.0
-        return float(self._newton_step(-self._vector((W * epsilon_n * active) @ N), W * active, N, D).sum())
+        return float(self._newton_step(-self.vector((W * epsilon_n * active) @ N), W * active, N, D).sum())
 
     def _nodal_stiffness(self) -> float:
         """The same of nodal pressures: the punch on the nodes that carry one."""
@@ -230,7 +249,7 @@ class CondensedContact:
         W, height = self.rule(points, weights)
         N, psi = shapes(points), pressure_functions(points)
         Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
-        heights, areas = self._vector((W * height) @ psi), self._vector(W @ psi)
+        heights, areas = self.vector((W * height) @ psi), self.vector(W @ psi)
         return Q, heights, areas, Q.T @ self.compliance.C @ Q
 
     @property
@@ -255,7 +274,7 @@ class CondensedContact:
         self.iterations += solves
         self.lam = np.zeros(len(self.lam))
         self.lam[self.places[carriers]] = p
-        self.F = Q[:, carriers] @ p
+        self.forces = (Q[:, carriers] @ p)[None]
         return True
 
     # ---- what is observed ----------------------------------------------------------------------------------------
@@ -263,16 +282,17 @@ class CondensedContact:
     @property
     def multiplier(self) -> np.ndarray:
         """lam at the nodes of the whole surface [pressure]; of a law without one the projection of its <p_hat>."""
-        return self._projected(self.F) if self.law.multiplier == "none" else self.lam
+        return self.projected(self.F) if self.law.multiplier == "none" else self.lam
 
     def energy(self, delta: float) -> float:
         """Strain plus contact energy of the modelled part."""
-        strain = 0.5 * float(self.F @ self.compliance.C @ self.F)
+        X, whole = self.forces.ravel(), self.compliance.whole
+        strain = 0.5 * float(X @ whole @ X)
         if self.law.multiplier == "nodal":
             return strain
-        N, W, height = self._quadrature
+        N, W, height = self.quadrature
         lam = self.lam[self.places][self.nodes] @ N.T
-        gap = height - delta + (self.compliance.C @ self.F)[self.nodes] @ N.T
+        gap = height - delta + (whole @ X)[: len(self.F)][self.nodes] @ N.T
         return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
 
 
@@ -297,13 +317,17 @@ def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tu
 
 
 def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
-    def solve(delta: float) -> bool:
+    friction = contact.friction
+
+    def once(delta: float) -> bool:
         if not contact.newton(delta, with_multiplier=True):
             return False
-        contact.lam = contact._projected(contact.F)
+        contact.lam = contact.projected(contact.F)
         return True
 
-    return solve
+    if friction is None:
+        return once
+    return lambda delta: anchored(friction, contact.scene.physics.anchor, lambda: once(delta))
 
 
 def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
@@ -332,12 +356,24 @@ class CondensedState:
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
         u = np.zeros(self.trace.X.shape)
-        u[..., -1] = -(self.contact.compliance.C @ self.contact.F)[self.trace.nodes]
+        compliance, forces = self.contact.compliance, self.contact.forces
+        u[..., -1] = -(compliance.whole @ forces.ravel())[: compliance.size][self.trace.nodes]
         return u
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) [pressure]."""
         return self.contact.multiplier[self.contact.places][self.trace.nodes] @ self.basis(points).T
+
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
+        assert self.contact.friction
+        return self.contact.friction.room_at(points, self.depth)
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) [pressure]."""
+        assert self.contact.friction
+        nodal = self.contact.friction.tau()[:, self.contact.places].T
+        return self.trace.values(nodal[self.trace.nodes], points)
 
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""

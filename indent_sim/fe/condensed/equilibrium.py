@@ -22,17 +22,19 @@ RIM = 3.5  # elements between the expected contact and that rim at first: a node
 GROWTH = 1.3  # and this much further when the contact comes to their rim
 FORCE_TOLERANCE = 1e-10  # a dense solve leaves less
 
-Forces = tuple[np.ndarray, np.ndarray]  # nodal forces and multiplier, at the nodes of the whole contact surface
+# Nodal forces (axes, nodes) and multiplier (nodes,) at the nodes of the whole contact surface
+Forces = tuple[np.ndarray, np.ndarray]
 
 
 class CondensedEquilibrium:
     """Contact on the compliance of the candidate surface; see `path.Equilibrium`."""
 
-    has_memory, krylov_iterations = False, None
+    krylov_iterations = None
     force_tolerance = FORCE_TOLERANCE
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
         self.scene, self.body, self.dofs = scene, body, body.active_dofs
+        self.has_memory = scene.physics.has_memory
         self.condenser = condenser or Condenser(body)
         sides = zip(scene.physics.part.extent[:-1], scene.physics.center, strict=False)
         self._whole = max(abs(end - c) for ends, c in sides for end in ends)
@@ -40,6 +42,7 @@ class CondensedEquilibrium:
         self._iterations, self._outgrown = 0, ""
         self.observed = RecoveredBody(self)
         self.depth = 0.0
+        self._departed: tuple[Forces, float] | None = None  # the equilibrium that the present step set out from
         self._condense(min(self._expected_reach(), self._whole))
 
     def _expected_reach(self) -> float:
@@ -47,11 +50,13 @@ class CondensedEquilibrium:
         scene = self.scene
         patch = scene.sizes.patch + MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
-        return min(patch, a + RIM * scene.sizes.h_contact) if a > 0 else patch
+        if scene.experiment is not None or a == 0:  # adhesion asks for contacts beyond the deepest one
+            return patch
+        return min(patch, a + RIM * scene.sizes.h_contact)
 
     def _condense(self, reach: float) -> None:
         self._reach = reach
-        compliance = self.condenser.condense(reach, self.scene.physics.center)
+        compliance = self.condenser.condense(reach, self.scene.physics.center, shear=self.has_memory)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
         self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self.depth)
 
@@ -77,15 +82,27 @@ class CondensedEquilibrium:
     def sharpen(self) -> None:
         """A dense solve leaves nothing to sharpen."""
 
+    def depart(self) -> None:
+        """Take the present equilibrium as the one that the next step sets out from."""
+        if self.contact.friction:
+            self.contact.friction.depart(self.depth)
+            self._departed = self.snapshot(), self.depth
+
+    @property
+    def dissipation(self) -> float:
+        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
+        friction = self.contact.friction
+        return self.scene.physics.part.copies * friction.dissipation(self.depth) if friction else 0.0
+
     def solve(self, depth: float) -> bool:
         """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
-        before = self.snapshot()
+        before, began = self.snapshot(), self.depth
         while self.contact.solve(depth):
             if self._is_inside():
                 self.depth = self.view.depth = depth
                 return True
             is_wider = self._widen()
-            self.restore(before, self.depth)  # so that no number knows the candidates
+            self.restore(before, began)  # so that no number knows the candidates
             if not is_wider:
                 break
         return False
@@ -93,12 +110,16 @@ class CondensedEquilibrium:
     def _widen(self) -> bool:
         """Condense to more of the surface; False where that is too much of it."""
         wider = min(GROWTH * self._reach, self._whole)
-        if (nodes := self.condenser.candidates(wider, self.scene.physics.center)) > MOST_CANDIDATES:
+        nodes = self.condenser.candidates(wider, self.scene.physics.center) * len(self.contact.forces)
+        if nodes > MOST_CANDIDATES:
             self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
                               f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
             return False
         self._iterations = self.iterations
         self._condense(wider)
+        if self._departed:
+            self.restore(*self._departed)
+            self.depart()
         return True
 
     def _is_inside(self) -> bool:
@@ -124,14 +145,14 @@ class CondensedEquilibrium:
 
     def snapshot(self) -> Forces:
         """Nodal forces and multiplier at the nodes of the whole surface: they do not know the candidates."""
-        F = np.zeros(len(self.contact.lam))
-        F[self.contact.places] = self.contact.F
-        return F, self.contact.lam
+        forces = np.zeros((len(self.contact.forces), len(self.contact.lam)))
+        forces[:, self.contact.places] = self.contact.forces
+        return forces, self.contact.lam
 
     def restore(self, state: Forces, depth: float) -> None:
         """Put a state back."""
-        F, lam = state
-        self.contact.F, self.contact.lam = F[self.contact.places], lam
+        forces, lam = state
+        self.contact.forces, self.contact.lam = forces[:, self.contact.places], lam
         self.depth = self.view.depth = depth
 
     def pack(self, state: Forces) -> list[np.ndarray]:
@@ -140,13 +161,13 @@ class CondensedEquilibrium:
 
     def unpack(self, arrays: Sequence[np.ndarray]) -> Forces:
         """The state of packed arrays."""
-        F, lam = arrays
-        return F, lam
+        forces, lam = arrays
+        return forces, lam
 
     def blend(self, shares: Sequence[float], states: Sequence[Forces]) -> None:
         """Take a combination of states as the present one."""
-        F = np.tensordot(shares, [F for F, _ in states], axes=1)
-        self.contact.F = F[self.contact.places]
+        forces = np.tensordot(shares, [forces for forces, _ in states], axes=1)
+        self.contact.forces = forces[:, self.contact.places]
         self.contact.lam = np.tensordot(shares, [lam for _, lam in states], axes=1)
 
     # ---- what is observed ----------------------------------------------------------------------------------------
@@ -154,10 +175,12 @@ class CondensedEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
+        sideways = {f"side_force_{name}": -copies * float(contact.forces[1 + axis].sum())
+                    for name, axis in self.scene.physics.sideways.items()}  # fmt: skip
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
-                "reaction": copies * float(compliance.support @ contact.F),
-                "stray_reaction": copies * float(compliance.stray @ np.abs(contact.F)),
-                **measure.contact(self.view)}  # fmt: skip
+                "reaction": copies * float(compliance.support @ contact.forces.ravel()),
+                "stray_reaction": copies * float(compliance.stray @ np.abs(contact.forces.ravel())),
+                **sideways, **measure.contact(self.view)}  # fmt: skip
 
     def surface(self) -> Surface | None:
         """The surface table on rank 0, None on the others."""
@@ -169,7 +192,7 @@ class CondensedEquilibrium:
 
     def recover(self) -> None:
         """Put the whole body's displacement of the present state into the body's solution."""
-        self.condenser.recover(self.contact.compliance, self.contact.F)
+        self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
 
     def refuse_unused_options(self) -> None:
         """Nothing is passed to PETSc here."""
@@ -196,6 +219,16 @@ class RecoveredBody:
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """The same without its ripples at the vertices of triangles [pressure]."""
         return self._spread(self._equilibrium.view.nodal_pressure(), points)
+
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """The stick radius is read off the candidates alone, see `CondensedState`."""
+        raise AssertionError
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) on this rank's facets [pressure]."""
+        friction = self._equilibrium.contact.friction
+        assert friction
+        return np.stack([self._spread(tau, points) for tau in friction.tau()], axis=-1)
 
     def _spread(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         values: Any = self._equilibrium.condenser.spread(nodal) @ self._equilibrium.view.basis(points).T

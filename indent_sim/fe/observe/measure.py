@@ -35,6 +35,12 @@ class Observed(Protocol):
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) as a pressure to be looked at [pressure]."""
 
+    def room_at(self, points: np.ndarray) -> np.ndarray:
+        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks; only with friction."""
+
+    def shear_at(self, points: np.ndarray) -> np.ndarray:
+        """tau (facets, points, axes) [pressure]; only with friction."""
+
 
 SAME_PLACE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 ROUNDOFF = 1e-12  # of the body's height: a coordinate below it is zero
@@ -50,7 +56,7 @@ class Sample:
     """Fields at points of the contact facets, each (facets, points[, dim]).
 
     X reference coordinates, u displacement, gap g, p_hat nominal trial pressure (negative out of contact),
-    pressure >= 0 (nominal with a reference gap, true with a current one).
+    pressure >= 0 (nominal with a reference gap, true with a current one); area: true over nominal area.
     """
 
     X: np.ndarray
@@ -58,6 +64,7 @@ class Sample:
     gap: np.ndarray
     p_hat: np.ndarray
     pressure: np.ndarray
+    area: Any
 
 
 def sample(body: Observed, points: np.ndarray) -> Sample:
@@ -68,9 +75,8 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
     gap = _gap(body, X, u)
     p_hat = body.multiplier_at(points) - _edge_stiffness(body) * gap
     pressure = np.where(p_hat > 0, np.maximum(body.pressure_at(points), 0.0), 0.0)
-    if scene.physics.gap == "current":
-        pressure = pressure / _area_ratio(body, nodal, points, X, u)
-    return Sample(X, u, gap, p_hat, pressure)
+    area = _area_ratio(body, nodal, points, X, u) if scene.physics.gap == "current" else 1.0
+    return Sample(X, u, gap, p_hat, pressure / area, area)
 
 
 def _edge_stiffness(body: Observed) -> np.ndarray:
@@ -136,7 +142,19 @@ def contact(body: Observed) -> dict[str, float]:
     peak = peak if body.scene.has_peak(a) else float("nan")
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
     overlap = body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
-    return {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
+    found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
+    return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.scene.physics.has_memory else {})
+
+
+def _stick_radius(body: Observed, a: float, s: Sample, x: np.ndarray, grid: np.ndarray) -> float:
+    """sqrt(area/pi) [length] of the part of the contact that does not slip, as `a` is measured; a where nothing may."""
+    if body.scene.physics.contact.friction == "stick" or a == 0.0:
+        return a
+    end = len(grid)
+    sticks = np.minimum(s.p_hat[:, :end], body.room_at(grid))
+    size = _region(body, s.X[:, :end, :-1], x[:, :end, :-1], sticks, lattice(body.trace.dim)[1])
+    size = body.scene.physics.part.copies * body.comm.allreduce(size, op=MPI.SUM)
+    return body.scene.physics.part.kinematics.contact_radius(size)
 
 
 def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
@@ -215,7 +233,9 @@ def surface(body: Observed) -> Surface | None:
     """The surface table at the nodes, sorted by (x, y), gathered on rank 0; None on the others."""
     s = sample(body, body.trace.node_points())
     dim = body.trace.dim
-    columns = np.concatenate([s.X, s.u, s.gap[..., None], s.pressure[..., None]], axis=-1).reshape(-1, 2 * dim + 2)
+    tractions = [s.pressure, *([_shear(body, s)] if body.scene.physics.has_memory else [])]
+    columns = np.concatenate([s.X, s.u, s.gap[..., None], np.stack(tractions, axis=-1)], axis=-1)
+    columns = columns.reshape(-1, 2 * dim + 1 + len(tractions))
     parts: Any = body.comm.gather(columns, root=0)
     if parts is None:
         return None
@@ -226,8 +246,16 @@ def surface(body: Observed) -> Surface | None:
     place = place.ravel()
     X = np.where(np.abs(table[first, :dim]) < ROUNDOFF, 0.0, table[first, :dim])  # the axis is at 0, not at 1e-18
     u, gap = table[first, dim : 2 * dim], table[first, 2 * dim]
-    pressure = np.bincount(place, table[:, -1]) / count  # the deformed area has a kink between facets: take the mean
+    # the deformed area has a kink between facets: take the mean
+    pressure, *shear = (np.bincount(place, column) / count for column in table[:, 2 * dim + 1 :].T)
     zero = np.zeros(len(first))
     if dim == 2:
-        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure, X[:, 1])
-    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2])
+        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure, X[:, 1], *shear)
+    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear)
+
+
+def _shear(body: Observed, s: Sample) -> np.ndarray:
+    """tau (facets, nodes) as it is written: in three dimensions its size; true with a current gap; 0 out of contact."""
+    tau = body.shear_at(body.trace.node_points())
+    size = tau[..., 0] if body.trace.dim == 2 else np.linalg.norm(tau, axis=-1)
+    return np.where(s.p_hat > 0, size, 0.0) / s.area

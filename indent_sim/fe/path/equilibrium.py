@@ -50,6 +50,13 @@ class Equilibrium(Protocol):
     def sharpen(self) -> None:
         """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
 
+    def depart(self) -> None:
+        """Take the present equilibrium as the one that the next step sets out from; nothing without memory."""
+
+    @property
+    def dissipation(self) -> float:
+        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
+
     def solve(self, depth: float) -> bool:
         """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
 

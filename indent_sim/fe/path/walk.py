@@ -28,6 +28,7 @@ class Point:
 
     delta: float
     state: Any
+    dissipated: float = 0.0  # on the path to it [energy]
 
 
 class Walk:
@@ -49,8 +50,9 @@ class Walk:
 
     @property
     def points(self) -> list[tuple[float, list[np.ndarray]]]:
-        """The last equilibria, for `resume`: depth and arrays."""
-        packed = [(point.delta, self.equilibrium.pack(point.state)) for point in self._points]
+        """The last equilibria, for `resume`: depth and arrays; with memory that of the last row, on its own path."""
+        points = [self._row] if self.equilibrium.has_memory else self._points
+        packed = [(point.delta, self.equilibrium.pack(point.state)) for point in points]
         return [(delta, arrays) for delta, arrays in packed if arrays]
 
     def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
@@ -68,7 +70,9 @@ class Walk:
             return True
         self._points, self._steps = start, StepRule(_longest(self.equilibrium.scene))
         self.return_to_last()
-        return all(self._reach(delta) for delta in deltas)
+        is_there = all(self._reach(delta) for delta in deltas)
+        self._row = self._last
+        return is_there
 
     @property
     def failure(self) -> str:
@@ -90,11 +94,11 @@ class Walk:
                 yield failed_state(body.scene, step, value, iterations, self._pair, self.started, self.failure,
                                    body.crushed())  # fmt: skip
                 return
-            self._row = self._last
+            dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
             surface = body.surface() if wants_surface(step) else None
             yield State(step=step, delta=self._last.delta, newton_iterations=iterations, krylov_iterations=krylov,
-                        substeps=substeps, wall_s=time.perf_counter() - self.started, surface=surface,
-                        **body.numbers())  # fmt: skip
+                        substeps=substeps, dissipation=dissipated if body.has_memory else None,
+                        wall_s=time.perf_counter() - self.started, surface=surface, **body.numbers())  # fmt: skip
 
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""
@@ -127,7 +131,15 @@ class Walk:
         self.equilibrium.recover()
 
     def _reach(self, target: float) -> int:
-        """Step to the target; the number of steps, 0 when it cannot be reached."""
+        """Step to the target; the number of steps, 0 when it cannot be reached.
+
+        With memory each row has steps of its own, whatever those before needed: a resumed path is the same path. And
+        the way in stops where it begins, for nothing sticks before.
+        """
+        if self.equilibrium.has_memory:
+            self._steps = StepRule(_longest(self.equilibrium.scene))
+            if self._last.delta < 0 < target:
+                return (first := self._reach(0.0)) and (rest := self._reach(target)) and first + rest
         substeps = 0
         self._steps.begin(target - self._last.delta)
         while (goal := self._steps.goal(self._last.delta, target)) is not None:
@@ -142,12 +154,14 @@ class Walk:
 
     def _attempt(self, delta: float) -> bool:
         """Solve at delta, first from the predicted state, then from the last one."""
+        self.equilibrium.depart()
         if not (self._extrapolate(delta) and self.equilibrium.solve(delta)):
             self.return_to_last()
             if not self.equilibrium.solve(delta):
                 self.return_to_last()
                 return False
-        self._points = [*self._points[-2:], Point(delta, self.equilibrium.snapshot())]
+        dissipated = self._last.dissipated + self.equilibrium.dissipation
+        self._points = [*self._points[-2:], Point(delta, self.equilibrium.snapshot(), dissipated)]
         return True
 
     def _extrapolate(self, delta: float) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve.anchor import anchored
 from indent_sim.fe.solve.newton import Newton, finest
 from indent_sim.fe.terms.traction import Traction
 
@@ -25,6 +26,22 @@ def _approaching(newton: Newton) -> Callable[[], bool]:
             return True
         newton.problem.restore(before)
         return newton.solve()
+
+    return solve
+
+
+def with_friction(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    """The algorithm with what friction remembers; itself where there is none."""
+    problem, friction = newton.problem, newton.problem.friction
+    if friction is None:
+        return algorithm
+
+    def solve() -> bool:
+        before = problem.snapshot()
+        if anchored(friction, problem.scene.physics.anchor, algorithm):
+            return True
+        problem.restore(before)
+        return False
 
     return solve
 

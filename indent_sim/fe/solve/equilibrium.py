@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from indent_sim.fe.observe import measure
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
-from indent_sim.fe.solve.algorithms import ALGORITHMS
+from indent_sim.fe.solve.algorithms import ALGORITHMS, with_friction
 from indent_sim.fe.solve.newton import Newton, finest
 from indent_sim.fe.solve.numbering import Numbering
 from indent_sim.fe.terms.strain import Crushed
@@ -26,13 +26,12 @@ INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 
 class BodyEquilibrium:
     """A problem on the whole mesh and the algorithm that solves it; see `path.Equilibrium`."""
 
-    has_memory = False
-
     def __init__(self, problem: Problem):
         self.problem = self.observed = problem
         self.scene, self.dofs = problem.scene, problem.body.active_dofs
+        self.has_memory = problem.scene.physics.has_memory
         self.newton = Newton(problem)
-        self._algorithm = ALGORITHMS[problem.law.multiplier](self.newton)
+        self._algorithm = with_friction(self.newton, ALGORITHMS[problem.law.multiplier](self.newton))
         scene = problem.scene
         self._largest_inside_out = INSIDE_OUT * scene.plan.prediction["a"] / scene.physics.scales.length
         self._deepest = deepest_inside(scene.physics.indenter)
@@ -81,6 +80,15 @@ class BodyEquilibrium:
     def sharpen(self) -> None:
         """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
         self.newton.rtol = min(self.newton.rtol, finest(self.problem))
+
+    def depart(self) -> None:
+        """Take the present equilibrium as the one that the next step sets out from."""
+        self.problem.depart()
+
+    @property
+    def dissipation(self) -> float:
+        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
+        return self.problem.dissipation()
 
     def solve(self, depth: float) -> bool:
         """True when converged to a state that a body can have; else the problem's state is as it was."""
@@ -156,8 +164,10 @@ class BodyEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         reaction, stray = self.problem.reactions()
+        axes = self.scene.physics.sideways
+        sideways = {f"side_force_{name}": float(self.problem.thrust()[axis]) for name, axis in axes.items()}
         return {"force": self.force, "energy": self.problem.energy(), "reaction": reaction, "stray_reaction": stray,
-                **measure.contact(self.problem)}  # fmt: skip
+                **sideways, **measure.contact(self.problem)}  # fmt: skip
 
     def surface(self) -> Surface | None:
         """The surface table on rank 0, None on the others."""

@@ -19,8 +19,9 @@ class Gap:
     The reference gap depends on u_z alone, and linearly; the current one on the deformed point x = X + u.
     """
 
-    def __init__(self, body: Body, delta: fem.Constant):
-        scene, dim, u = body.scene, body.body_mesh.dim, body.unknowns.fields["u"]
+    def __init__(self, body: Body, delta: fem.Constant, u: Any = None):
+        """u: the displacement, the body's own unless another is given."""
+        scene, dim, u = body.scene, body.body_mesh.dim, body.unknowns.fields["u"] if u is None else u
         tip = symbolic(scene.physics.indenter, body.mesh)
         center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
         self._delta, self._dim = ufl.variable(delta), dim
@@ -39,6 +40,20 @@ class Gap:
     def rate(self) -> Any:
         """dg/ddelta: -1 for a reference gap."""
         return ufl.diff(self.g, self._delta)
+
+    @property
+    def tangents(self) -> tuple[Any, ...]:
+        """Unit tangents m_k of the tip, one for each horizontal axis: the axes, turned as -e_z is turned into the
+        normal n = grad g/|grad g|,
+
+            m_k = e_k - n_k/(1 - n_z) (n - e_z).
+        """
+        last = self._dim - 1
+        axes = [ufl.as_vector([float(i == k) for i in range(self._dim)]) for k in range(self._dim)]
+        if self._x is None:
+            return tuple(axes[:last])
+        n = self.normal / ufl.sqrt(ufl.dot(self.normal, self.normal))
+        return tuple(axes[k] - n[k] / (1 - n[last]) * (n - axes[last]) for k in range(last))
 
     @property
     def slope(self) -> Any:

@@ -25,17 +25,17 @@ class Traction:
     """The tip's push on the contact surface by the potential of the scene's contact law."""
 
     def __init__(self, body: Body, strain: Strain, delta: fem.Constant):
-        self.body, self._gap = body, Gap(body, delta)
+        self.body, self.gap = body, Gap(body, delta)
         self.law = body.scene.physics.contact
         self._lam = self._multiplier(strain)
         self._is_unknown = self.law.multiplier == "unknown"
-        self._symbolic_law = symbolic(self.law, body.mesh)
-        g, lam = ufl.variable(self._gap.g), ufl.variable(self._lam) if self._is_unknown else self._lam
-        potential = self._symbolic_law.potential(g, lam)
+        self.symbolic_law = symbolic(self.law, body.mesh)
+        g, lam = ufl.variable(self.gap.g), ufl.variable(self._lam) if self._is_unknown else self._lam
+        potential = self.symbolic_law.potential(g, lam)
         self._slope = ufl.diff(potential, g)
         self._along_lam = ufl.diff(potential, lam) if self._is_unknown else None
         self.energy = body.over_contact(potential)
-        self._thrust = fem.form(body.over_contact(self._slope * self._gap.rate))
+        self._thrust = fem.form(body.over_contact(self._slope * self.gap.rate))
 
     def _multiplier(self, strain: Strain) -> Any:
         """lam in the potential: an unknown, a given function, the body's own normal stress, or zero."""
@@ -45,7 +45,7 @@ class Traction:
             case "stress":
                 kinematics = self.body.scene.physics.part.kinematics
                 N = kinematics.in_space(ufl.FacetNormal(self.body.mesh))
-                return ufl.dot(kinematics.in_plane(strain.nominal_stress * N), self._gap.normal)
+                return ufl.dot(kinematics.in_plane(strain.nominal_stress * N), self.gap.normal)
         return ufl.as_ufl(0.0)
 
     @cached_property
@@ -58,10 +58,20 @@ class Traction:
         """The pressure's projection on the multiplier's functions; its memory is `field`'s."""
         return Projection(self.body, -self._slope, self.field.lam)
 
+    @property
+    def trial_pressure(self) -> Any:
+        """p_hat [pressure] as a UFL expression: above zero in contact."""
+        return self.symbolic_law.trial_pressure(self.gap.g, self._lam)
+
+    @property
+    def pressure(self) -> Any:
+        """<p_hat> [pressure] as a UFL expression."""
+        return -self._slope
+
     def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
         """Virtual work of the pressure and its derivative, as UFL forms."""
         solution = self.body.unknowns.solution
-        virtual = self._slope * ufl.derivative(self._gap.g, solution, test)
+        virtual = self._slope * ufl.derivative(self.gap.g, solution, test)
         if self._is_unknown:
             virtual += self._along_lam * ufl.derivative(self._lam, solution, test)
         push = self.body.over_contact(virtual)
@@ -84,11 +94,11 @@ class Traction:
     @property
     def stiffness(self) -> float:
         """The law's stiffness as it is now, softened or not [pressure/length]."""
-        return float(self._symbolic_law.stiffness.value)  # type: ignore[union-attr]
+        return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
-        self._symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
+        self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]
 
     def multiplier_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) at reference-facet points of the contact surface [pressure] (collective)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,7 +81,7 @@ class Contact:
 def contact_of(results: Results, step: float) -> Contact:
     """The contact surface of a step of a result."""
     surface = results.surface
-    known = (surface["step"] == step) & np.isfinite(surface["pressure"])  # not where it is infinite
+    known = _known(results, step)
     x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
     center = _tip(results, x, y, p)
     x, y = x - center[0], y - center[1]
@@ -90,6 +90,11 @@ def contact_of(results: Results, step: float) -> Contact:
     ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
     mirrored = (is_part and ends[0], is_part and ends[1])
     return Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y), _infinite(results, step))
+
+
+def _known(results: Results, step: float) -> np.ndarray:
+    """Which rows of the surface table are of a step, and not where its pressure is infinite."""
+    return (results.surface["step"] == step) & np.isfinite(results.surface["pressure"])
 
 
 def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
@@ -114,6 +119,8 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
         draw_map(axes, results, contact)
     else:
         draw_profiles(axes, [(results, contact, "", COLOURS[0])])
+        if "shear" in results.surface:
+            _draw_shear(axes, results, step, contact)
 
 
 def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, object]]) -> None:
@@ -184,6 +191,19 @@ def _whole(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         x, y, p = np.tile(x, 2), np.concatenate([y, -y]), np.tile(p, 2)
     _, first = np.unique(np.round(np.column_stack([x, y]), 12), axis=0, return_index=True)
     return x[first], y[first], p[first]
+
+
+def _draw_shear(axes: Axes, results: Results, step: float, contact: Contact) -> None:
+    """The size of the tangential traction in the pressure's unit, and dotted lines where the contact begins to slip."""
+    (middle, name), is_half = middle_of([results]), first_axis(results) == "r"
+    length = scaled("length", [results], np.array([contact.reach]), name)
+    pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
+    x, shear = replace(contact, p=np.abs(results.surface["shear"][_known(results, step)])).profile(is_half, middle)
+    axes.plot(length(x), pressure(shear), color=COLOURS[1], ls="--", label="shear")
+    axes.legend(loc="upper right")
+    radius = float(results["stick_radius"][results["step"] == step][0])
+    for end in [radius] if is_half else [-radius, radius]:
+        axes.axvline(length(middle + end), color=GREY, lw=0.8, ls=":")
 
 
 def strongest_step(results: Results) -> float | None:

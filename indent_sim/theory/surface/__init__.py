@@ -1,1 +1,1 @@
-"""What the frictionless curve of a linear body determines, adhesion and rate, without another solution."""
+"""What a surface does beyond carrying pressure: adhesion, rate, and no slip."""

@@ -29,7 +29,9 @@ from indent_sim.theory.surface.relaxation import Prony, Response
 PLACES = 200  # of a contact radius, on a body that theory knows
 BEYOND = 1.25  # of the widest contact that is expected: places beyond are there
 FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that a piece of the history has at least
+MOST = 2000  # steps of a history, about, but for one in each of its pieces
 RESOLVED = 20.0  # first steps in the shortest relaxation time
+OUTGROWN = "the contact outgrows the surface that is known: the tip comes deeper than its history says"
 TOUCHES = 60  # corrections of a contact that is no disc
 SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
 
@@ -88,8 +90,8 @@ def layer_surface(contact: Layer, a: float) -> Surface:
     return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h)
 
 
-class _Contact:
-    """One compliance M and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0."""
+class SurfaceContact:
+    """One compliance M of a surface and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0."""
 
     def __init__(self, surface: Surface, M: np.ndarray):
         self.surface, self.M = surface, M
@@ -109,7 +111,9 @@ class _Contact:
         """Those of a contact on the first places: the last of n pressures has the sign of y_n, L y = -o."""
         y = solve_triangular(self.L, -o, lower=True)
         outside = np.flatnonzero(y <= 0.0)
-        n = int(outside[0]) if len(outside) else len(y)
+        if not len(outside):
+            raise ValueError(OUTGROWN)
+        n = int(outside[0])
         p = np.zeros(len(o))
         p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0  # type: ignore[index]
         gap = o[n:] + self.M[n:, :n] @ p[:n]
@@ -128,6 +132,8 @@ class _Contact:
             p[on] = np.linalg.solve(self.M[np.ix_(on, on)], -o[on])
             active = np.where(active, p, -(o + self.M @ p)) > 0.0
         self._active, p = active, np.maximum(p, 0.0)
+        if active.all():
+            raise ValueError(OUTGROWN)
         self.radius = self.surface.radius(p)
         return p
 
@@ -142,11 +148,13 @@ class StepByStep:
         self._g, self._tau = np.array(modulus.fractions), np.array(modulus.times)
         self._h = np.zeros((len(self._g), n))  # stress left in each exponential
         self._phi = np.zeros(n)
-        self._contacts: dict[float, _Contact] = {}
+        self._longest = 0.0
+        self._contacts: dict[float, SurfaceContact] = {}
 
     def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
         """One Response at every time, straight lines between them, and one about `every` so long between; two equal
         times are a jump."""
+        self._longest = (times[-1] - times[0]) / MOST
         yield self._step(times[0], 0.0, values[0])
         for (t0, v0), (t1, v1) in pairwise(zip(times, values, strict=True)):
             if t1 == t0:
@@ -162,7 +170,7 @@ class StepByStep:
     def _ladder(self, begin: float, end: float) -> list[tuple[float, float]]:
         """The steps of a piece: short ones first, where relaxation may be quick, doubling to its longest."""
         span = end - begin
-        longest = span / EVEN
+        longest = min(max(span / EVEN, self._longest), span)
         dt = min(longest, min(self._tau, default=span) / RESOLVED)
         dt = longest / 2.0 ** np.ceil(np.log2(longest / dt))
         ends, t = [begin], begin
@@ -188,20 +196,20 @@ class StepByStep:
         self._phi = phi
         return Response(t, delta, float(self.surface.areas @ p), contact.radius, np.nan)
 
-    def _contact(self, alpha: float) -> _Contact:
+    def _contact(self, alpha: float) -> SurfaceContact:
         """The contact of a step; steps of one length have one, which is factored once."""
         key = round(alpha, 14)
         if key not in self._contacts:
             areas, c = self.surface.areas, 0.0 if self.of_force else self.compliance
-            self._contacts = {key: _Contact(self.surface, self.surface.A / alpha + c * np.outer(areas, areas))}
+            self._contacts = {key: SurfaceContact(self.surface, self.surface.A / alpha + c * np.outer(areas, areas))}
         return self._contacts[key]
 
-    def _pushed(self, contact: _Contact, o: np.ndarray, z: float) -> tuple[float, np.ndarray]:
+    def _pushed(self, contact: SurfaceContact, o: np.ndarray, z: float) -> tuple[float, np.ndarray]:
         """Depth and pressures at the base's way z."""
         p = contact.pressures(o - z * self.surface.areas)
         return z - self.compliance * float(self.surface.areas @ p), p
 
-    def _pressed(self, contact: _Contact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
+    def _pressed(self, contact: SurfaceContact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
         """Depth and pressures under a force: Newton on F(delta), which is convex; at first touch for none."""
         areas = self.surface.areas
         delta = float((o / areas).min()) if self._phi.any() else 0.0

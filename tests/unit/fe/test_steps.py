@@ -73,6 +73,7 @@ class Spring:
         self.reach, self.failure, self.force_tolerance = reach, "too far", 1e-10
 
     iterations = property(lambda self: self.solves)
+    dissipation = 0.0
     force = property(lambda self: self.depth**2 - self.worn)
 
     def solve(self, depth: float) -> bool:
@@ -100,6 +101,9 @@ class Spring:
 
     def unpack(self, arrays: Any) -> Any:
         return arrays[0]
+
+    def depart(self) -> None:
+        """What it goes back is all that it remembers."""
 
     def sharpen(self) -> None:
         """Exact already."""

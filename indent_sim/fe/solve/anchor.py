@@ -1,0 +1,34 @@
+"""Where the points that come into contact during a step are taken to have touched the tip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Anchored(Protocol):
+    """A surface with friction, whose new points of contact stick where they are told to."""
+
+    def stick_where_it_was(self) -> None:
+        """At their places at the step's beginning."""
+
+    def let_new_slip(self) -> None:
+        """Nowhere."""
+
+    def stick_half_way(self) -> None:
+        """Half way from there to the present state."""
+
+
+def anchored(surface: Anchored, anchor: str, solve: Callable[[], bool]) -> bool:
+    """Solve a step with the anchor `implicit` or `glue`, or both ways of it: `mid` sticks half way through the step
+    that the first of two solves has found without friction for the new points."""
+    if anchor == "implicit":
+        surface.stick_where_it_was()
+        return solve()
+    surface.let_new_slip()
+    if not solve():
+        return False
+    if anchor == "glue":
+        return True
+    surface.stick_half_way()
+    return solve()

@@ -1,0 +1,98 @@
+"""What a scene says of friction: refusals by name, the anchor, and what stick would change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.file import from_mapping
+from indent_sim.process.errors import ConfigError
+from indent_sim.run.resolved import resolved
+from indent_sim.scene.scene import Scene, resolve
+
+CYLINDER = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
+STRIP = {"shape": "strip", "width": 4.0, "height": 1.0, "base": "roller", "sides": "free"}
+SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+
+
+def config(contact: dict[str, Any], **sections: Any) -> Any:
+    tip = {"shape": "paraboloid", "R": 1.0}
+    return from_mapping({"body": CYLINDER, "material": SOFT, "indenter": tip, "contact": contact,
+                         "loading": {"delta": 0.01}} | sections)  # fmt: skip
+
+
+def scene(contact: dict[str, Any], **sections: Any) -> Scene:
+    return resolve(config(contact, **sections))
+
+
+@pytest.mark.parametrize("method", ["uzawa", "nitsche", "active_set"])
+@pytest.mark.parametrize("key", [{"friction": 0.3}, {"epsilon_t": 1.0}], ids=["friction", "epsilon_t"])
+def test_methods_without_friction_refuse_its_keys(method: str, key: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=method) as refusal:
+        config({"method": method, **key})
+    assert refusal.value.key == f"contact.{next(iter(key))}"
+
+
+@pytest.mark.parametrize("friction", [-0.1, 5.1, "slip", True, [0.3], ".inf"])
+def test_no_such_friction(friction: Any) -> None:
+    with pytest.raises(ConfigError) as refusal:
+        config({"friction": friction})
+    assert refusal.value.key == "contact.friction"
+    assert "stick" in (refusal.value.remedy or "") or "stick" in refusal.value.problem
+
+
+def test_epsilon_t_without_friction_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no friction") as refusal:
+        config({"epsilon_t": 2.0})
+    assert refusal.value.key == "contact.epsilon_t"
+
+
+def test_a_body_that_may_slide_away_is_refused() -> None:
+    with pytest.raises(ConfigError, match="nothing holds this body") as refusal:
+        scene({"friction": 0.3}, body=STRIP, indenter={"shape": "paraboloid", "R": 1.0, "center": [1.5]})
+    assert refusal.value.key == "contact.friction"
+
+
+def test_theory_knows_no_friction() -> None:
+    body = {"shape": "half_space"}
+    assert scene({}, body=body).method == "theory"
+    assert scene({"friction": 0.3}, body=body).method == "augmented_lagrangian"
+    with pytest.raises(ConfigError, match="no friction"):
+        scene({"friction": 0.3}, body=body, solver={"method": "theory"})
+
+
+@pytest.mark.parametrize(("friction", "anchor"), [(0.0, "implicit"), (0.3, "implicit"), (0.31, "mid"),
+                                                  ("stick", "mid")])  # fmt: skip
+def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anchor: str) -> None:
+    found = scene({"friction": friction}).physics
+    assert found.anchor == anchor
+    assert found.has_memory == bool(friction)
+
+
+def test_a_run_says_the_friction_that_it_had() -> None:
+    """The config written beside the results is that of the run, epsilon_t included; without friction it stays auto."""
+    rough, smooth = config({"friction": "stick"}), config({})
+    contact = resolved(rough, resolve(rough)).contact
+    assert contact.friction == "stick" and contact.epsilon_t == contact.epsilon_n
+    assert resolved(smooth, resolve(smooth)).contact.epsilon_t == "auto"
+
+
+def test_epsilon_t_is_measured_in_the_scenes_units() -> None:
+    """The same scene with lengths in thousandths and pressures in millionths."""
+    small = scene({"friction": 0.3, "epsilon_t": 7.0}).physics
+    large = scene({"friction": 0.3, "epsilon_t": 7.0 * 1e6 / 1e3}, body=CYLINDER | {"radius": 4e3, "height": 1e3},
+                  material=SOFT | {"E": 1e6}, indenter={"shape": "paraboloid", "R": 1e3},
+                  loading={"delta": 10.0}).physics  # fmt: skip
+    assert large.contact.epsilon_t == pytest.approx(small.contact.epsilon_t, rel=1e-12)
+
+
+def test_what_stick_would_change() -> None:
+    """Exactly on a half-space, a range on a bonded layer, nothing where friction is modelled or nothing is known."""
+    exact = scene({}, body={"shape": "half_space"}).plan.stick
+    assert exact and exact.percent == pytest.approx(1.6213, abs=1e-4)
+    thin = scene({}, material=SOFT | {"nu": 0.49}, loading={"delta": 0.3}).plan.stick
+    assert thin and thin.percent is None and thin.low <= 4.4 <= thin.high
+    assert "%" in thin.words and thin.is_telling
+    assert scene({"friction": 0.3}).plan.stick is None
+    assert scene({}, body=CYLINDER | {"base": "roller"}).plan.stick is None

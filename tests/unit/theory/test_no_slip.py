@@ -1,0 +1,56 @@
+"""No slip on a half-space against the limits of its formulas and the values of an independent solution."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from indent_sim.theory.surface.no_slip import displacement_beside_punch, force_ratio, radius_ratio
+
+# Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded punches on rings
+RATIOS = {
+    0.0: (1.098612, 1.045248, 1.052891), 0.1: (1.074950, 1.035121, 1.040961), 0.2: (1.051276, 1.024531, 1.028544),
+    0.3: (1.028627, 1.013967, 1.016213), 0.4: (1.009417, 1.004671, 1.005411), 0.45: (1.002769, 1.001381, 1.001599),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("nu", RATIOS)
+def test_against_rings(nu: float) -> None:
+    """Six digits, as many as the other solution gives."""
+    found = [force_ratio(nu, power) for power in (math.inf, 1.0, 2.0)]
+    assert found == pytest.approx(RATIOS[nu], abs=6e-7)
+
+
+def test_nu_0_under_a_punch_is_ln_3() -> None:
+    assert force_ratio(0.0) == pytest.approx(math.log(3.0), rel=1e-14)
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0, 3.5, math.inf])
+def test_incompressible_bodies_do_not_slip_anyway(power: float) -> None:
+    assert force_ratio(0.5, power) == pytest.approx(1.0, rel=1e-12)
+    assert force_ratio(0.5 - 1e-9, power) == pytest.approx(1.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.49, 0.5])
+def test_the_surface_beside_a_punch_begins_at_its_depth(nu: float) -> None:
+    """W(1) = 1 whatever nu is; far away W is the point force's u_z = (1 - nu) F/(2 pi mu r), here 1e-4 away."""
+    assert displacement_beside_punch(1.0, nu) == pytest.approx(1.0, rel=1e-12)
+    far = 100.0
+    point_force = (1 - nu) / (2 * math.pi) * 4 / (1 - nu) * force_ratio(nu) / far
+    assert displacement_beside_punch(far, nu) == pytest.approx(point_force, rel=1e-4)
+
+
+def test_a_high_power_is_a_punch() -> None:
+    """f = B r^n becomes a wall at one radius."""
+    gaps = [force_ratio(0.0) - force_ratio(0.0, power) for power in (50.0, 100.0, 200.0)]
+    assert np.all(np.diff(gaps) < 0)
+    assert 0 < gaps[-1] < 0.01
+    assert radius_ratio(0.0, 200.0) == pytest.approx(1.0, abs=5e-3)
+
+
+@pytest.mark.parametrize(("nu", "power"), [(0.6, 2.0), (-1.0, 2.0), (math.nan, 2.0), (0.3, 0.5)])
+def test_no_such_body(nu: float, power: float) -> None:
+    with pytest.raises(ValueError):
+        force_ratio(nu, power)
