@@ -104,7 +104,9 @@ def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
     assert found.report["status"] == "done" and found.report["rows"] == len(found) == len(wanted)
     for column in set(wanted.table) - {"wall_s", "newton_iterations"}:
         size = np.abs(wanted[column]).max()
-        np.testing.assert_allclose(found[column], wanted[column], rtol=rtol, atol=rtol * size, err_msg=column)
+        # a derivative is iterated to 1e-5 of a residual, by the factor at hand: another one after the seam
+        within = max(rtol, 1e-6) if column == "stiffness" else rtol
+        np.testing.assert_allclose(found[column], wanted[column], rtol=within, atol=within * size, err_msg=column)
     assert np.all(np.diff(found["wall_s"]) >= 0)
     for column, values in wanted.surface.items():
         np.testing.assert_allclose(
