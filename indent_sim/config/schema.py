@@ -90,6 +90,7 @@ class SolverSettings:
     """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
 
     method: Literal["auto", "theory", "condensed", "newton"] = "auto"
+    linear: Literal["auto", "direct", "iterative"] = "auto"
     rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
     max_iterations: PositiveInt = 50
     petsc: dict[str, str | int | float | bool] = field(default_factory=dict)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.mesh import BodyMesh
 from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
-from indent_sim.mesh.part import Region
+from indent_sim.mesh.part import Part, Region
 from indent_sim.scene.scene import Scene
 
 ORDER = 2  # of the displacement
@@ -53,6 +54,14 @@ class Unknowns:
         """The fields of any function of the space, by their names."""
         parts = (function,) if len(self.names) == 1 else ufl.split(function)
         return dict(zip(self.names, parts, strict=True))
+
+    def variation(self, name: str, argument: Any) -> Any:
+        """A test or trial function of one field alone as a variation of the whole solution."""
+        if len(self.names) == 1:
+            return argument
+        parts = {field: [0.0] * (self.dim if field == "u" else 1) for field in self.names}
+        parts[name] = [argument[k] for k in range(self.dim)] if name == "u" else [argument]
+        return ufl.as_vector(list(chain.from_iterable(parts.values())))
 
     def subspace(self, name: str, component: int | None = None) -> Any:
         """The part of the space that holds a field, or one component of it."""
@@ -104,9 +113,30 @@ class Unknowns:
         topology.create_connectivity(dim, topology.dim)  # newer dolfinx wants it for the cells of a region, too
         return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
 
-    def zero(self, name: str, component: int | None, dofs: np.ndarray) -> Any:
-        """Hold dofs of a field at zero."""
-        return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), self.subspace(name, component))
+
+def held_sides(part: Part) -> list[tuple[int, str]]:
+    """Each component of the displacement that a support holds, and its surface."""
+    sides: list[tuple[int, str]] = []
+    for surface, support in part.supports.items():
+        normal = part.normal(surface)  # a curved wall has none and is guided weakly
+        components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
+        sides += [(c, surface) for c in components]
+    return sides
+
+
+def held(space: Any, body_mesh: BodyMesh) -> tuple[list[tuple[int, np.ndarray]], list[tuple[int, np.ndarray]]]:
+    """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
+    part, dim, surfaces = body_mesh.part, body_mesh.facet_dim, body_mesh.surfaces
+    sides = held_sides(part)
+    supports = [(c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side])) for c, side in sides]
+    pins = [(c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point))) for point, c in part.pins]
+    return supports, pins
+
+
+def zero(space: Any, dofs: np.ndarray) -> Any:
+    """Hold dofs of a space at zero."""
+    return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
+
 
 CONTACT, WALL = 1, 2  # facet tags: the top surface, the curved wall of a cylinder in three dimensions
 
@@ -201,16 +231,11 @@ class Body:
 
     def _constrain(self) -> None:
         unknowns, part, body_mesh = self.unknowns, self.scene.physics.part, self.body_mesh
-        sides: list[tuple[int, str]] = []
-        for surface, support in part.supports.items():
-            normal = part.normal(surface)  # a curved wall has none and is guided weakly
-            components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
-            sides += [(c, surface) for c in components]
-        held = [(c, unknowns.dofs_on("u", c, body_mesh.facet_dim, body_mesh.surfaces[side])) for c, side in sides]
-        pins = [(c, self._vertex_dofs(c, point)) for point, c in part.pins]
-        self.bcs = [unknowns.zero("u", c, dofs) for c, dofs in held + pins]
-        self.supports = _owned([dofs for _, dofs in held + pins], unknowns.owned)
-        self.z_supports = _owned([dofs for c, dofs in held if c == part.dim - 1], unknowns.owned)
+        displacement = unknowns.subspace("u")
+        supported, pins = held(displacement, body_mesh)
+        self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
+        self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
+        self.z_supports = _owned([dofs for c, dofs in supported if c == part.dim - 1], unknowns.owned)
         self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
         self.constrained, self.active_dofs = self.supports, unknowns.total
         if len(part.regions) > 1:
@@ -222,21 +247,18 @@ class Body:
             self._confine("lam", unknowns.dofs_on("lam", None, *top))
         if "tau" in unknowns.names:
             self._confine("tau", unknowns.dofs_on("tau", None, *top))
-            self._hold_shear(sides)
-
-    def _vertex_dofs(self, component: int, point: tuple[float, ...]) -> np.ndarray:
-        return self.unknowns.dofs_on("u", component, 0, self.body_mesh.vertices_at(point))
+            self._hold_shear()
 
     def _confine(self, name: str, dofs: np.ndarray) -> None:
         """A field lives on these dofs; its others are held at zero and cost nothing."""
         for component, places in self.unknowns.components(name).items():
             self._hold(name, component, np.setdiff1d(places, dofs))
 
-    def _hold_shear(self, held: Sequence[tuple[int, str]]) -> None:
+    def _hold_shear(self) -> None:
         """tau is zero wherever its component of u is held: the modes of tau that do no work there would be free, and
         make a wrong force of a residual that has converged."""
         unknowns, body_mesh = self.unknowns, self.body_mesh
-        for component, surface in held:
+        for component, surface in held_sides(body_mesh.part):
             if component < body_mesh.dim - 1:
                 along = component if body_mesh.dim == 3 else None
                 facets = body_mesh.surfaces[surface]
@@ -244,7 +266,7 @@ class Body:
 
     def _hold(self, name: str, component: int | None, dofs: np.ndarray) -> None:
         """Hold dofs of a field that has no supports."""
-        self.bcs.append(self.unknowns.zero(name, component, dofs))
+        self.bcs.append(zero(self.unknowns.subspace(name, component), dofs))
         own = np.setdiff1d(dofs[dofs < self.unknowns.owned], self.constrained)
         self.constrained = np.union1d(self.constrained, own)
         self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)

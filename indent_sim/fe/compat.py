@@ -14,6 +14,12 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.classes import ComponentTensor, FixedIndex, Identity, Indexed, IntValue, ListTensor, MultiIndex, Zero
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 CELLS = {2: "triangle", 3: "tetrahedron"}
@@ -117,6 +123,71 @@ def interpolation_points(element: Any) -> np.ndarray:
 def evaluate(expression: Any, mesh: Any, cells: np.ndarray) -> np.ndarray:
     """Values of an Expression at its points in each of the cells."""
     return np.asarray(expression.eval(cells) if VERSION < (0, 7) else expression.eval(mesh, cells))
+
+
+class _Components(MultiFunction):
+    """Components of tensors where it is known which: [a, b, 0][1] is b, and multiples of [a, b, 0][2] vanish."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def indexed(self, expression: Any, tensor: Any, index: Any) -> Any:
+        """The component itself."""
+        first, *rest = index
+        if isinstance(tensor, ListTensor) and isinstance(first, FixedIndex):
+            row = tensor.ufl_operands[int(first)]
+            return self.indexed(None, row, MultiIndex(tuple(rest))) if rest else row
+        if isinstance(tensor, ComponentTensor) and any(isinstance(i, FixedIndex) for i in index):
+            scalar, bound = tensor.ufl_operands
+            chosen = map_expr_dag(_Bound(dict(zip(bound, index, strict=True))), scalar)
+            return map_expr_dag(self, chosen)
+        if isinstance(tensor, Identity) and all(isinstance(i, FixedIndex) for i in index):
+            return IntValue(1) if len({int(i) for i in index}) == 1 else Zero()
+        return Indexed(tensor, index) if expression is None else self.reuse_if_untouched(expression, tensor, index)
+
+    def conditional(self, expression: Any, condition: Any, true: Any, false: Any) -> Any:
+        """Zero where both branches are."""
+        if isinstance(true, Zero) and isinstance(false, Zero):
+            return true
+        return self.reuse_if_untouched(expression, condition, true, false)
+
+
+class _Bound(MultiFunction):
+    """Free indices replaced by others."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def __init__(self, chosen: dict[Any, Any]):
+        super().__init__()
+        self._chosen = chosen
+
+    def multi_index(self, index: Any) -> Any:
+        """The same indices, or those that stand for them."""
+        return MultiIndex(tuple(self._chosen.get(i, i) for i in index))
+
+    def zero(self, zero: Any) -> Any:
+        """Zero without the indices that are bound now."""
+        pairs = zip(zero.ufl_free_indices, zero.ufl_index_dimensions, strict=True)
+        bound = {index.count() for index in self._chosen}
+        left = [(count, dim) for count, dim in pairs if count not in bound]
+        return Zero(zero.ufl_shape, tuple(c for c, _ in left), tuple(d for _, d in left))
+
+
+def differentiated(form: Any) -> Any:
+    """A form with its derivatives carried out, and no terms left that are zero because one field alone is varied.
+
+    UFL before 2023 keeps them, and FFCx then cannot compile a kernel.
+    """
+    return map_integrand_dags(_Components(), apply_derivatives(apply_algebra_lowering(form)))
+
+
+def interpolation_matrix(coarse: Any, fine: Any) -> Any:
+    """The PETSc matrix that interpolates functions of a space in another one on the same mesh."""
+    if VERSION >= (0, 8):
+        matrix = fem_petsc.interpolation_matrix(coarse, fine)
+    else:
+        matrix = dolfinx.cpp.fem.petsc.interpolation_matrix(coarse._cpp_object, fine._cpp_object)
+    matrix.assemble()
+    return matrix
 
 
 def create_vector(form: Any, space: Any) -> Any:

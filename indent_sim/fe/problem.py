@@ -50,11 +50,19 @@ class Problem:
         self.friction = self._friction() if has_friction else None
         works = [*terms, self.friction] if self.friction else terms
         test, trial = ufl.TestFunction(body.unknowns.space), ufl.TrialFunction(body.unknowns.space)
-        residuals, tangents = zip(*(term.work(test, trial) for term in works), strict=True)
-        self._residual, self._tangent = fem.form(reduce(add, residuals)), fem.form(reduce(add, tangents))
+        self.terms = terms
+        residuals, self._tangents = zip(*(term.work(test, trial) for term in works), strict=True)
+        self._residual = fem.form(reduce(add, residuals))
         self._energy = fem.form(reduce(add, (term.energy for term in terms)))
         self.b = compat.create_vector(self._residual, body.unknowns.space)
-        self.A = fem_petsc.create_matrix(self._tangent)
+
+    @cached_property
+    def _tangent(self) -> Any:
+        return fem.form(reduce(add, self._tangents))
+
+    def create_tangent(self) -> PETSc.Mat:
+        """The matrix that `assemble_tangent` fills."""
+        return fem_petsc.create_matrix(self._tangent)
 
     def _contact(self) -> Traction | NodalContact:
         if self.law.multiplier == "nodal":
@@ -79,12 +87,16 @@ class Problem:
     def row_weights(self) -> np.ndarray:
         """Factors that turn the rows of each field (force, volume, length) into forces, for measuring residuals."""
         weights = np.ones(self.unknowns.owned)
-        moduli = {name: region.material.constants.E for region, name in self.body.pressures.items()}
-        moduli["lam"] = moduli["tau"] = self.stiffness_scale
         for name in self.unknowns.names[1:]:
             places = self.unknowns.places(name)
-            weights[places[places < self.unknowns.owned]] = moduli[name]
+            weights[places[places < self.unknowns.owned]] = self.weights[name]
         return weights
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """The factor of each field beside the displacement that turns its rows into forces."""
+        pressures = {name: region.material.constants.E for region, name in self.body.pressures.items()}
+        return pressures | {"lam": self.stiffness_scale, "tau": self.stiffness_scale}
 
     # ---- what is observed of it ----------------------------------------------------------------------------
 

@@ -56,6 +56,16 @@ class Side:
         to_ends = [np.hypot(x - end[0], y - end[1]) for end in (self.start, self.end)]
         return np.where(along <= self.turn, to_whole, np.minimum(*to_ends))
 
+    def points(self, n: int) -> tuple[np.ndarray, float]:
+        """n points (n, 2) on the side, evenly spread, and the length of it that belongs to each."""
+        share = ((np.arange(n) + 0.5) / n)[:, None]
+        start, end = np.array(self.start), np.array(self.end)
+        if self.middle is None:
+            return start + share * (end - start), float(np.linalg.norm(end - start)) / n
+        angle = self._begin + share * self.turn
+        around = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        return np.array(self.middle) + self.radius * around, self.radius * abs(self.turn) / n
+
     @property
     def turn(self) -> float:
         """Angle [radians] of an arc."""

@@ -11,6 +11,7 @@ from indent_sim.model.units import Scales
 READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
 OF_FRICTION = ("stick_radius", "dissipation", "side_force_x", "side_force_y")  # the last where the tip is off centre
 ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
+EFFORT = ("krylov_iterations",)  # with an iterative linear solver
 COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
 
@@ -49,8 +50,8 @@ class State:
     [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
     half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
     without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
-    side_force on the tip [force] across a body that it stands off the middle of. Errors are half-widths of error bars,
-    None where there are none.
+    side_force on the tip [force] across a body that it stands off the middle of. krylov_iterations are those of
+    an iterative linear solver. Errors are half-widths of error bars, None where there are none.
     """
 
     step: int
@@ -64,6 +65,7 @@ class State:
     wall_s: float
     reaction: float = float("nan")
     stray_reaction: float = 0.0
+    krylov_iterations: int | None = None
     overlap: float = 0.0
     substeps: int = 1
     converged: bool = True

@@ -196,6 +196,8 @@ SOLVER = (
         "or solved whole by Newton's method; auto: the program chooses and says why",
         WORD,
     ),
+    Symbol("linear", "", "how linear systems are solved, by factorisation or iteratively; changes digits below 1e-8 "
+           "alone", WORD),
     Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
     Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
@@ -231,6 +233,7 @@ RESULTS = (
     Symbol("E_hertz", "", "modulus that the half-space formula of the same tip reads off this one row; empty where "
            "there is none", "pressure"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
+    Symbol("krylov_iterations", "", "iterations of these linear solves, where they are iterative", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
     Symbol("stick_radius", "", "sqrt(area/pi) of the part of the contact that does not slip on the tip; half its width "
            "in plane strain; with friction", "length"),

@@ -15,7 +15,7 @@ from annotated_types import Ge
 from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
-from indent_sim.model.state import COLUMNS, ERRORS, OF_FRICTION, READINGS, State
+from indent_sim.model.state import COLUMNS, EFFORT, ERRORS, OF_FRICTION, READINGS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
 from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
@@ -77,7 +77,7 @@ def read_run(path: Path) -> Results:
 
 def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
     """The rows of the force table as mappings from column to number."""
-    names = (*COLUMNS, *READINGS, *OF_FRICTION, *ERRORS)
+    names = (*COLUMNS, *READINGS, *OF_FRICTION, *EFFORT, *ERRORS)
     rows = ({name: getattr(state, name) for name in names} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
@@ -375,7 +375,7 @@ def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[
     if not lines:
         return (), COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    known = {*READINGS, *OF_FRICTION, *ERRORS}
+    known = {*READINGS, *OF_FRICTION, *EFFORT, *ERRORS}
     if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= known:
         raise UsageError(f"{path} has other columns than this version writes")
     states: list[State] = []

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import ERRORS, READINGS, State, Surface
+from indent_sim.model.state import EFFORT, ERRORS, READINGS, State, Surface
 from indent_sim.results.folder import write_atomically
 
 SURFACE = "surface.csv"
 EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
 
-INTEGERS = ("step", "newton_iterations")
+INTEGERS = ("step", "newton_iterations", *EFFORT)
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version

@@ -44,8 +44,7 @@ SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses not
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
-    more, errors: columns of the force table that not every run has, and those that say how wrong others may be. mesh:
-    text of the file that the config names.
+    columns: those of the force table beyond `COLUMNS` that this run has. mesh: text of the file that the config names.
     The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
@@ -58,8 +57,7 @@ class ResultFolder:
         config_yaml: str,
         *,
         surface: Keep = "last",
-        more: tuple[str, ...] = (),
-        errors: tuple[str, ...] = (),
+        columns: tuple[str, ...] = (),
         report: Mapping[str, Any] | None = None,
         resume: bool = False,
         mesh: str = "",
@@ -69,7 +67,7 @@ class ResultFolder:
         self._target = Path(target)
         self._config_yaml, self._mesh = config_yaml, mesh
         self._surface = surface
-        self._columns = (*COLUMNS, *READINGS, *more, *errors)
+        self._columns = (*COLUMNS, *READINGS, *columns)
         self.earlier: Earlier | None = None
         self._resume = resume
         self._fields: FieldWriter | None = None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh import gmsh
 from indent_sim.model.contact import Penalty
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.state import ERRORS, State
+from indent_sim.model.state import EFFORT, ERRORS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
 from indent_sim.process.limits import spent
@@ -105,7 +105,7 @@ class Run:
         if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    more=scene.physics.columns, errors=self._errors(scene),
+                    columns=(*scene.physics.columns, *self._columns(scene)),
                     mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
@@ -128,12 +128,15 @@ class Run:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
-    def _errors(self, scene: Scene) -> tuple[str, ...]:
-        """The columns of the error bars: the depth has one where it is found, not given."""
-        if not self._with_bars:
-            return ()
+    def _columns(self, scene: Scene) -> tuple[str, ...]:
+        """Columns that apply to the scene: of its linear solver, and of the error bars.
+
+        The depth has one where it is found, not given.
+        """
+        effort = EFFORT if scene.solver.linear == "iterative" else ()
         finds_depths = scene.physics.path.control == "force"
-        return tuple(name for name in ERRORS if finds_depths or name != "delta_error")
+        bars = ERRORS if self._with_bars else ()
+        return (*effort, *(name for name in bars if finds_depths or name != "delta_error"))
 
     def _bars(self, attempt: Attempt) -> Bars:
         if not attempt.scene.is_meshed:

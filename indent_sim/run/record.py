@@ -63,9 +63,9 @@ class Record:
         self._on_root(ResultFolder.save_checkpoint, saved, identity)
 
     def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
-        """The last equilibria of the run that is continued; an empty checkpoint on several ranks, whose numbering of
-        the unknowns is another."""
-        return (self.comm.size == 1 and self._on_root(ResultFolder.read_checkpoint, identity)) or Checkpoint()
+        """The last equilibria of the run that is continued, on all ranks; it may have had another number of them."""
+        saved = self._on_root(ResultFolder.read_checkpoint, identity)
+        return self.comm.bcast(saved) or Checkpoint()
 
     def _on_root(self, act: Callable[..., T], *args: Any, **options: Any) -> T | None:
         return on_root(self.comm, lambda: act(self._folder, *args, **options))

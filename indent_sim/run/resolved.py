@@ -23,7 +23,7 @@ def resolved(config: Config, scene: Scene) -> Config:
     decided: dict[str, Any] = {
         "center": config.center or config.body.center,
         "accuracy": None,
-        "solver": _decided(config.solver, method=scene.solver.method),
+        "solver": _decided(config.solver, method=scene.solver.method, linear=scene.solver.linear),
         "output": dataclasses.replace(config.output, fields=fields_of(config, scene)),
         "contact": _decided(config.contact, gap=scene.physics.gap),
     }

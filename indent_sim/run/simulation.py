@@ -78,7 +78,7 @@ class Simulation:
         if grid is not None:  # rank 0, which writes
             size = {"cells": len(grid.cells), "points": len(grid.points)}
             record.note(dofs=dofs, mesh={"hash": mesh.hash} | size, versions=versions | {"gmsh": grid.gmsh})
-        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"]}
+        self._identity = {"mesh": mesh.hash, "dofs": dofs, "dolfinx": versions["dolfinx"], "order": "of the grid"}
         earlier = (record.earlier.report.get("mesh") or {}).get("hash") if record.earlier else None
         if earlier not in (None, mesh.hash):
             record.warn(f"steps 1 to {len(self.states)} were computed on another mesh (another version of gmsh?)")
@@ -118,7 +118,8 @@ class Simulation:
     def _save_checkpoint(self, now: bool = False) -> None:
         """Keep the last equilibria; at most once a second and for a twentieth of the time, unless it must be `now`."""
         began = time.monotonic()
-        if not self.states or not (now or began >= self._next_checkpoint):
+        is_time = self.record.comm.bcast(began >= self._next_checkpoint)  # all ranks give their share of it
+        if not self.states or not (now or is_time):
             return
         if points := self._walk.points:
             self.record.save_checkpoint(Checkpoint(len(self.states), points), self._identity)

@@ -28,12 +28,19 @@ def summary(
             "force_against_reaction": worst_audit,
             "energy_by_trapezoid": energy_balance(states),
             "newton_iterations": sum(state.newton_iterations for state in states),
+            **_krylov(states),
             "substeps": sum(state.substeps for state in states),
         },
         "timings": stages(wall),
         "cpu_timings": stages(cpu),
         "peak_memory_MB": round(peak_memory(), 1),
     }
+
+
+def _krylov(states: list[State]) -> dict[str, int]:
+    """The iterations of an iterative linear solver, where there was one."""
+    counts = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
+    return {"krylov_iterations": sum(counts)} if counts else {}
 
 
 def stages(seconds: Mapping[str, float]) -> dict[str, float]:

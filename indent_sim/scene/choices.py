@@ -17,7 +17,7 @@ from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.cost import DENSE, MOST_CANDIDATES
+from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.expected import infinite_pressure
 from indent_sim.scene.fineness import Fineness, target_of
@@ -32,6 +32,7 @@ FORCE_WHY = "forces are given: each depth is found from the curve force(depth), 
 THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
+FEW = 15_000  # unknowns below which a factorisation costs next to nothing and never fails
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
 
 
@@ -239,6 +240,7 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
             (not given.small_strain, "the material is not linear"),
             (gap == "current", "the gap at the deformed point makes the problem nonlinear"),
             (bool(law.uncondensed), law.uncondensed),
+            (config.solver.linear == "iterative", "solver.linear: iterative is for the whole body"),
             (isinstance(law, Penalty) and bool(law.friction), "a penalty with friction is solved on the whole body"),
             (bool(config.solver.petsc), "solver.petsc options are for Newton's linear solves"),
             (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
@@ -254,6 +256,41 @@ def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float
             why = f"{why}; not theory: {unlike}"
         return Choice("solver.method", wanted, why)
     return Choice("solver.method", wanted, "as given")
+
+
+def against_iterative(config: Config, given: Given, law: ContactLaw) -> str:
+    """Why the linear systems of a scene are not solved iteratively; empty where they can be."""
+    reasons = (
+        (given.part.dim == 2, "axisymmetric and plane bodies are factored"),
+        (bool(law.friction), "friction has a tangent that is not symmetric"),
+        (law.adhesion is not None, "adhesion has a tangent that may be indefinite"),
+        (law.multiplier in ("stress", "nodal"), f"{law.method} has a tangent that is not symmetric"),
+        (bool(config.solver.petsc), "solver.petsc options choose the linear solver themselves"),
+        (config.solver.method == "condensed", "solver.method: condensed factors the body once"),
+    )
+    return next((why for applies, why in reasons if applies), "")
+
+
+def linear(config: Config, given: Given, law: ContactLaw, direct: Cost, iterative: Cost, room: float) -> Choice:
+    """How linear systems are solved, at these costs and with `room` for them [bytes].
+
+    ConfigError for an iterative solver that does not know the scene.
+    """
+    wanted, obstacle = config.solver.linear, against_iterative(config, given, law)
+    if wanted == "iterative" and obstacle:
+        raise ConfigError("solver.linear", f"'iterative' does not fit this scene: {obstacle}", "use 'direct'")
+    if wanted != "auto":
+        return Choice("solver.linear", wanted, "as given")
+    if obstacle:
+        return Choice("solver.linear", "direct", obstacle)
+    is_cheaper = direct.dofs >= FEW and iterative.seconds < direct.seconds
+    is_needed = direct.memory > room >= iterative.memory
+    chosen = "iterative" if is_cheaper or is_needed else "direct"
+    return Choice("solver.linear", chosen, f"factored {_effort(direct)}, iteratively {_effort(iterative)}")
+
+
+def _effort(cost: Cost) -> str:
+    return f"about {cost.seconds:.2g} s and {cost.memory / 1e9:.2g} GB"
 
 
 def _mesh_of_file(config: Config, part: MeshedPart, given: Given, sizes: Sizes, fineness: Fineness | None
@@ -319,7 +356,7 @@ def unlike_theory(config: Config) -> str:
         (bool(config.contact.friction), "theory knows no friction"),
         (config.contact.adhesion is not None, "theory knows no attraction with a range"),
         (config.mesh != type(config.mesh)(), "the settings of mesh are for one"),
-        (solver != type(solver)(), "rtol, max_iterations and petsc of solver are for a mesh"),
+        (solver != type(solver)(), "linear, rtol, max_iterations and petsc of solver are for a mesh"),
         (any(material.formulation != "auto" for material in materials), "material.formulation is for a mesh"),
         (config.output.fields in ("last", "all"), f"output.fields: {config.output.fields} asks for a mesh"),
     )

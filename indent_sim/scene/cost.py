@@ -1,8 +1,8 @@
 """Cost of a run: cells, unknowns, memory and processor seconds, before anything is meshed.
 
-Counts come from the integral of 1/size^dim over the modelled part. The constants below were fitted on this program
-(`make bench` prints prediction beside measurement for every scene of configs/): one core of about 2020, OpenBLAS, forms
-compiled before.
+Counts come from the integrals of 1/size^dim over the modelled part and, in three dimensions, of 1/size^2 over its
+surface. The constants below were fitted on this program (`make bench` prints prediction beside measurement for every
+scene of configs/): one core of about 2020, OpenBLAS, forms compiled before.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ from math import pi
 
 import numpy as np
 
+from indent_sim.mesh.grid import Grid, boundary_of
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import UNIT_BALLS, Inclusion
 
-CELLS = {2: 2.63, 3: 5.8}  # per size^dim
-NODES = {2: 2.12, 3: 1.65}  # per cell
-VERTICES = {2: 0.55, 3: 0.25}  # per cell
+PLANE = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
+# Per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but lie on one side only:
+# within 5 % on 23 boxes, quarters and cylinders of 1 000 to 63 000 cells, graded and not
+SOLID = {"cells": (4.16, 1.94), "nodes": (5.15, 5.90), "vertices": (0.56, 1.22)}
 FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
 CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
@@ -28,6 +30,9 @@ START = 1.05  # s: imports, gmsh, writing
 COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
+POINTS = 50  # of an integral over a body, in each direction
+KRYLOV, KRYLOV_SECONDS = 11.0, 4e-7  # iterations of a linear system, and the time of one per unknown
+KRYLOV_BYTES = {False: 4.8e3, True: 6e3}  # per unknown of an iterative solver; with a pressure field
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
@@ -37,6 +42,7 @@ class Work:
     whether there is friction, which has as many directions as the mesh."""
 
     method: str  # condensed | newton
+    linear: str  # direct | iterative
     mixed: bool
     steps: int
     nonlinear: bool
@@ -65,29 +71,71 @@ class Cost:
 
 def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
     """Predict what a scene will cost."""
-    dim, cells = part.dim, _cells(sizes, part)
-    dofs = cells * (NODES[dim] * dim + (VERTICES[dim] if work.mixed else 0.0))
-    memory = PROCESS + (6e3 * dofs if dim == 2 else 900.0 * dofs**1.25)
-    if work.method == "condensed":
-        n = candidates(sizes, part) * (dim if work.rough else 1)
-        memory += DENSE * n**2
-        solve = _condensed(dim, n, dofs, work)
-    else:
-        solve = _newton(dim, dofs, work)
-    return Cost(cells, dofs, float(memory), float(START + 3e-5 * cells + solve))
+    dim, count = part.dim, _counts(sizes, part)
+    dofs = count["nodes"] * dim + (count["vertices"] if work.mixed else 0.0)
+    memory, solve = _needs(sizes, part, work, dofs)
+    return Cost(count["cells"], dofs, float(PROCESS + memory), float(START + 3e-5 * count["cells"] + solve))
 
 
-def _cells(sizes: Sizes, part: Part) -> float:
+def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, float]:
+    """Memory [bytes] and processor time [s] of the solution."""
+    if work.linear == "iterative":
+        return KRYLOV_BYTES[work.mixed] * dofs, _iterative(dofs, work)
+    if work.method == "newton":
+        return (6e3 * dofs if part.dim == 2 else 1100.0 * dofs**1.25), _newton(part.dim, dofs, work)
+    n = candidates(sizes, part) * (part.dim if work.rough else 1)
+    return (6e3 * dofs + DENSE * n**2 if part.dim == 2 else 780.0 * dofs**1.25), _condensed(part.dim, n, dofs, work)
+
+
+def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
+    """Cells, nodes of quadratic elements, and vertices of the mesh."""
     if isinstance(part, MeshedPart):
-        return float(len(part.piece.grid.cells) * 2 ** (part.dim * (sizes.refinements or 0)))
-    dim, sectors, height = part.dim, _sectors(sizes, part), part.height
-    reach = max(abs(end - sizes.axis[0]) for end in part.extent[0])
-    r_max = reach if dim == 2 else float(np.sqrt(part.area * 4 / pi / sectors))
-    r, wr = _log_grid(r_max, sizes.smallest)
-    z, wz = _log_grid(height, sizes.smallest)
-    density = 1 / sizes.at(r[:, None], z[None, :]) ** dim
-    around = float((density * (_ring(r, dim, sectors) * wr)[:, None] * wz[None, :]).sum())
-    return CELLS[dim] * (around + sum(_elements_of(*one, sizes, part) for one in sizes.inclusions))
+        grid, fold = part.piece.grid, 2 ** (part.dim * (sizes.refinements or 0))
+        return {"cells": len(grid.cells) * fold, "nodes": _nodes_of(grid) * fold, "vertices": len(grid.points) * fold}
+    within = sum(_elements_of(*one, sizes, part) for one in sizes.inclusions)
+    if part.dim == 2:
+        area = _inverse_area(sizes, part) + within
+        return {name: factor * area for name, factor in PLANE.items()}
+    volume, surface = _inverse_sizes(sizes, part)
+    return {name: inside * (volume + within) + outside * surface for name, (inside, outside) in SOLID.items()}
+
+
+def _nodes_of(grid: Grid) -> float:
+    """Vertices and edges of a mesh, by Euler's formula, holes left out."""
+    cells, vertices, boundary = len(grid.cells), len(grid.points), len(boundary_of(grid.cells)[0])
+    return 2 * vertices + cells + (0 if grid.points.shape[1] == 2 else boundary / 2)
+
+
+def _inverse_area(sizes: Sizes, part: Part) -> float:
+    """The integral of 1/size^2 over a section."""
+    r, wr = _log_grid(max(abs(end - sizes.axis[0]) for end in part.extent[0]), sizes.smallest)
+    z, wz = _log_grid(part.height, sizes.smallest)
+    density = 1 / sizes.at(r[:, None], z[None, :]) ** 2
+    return float((density * (_ring(r, 2, _sectors(sizes, part)) * wr)[:, None] * wz[None, :]).sum())
+
+
+def _inverse_sizes(sizes: Sizes, part: Part) -> tuple[float, float]:
+    """The integrals of 1/size^3 over a body, and of 1/size^2 over its surface and the interfaces of its layers."""
+    (x, wx), (y, wy) = (_both_ways(*ends, c, sizes) for ends, c in zip(part.extent[:-1], sizes.axis, strict=True))
+    depth, wz = _log_grid(part.height, sizes.smallest, POINTS)
+    is_inside = np.all([side.inwards(x[:, None], y[None, :]) >= 0 for side in part.outline], axis=0)
+    weight = wx[:, None] * wy[None, :] * is_inside
+    r = np.hypot(x[:, None] - sizes.axis[0], y[None, :] - sizes.axis[1])
+    volume = sum(w * (weight / sizes.at(r, np.array(z)) ** 3).sum() for z, w in zip(depth, wz, strict=True))
+    levels = [0.0, part.height, *(-z for z in part.interfaces)]
+    surface = sum((weight / sizes.at(r, np.array(z)) ** 2).sum() for z in levels)
+    for side in part.outline:
+        at, length = side.points(POINTS)
+        distance = np.hypot(at[:, 0] - sizes.axis[0], at[:, 1] - sizes.axis[1])
+        surface += (length * wz[None, :] / sizes.at(distance[:, None], depth[None, :]) ** 2).sum()
+    return float(volume), float(surface)
+
+
+def _both_ways(low: float, high: float, c: float, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
+    """Points and weights from the tip's axis both ways to the ends."""
+    ways = [(sign, abs(end - c)) for sign, end in ((-1, low), (1, high)) if abs(end - c) > 1e-9 * (high - low)]
+    grids = [(sign, *_log_grid(length, sizes.smallest, POINTS)) for sign, length in ways]
+    return np.concatenate([c + sign * x for sign, x, _ in grids]), np.concatenate([w for _, _, w in grids])
 
 
 def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) -> float:
@@ -116,13 +164,19 @@ def candidates(sizes: Sizes, part: Part) -> float:
 
 def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
     """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
-    body = 1e-5 * dofs if dim == 2 else 1.5e-5 * dofs + 1.5e-9 * dofs**2 + 2.5e-9 * n * dofs ** (4 / 3)
+    body = 1e-5 * dofs if dim == 2 else 1.6e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55
     return body + work.iterations * (3e-4 + 3e-11 * n**3)
 
 
 def _newton(dim: int, dofs: float, work: Work) -> float:
     """Assembly and factorisation of the whole body at every iteration [s]."""
-    return work.iterations * (7e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 3.2e-9 * dofs**2)
+    return work.iterations * (7e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2)
+
+
+def _iterative(dofs: float, work: Work) -> float:
+    """Assembly and Krylov iterations at every iteration of Newton's method on the whole body [s]."""
+    newton = 4.5 * work.steps * max(1.0, dofs / 2e4) ** 0.13
+    return dofs * (3e-5 + newton * ((1.8e-5 if work.nonlinear else 2.5e-6) + KRYLOV * KRYLOV_SECONDS))
 
 
 def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
@@ -140,6 +194,6 @@ def _sides(ends: tuple[float, float], c: float) -> float:
     return 1.0 if min(abs(c - low), abs(high - c)) <= 1e-9 * (high - low) else 2.0
 
 
-def _log_grid(length: float, smallest: float) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.concatenate([[0.0], np.geomspace(min(smallest, length) / 4, length, 200)])
+def _log_grid(length: float, smallest: float, points: int = 200) -> tuple[np.ndarray, np.ndarray]:
+    edges = np.concatenate([[0.0], np.geomspace(min(smallest, length) / 4, length, points)])
     return (edges[1:] + edges[:-1]) / 2, np.diff(edges)

@@ -202,24 +202,25 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
-    nodes = candidates(sizes, given.part) * (given.dim if law.friction else 1)
     anchor, friction_choice = choices.friction(law, given)
     adhesion_choice = choices.adhesion(law, given, sizes)
-    solver = choices.solver(config, given, law, gap, nodes)
+    solver, linear, cost = _solver(config, given, law, gap, sizes, anchor)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
-    cost = _affordable(given, sizes, _work(given, str(solver.value), gap, law, anchor), fineness is not None)
+    if cost.memory > machine_memory():
+        work = _work(given, str(solver.value), str(linear.value), gap, law, anchor)
+        raise _unaffordable(config, given, law, sizes, work, fineness is not None)
     doubted = doubts(given, law, gap, sizes)
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
                       given.deltas, anchor)  # fmt: skip
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
               *friction_choice, *adhesion_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
-              solver, *choices.experiment(config, given, solver))  # fmt: skip
+              solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     said = None if law.friction or law.adhesion else _stick(config, given)
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
-    settings = dataclasses.replace(config.solver, method=solver.value)  # type: ignore[arg-type]
+    settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
@@ -245,24 +246,41 @@ def _peak(given: Given, tip: Indenter, sizes: Sizes) -> list[Choice]:
     return [Choice("p_max", "empty", why)] if why else []
 
 
-def _work(given: Given, solver: str, gap: str, law: ContactLaw, anchor: Anchor) -> Work:
+def _solver(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Sizes, anchor: Anchor
+            ) -> tuple[Choice, Choice, Cost]:  # fmt: skip
+    """What solves the scene, how its linear systems are solved, and what that will cost."""
+    nodes = candidates(sizes, given.part) * (given.dim if law.friction else 1)
+    method = choices.solver(config, given, law, gap, nodes)
+    direct = cost_of(sizes, given.part, _work(given, str(method.value), "direct", gap, law, anchor))
+    iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap, law, anchor))
+    linear = choices.linear(config, given, law, direct, iterative, machine_memory())
+    if linear.value == "direct":
+        return method, linear, direct
+    why = method.why if method.value == "newton" else "solver.linear: iterative is for the whole body"
+    return Choice("solver.method", "newton", why), linear, iterative
+
+
+def _work(given: Given, method: str, linear: str, gap: str, law: ContactLaw, anchor: Anchor) -> Work:
     solves = len(given.deltas) * (SEARCH if given.path.control == "force" else 1) * (2 if anchor == "mid" else 1)
     mixed = any(region.formulation == "mixed" for region in given.part.regions)
     is_nonlinear = gap == "current" or not given.small_strain or bool(law.friction) or law.adhesion is not None
-    return Work(solver, mixed, solves, is_nonlinear, bool(law.friction))
+    return Work(method, linear, mixed, solves, is_nonlinear, bool(law.friction))
 
 
-def _affordable(given: Given, sizes: Sizes, work: Work, is_chosen: bool) -> Cost:
-    """What the scene will cost; ConfigError when that is beyond this machine."""
-    found = cost_of(sizes, given.part, work)
-    available = machine_memory()
-    if found.memory > available:
-        key, name = ("accuracy",) * 2 if is_chosen else ("mesh.h_contact", "h_contact")  # whoever set the sizes
-        if cost_of(dataclasses.replace(sizes, inclusions=()), given.part, work).memory <= available:
-            key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
-        raise ConfigError(key, f"about {found.dofs:.2g} unknowns need {found.memory / 1e9:.3g} GB; this "
-                          f"machine has {available / 1e9:.3g} GB", f"use a larger {name}, or symmetry")  # fmt: skip
-    return found
+def _unaffordable(config: Config, given: Given, law: ContactLaw, sizes: Sizes, work: Work, is_chosen: bool
+                  ) -> ConfigError:  # fmt: skip
+    """What to say of a scene that is beyond this machine, and what would fit."""
+    cost = cost_of(sizes, given.part, work)
+    room, key, name = machine_memory(), "mesh.h_contact", "h_contact"
+    if is_chosen:  # whoever set the sizes
+        key, name = "accuracy", "accuracy"
+    if cost_of(dataclasses.replace(sizes, inclusions=()), given.part, work).memory <= room:
+        key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
+    said = f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this machine has {room / 1e9:.3g} GB"
+    iterative = cost_of(sizes, given.part, dataclasses.replace(work, method="newton", linear="iterative")).memory
+    if iterative <= room and not choices.against_iterative(config, given, law):
+        return ConfigError(key, said, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB")
+    return ConfigError(key, said, f"use a larger {name}, or symmetry")
 
 
 def _expected(given: Given) -> dict[str, float]:

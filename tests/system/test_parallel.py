@@ -42,6 +42,13 @@ SCENES: dict[str, dict[str, Any]] = {
         "loading": {"delta": 0.06, "steps": 1},
         "solver": {"method": "newton"},
     },
+    "iterative": {
+        "body": BOX,
+        "material": ELASTIC | {"nu": 0.4999},
+        "mesh": {"h_contact": 0.2},
+        "loading": {"delta": 0.06, "steps": 1},
+        "solver": {"linear": "iterative", "rtol": 1e-11},
+    },
     "penalty": {
         "body": CYLINDER,
         "contact": {"method": "penalty"},
@@ -170,6 +177,48 @@ def test_every_method_everywhere_on_several_ranks(ranks: int, mpirun: Mpirun) ->
     together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(EVERYWHERE)))
     for name in EVERYWHERE:
         assert_same_curves(alone(*EVERYWHERE)[name], together[name], name)
+
+
+PACKED = """
+import json, sys
+from mpi4py import MPI
+from indent_sim.config.file import from_mapping
+from indent_sim.fe import solver
+from indent_sim.mesh import gmsh
+from indent_sim.process.ranks import on_root
+from indent_sim.scene.scene import resolve
+
+comm, found = MPI.COMM_WORLD, {}
+for name, mapping in json.loads(sys.argv[1]).items():
+    scene = resolve(from_mapping(mapping))
+    part = scene.physics.part
+    walk = solver.walk(scene, solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm))
+    for state in walk.states(scene.physics.path, lambda step: False):
+        pass
+    points = comm.bcast(walk.points)
+    body = walk.equilibrium
+    depth, arrays = points[-1]
+    body.restore(body.unpack(points[0][1]), 0.0)
+    body.restore(body.unpack(arrays), depth)
+    back = abs(body.force / state.force - 1)
+    found[name] = {"points": [[values.tolist() for values in arrays] for _, arrays in points], "back": back}
+if comm.rank == 0:
+    print("RESULT" + json.dumps(found))
+"""
+KEPT = {"newton": {"solver": {"method": "newton", "linear": "iterative", "rtol": 1e-11}},
+        "uzawa_newton": {}}  # with a vector of its own beside the unknowns
+
+
+def test_a_state_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun) -> None:
+    """What two ranks keep for `--resume` is what one keeps, so any number of them goes on; displacements to 1e-9 of the
+    largest, as the curves."""
+    scenes = json.dumps({name: mapping(name) | sections for name, sections in KEPT.items()})
+    two, one = (parsed(mpirun(ranks, "-c", PACKED, scenes)) for ranks in (2, 1))
+    for name in KEPT:
+        assert two[name]["back"] < 1e-12
+        for here, there in zip(one[name]["points"], two[name]["points"], strict=True):
+            for ours, theirs in zip(map(np.array, here), map(np.array, there), strict=True):
+                assert np.abs(ours - theirs).max() <= SAME * max(1e-3, np.abs(ours).max())
 
 
 def test_files_are_written_once(mpirun: Mpirun, tmp_path: Path) -> None:

@@ -24,8 +24,10 @@ from indent_sim.fe.observe.surface import Trace
 from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.process.errors import NotConverged
 
-BLOCK = 128  # right-hand sides solved at once
+BLOCK = 256  # right-hand sides solved at once
 PIVOTING = 200  # per cent more room than foreseen for pivots that wait: layers far apart in stiffness have many
+
+Own = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -141,17 +143,18 @@ class Condenser:
         return np.asarray(distance <= reach)
 
     def condense(self, reach: float, center: tuple[float, ...], *, shear: bool = False) -> Compliance:
-        """The compliance of all facets that come within `reach` [length] of the tip's axis; also along the horizontal
-        axes with `shear`."""
+        """The compliance of all facets that come within `reach` [length] of the tip's axis, or of more of them; also
+        along the horizontal axes with `shear`."""
         surface, near = self._surface, self._near(reach, center)
         places, nodes = np.unique(surface.nodes[near], return_inverse=True)
         axes = [surface.dim - 1, *range(surface.dim - 1)] if shear else [surface.dim - 1]
-        is_same = self._last is not None and np.array_equal(places, self._last.places)
-        if self._last is None or not is_same or len(self._last.held) != len(axes) - 1:
-            C, support, stray = self._solve(places, axes)
+        if self._last is not None and len(self._last.held) != len(axes) - 1:
+            self._last = None
+        if self._last is None or not np.isin(places, self._last.places).all():
             nodes = nodes.reshape(surface.nodes[near].shape)
-            trace = Trace(nodes, surface.X[near], nodes)
-            self._last = Compliance((C + C.T) / 2, self._held(axes[1:]), trace, surface, places, support, stray)
+            trace, held = Trace(nodes, surface.X[near], nodes), self._held(axes[1:])
+            columns = self._columns(places, axes)
+            self._last = Compliance(held=held, trace=trace, surface=surface, places=places, **columns)
         return self._last
 
     def spread(self, nodal: np.ndarray) -> np.ndarray:
@@ -165,53 +168,67 @@ class Condenser:
         held[:, self._owned_rows] = np.isin(dofs, self.body.constrained).T
         return _summed(self.body.comm, held) > 0
 
-    def _solve(self, places: np.ndarray, axes: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Displacements of the candidates, support and pin reactions for a unit force at each of them: down, and along
-        the horizontal axes that follow."""
-        body, n = self.body, len(places) * len(axes)
+    def _columns(self, places: np.ndarray, axes: Sequence[int]) -> dict[str, np.ndarray]:
+        """C, and what unit forces make supports and pins feel: down, and along the horizontal axes that follow.
+
+        Nodes condensed to before are not solved for again.
+        """
+        n, known = len(places) * len(axes), self._last
+        own = self._own(places, axes)
+        dofs, is_free = self._numbers(*own, n)
+        up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
+        C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        old = np.zeros(n, dtype=bool)
+        if known is not None:
+            old = np.tile(np.isin(places, known.places), len(axes))
+            there = np.tile(np.isin(known.places, places), len(axes))
+            C[np.ix_(old, old)] = known.whole[np.ix_(there, there)]
+            support[old], stray[old] = known.support[there], known.stray[there]
+        for block in _blocks(np.flatnonzero(~old)):
+            found, support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
+            C[:, block] = up[:, None] * found * up[block]
+            support[block] = up[block] * support[block] + (up[block] < 0) * ~is_free[block]
+        C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
+        return {"whole": (C + C.T) / 2, "support": support, "stray": stray}
+
+    def _own(self, places: np.ndarray, axes: Sequence[int]) -> Own:
+        """This rank's own nodes among the candidates, one axis after the other: dofs in its local array, columns, which
+        are free."""
         mine = np.isin(self._owned_rows, places)
         here = np.searchsorted(places, self._owned_rows[mine])
         columns = np.concatenate([here + k * len(places) for k in range(len(axes))])
-        dofs = body.unknowns.displacement_places(self._owned_nodes[mine])[..., list(axes)].T.reshape(-1)
-        free = ~np.isin(dofs, body.constrained)
-        self._placed = (dofs, columns, free)
-        C, reactions = np.zeros((n, n)), np.zeros((1 + len(self._pin_rows), n))
-        for start in range(0, n, BLOCK):
-            stop = min(start + BLOCK, n)
-            X = self._block(dofs, columns, free, start, stop)
-            C[columns, start:stop] = X[dofs]
-            reactions[0, start:stop] = self._support_rows @ X
-            reactions[1:, start:stop] = [row @ X for row in self._pin_rows] if self._pin_rows else 0.0
-        C, reactions = _summed(body.comm, C), _summed(body.comm, reactions)
-        down, along = slice(len(places)), slice(len(places), None)
-        C[down, along], C[along, down] = -C[down, along], -C[along, down]  # solved for forces that pull up
-        held = _summed(body.comm, np.bincount(columns[~free], minlength=n).astype(float))
-        stray = np.abs(reactions[1:]).max(axis=0, initial=0.0)
-        return C, np.concatenate([held[down] - reactions[0, down], reactions[0, along]]), stray
+        local = self.body.unknowns.displacement_places(self._owned_nodes[mine])[..., list(axes)].T.reshape(-1)
+        return local, columns, ~np.isin(local, self.body.constrained)
 
-    def _block(self, dofs: np.ndarray, columns: np.ndarray, free: np.ndarray, start: int, stop: int) -> np.ndarray:
-        """Solutions (this rank's rows) for unit forces at the nodes of columns start..stop."""
-        comm, owned = self.body.comm, self.body.unknowns.owned
-        sizes = ((owned, PETSc.DETERMINE), (PETSc.DECIDE, stop - start))
-        B, X = PETSc.Mat().createDense(sizes, comm=comm), PETSc.Mat().createDense(sizes, comm=comm)
-        for matrix in (B, X):
-            matrix.setUp()
-        here = free & (columns >= start) & (columns < stop)
-        B.getDenseArray()[dofs[here], columns[here] - start] = 1.0
-        for matrix in (B, X):
-            matrix.assemble()
-        self._pc.getFactorMatrix().matSolve(B, X)
-        solutions: np.ndarray = X.getDenseArray().copy()
-        for matrix in (B, X):
-            matrix.destroy()  # left to Python they stay until the end: all blocks at once
-        return solutions
+    def _numbers(self, local: np.ndarray, columns: np.ndarray, free: np.ndarray, n: int
+                 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """The number of each of n columns among the unknowns of all ranks, and whether it is free."""
+        numbers, is_free = np.zeros((2, n), dtype=np.int32)
+        numbers[columns], is_free[columns] = local + self.body.x.getOwnershipRange()[0], free
+        return _summed(self.body.comm, numbers), _summed(self.body.comm, is_free) > 0
 
-    def recover(self, nodal_forces: np.ndarray) -> None:
-        """Put the whole body's response to forces at the nodes last condensed to into the body's solution."""
-        dofs, columns, free = self._placed
+    def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+        """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs."""
+        comm, owned, (local, columns, _) = self.body.comm, self.body.unknowns.owned, own
+        X = PETSc.Mat().createDense(((owned, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
+        X.setUp()
+        X.assemble()
+        self._pc.getFactorMatrix().matSolve(_unit_forces(comm, dofs, is_free, self.body.unknowns.total), X)
+        solutions, C = X.getDenseArray(), np.zeros((n, len(dofs)))
+        C[columns] = solutions[local]
+        reactions = _summed(comm, np.array([row @ solutions for row in (self._support_rows, *self._pin_rows)]))
+        X.destroy()  # left to Python they stay until the end: all blocks at once
+        return _summed(comm, C), reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0)
+
+    def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
+        """Put the whole body's response to forces at the nodes of a compliance into the body's solution."""
+        vertical = compliance.surface.dim - 1
+        axes = [vertical, *range(len(compliance.held))]
+        dofs, columns, free = self._own(compliance.places, axes)
         load, response = self.body.x.duplicate(), self.body.x.duplicate()
         load.set(0.0)
-        up = np.where(columns < len(self._last.places), -1.0, 1.0) if self._last else 1.0
+        up = np.where(columns < len(compliance.places), -1.0, 1.0)
         load.array[dofs[free]] = (up * nodal_forces[columns])[free]
         self._pc.apply(load, response)
         self.body.set_solution(response)
@@ -223,6 +240,23 @@ def _stiffness(body: Body, terms: list[Any]) -> PETSc.Mat:
     matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, (term.work(test, trial)[1] for term in terms))))
     matrix.assemble()
     return matrix
+
+
+def _blocks(columns: np.ndarray) -> list[np.ndarray]:
+    return [columns[start : start + BLOCK] for start in range(0, len(columns), BLOCK)]
+
+
+def _unit_forces(comm: Any, dofs: np.ndarray, is_free: np.ndarray, total: int) -> PETSc.Mat:
+    """Unit forces at some dofs, a column each, and none where the body is held.
+
+    Sparse, as the transpose of rows that rank 0 has: MUMPS then leaves out the factors that they do not reach.
+    """
+    here = comm.rank == 0
+    sizes = ((len(dofs) if here else 0, PETSc.DETERMINE), (total if here else 0, PETSc.DETERMINE))
+    starts = np.concatenate([[0], np.cumsum(is_free)]) if here else np.zeros(1)
+    reached = dofs[is_free] if here else dofs[:0]
+    rows = PETSc.Mat().createAIJ(sizes, csr=(starts.astype(np.int32), reached, np.ones(len(reached))), comm=comm)
+    return PETSc.Mat().createTranspose(rows)
 
 
 def _summed(comm: Any, values: np.ndarray) -> np.ndarray:

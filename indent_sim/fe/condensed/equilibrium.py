@@ -18,7 +18,8 @@ from indent_sim.scene.cost import MOST_CANDIDATES
 from indent_sim.scene.scene import Scene
 
 MARGIN = 1.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
-GROWTH = 1.6  # and this much further when the contact comes to their rim
+RIM = 3.5  # elements between the expected contact and that rim at first: a node costs a solution, now or later
+GROWTH = 1.3  # and this much further when the contact comes to their rim
 FORCE_TOLERANCE = 1e-10  # a dense solve leaves less
 
 # Nodal forces (axes, nodes) and multiplier (nodes,) at the nodes of the whole contact surface
@@ -28,6 +29,7 @@ Forces = tuple[np.ndarray, np.ndarray]
 class CondensedEquilibrium:
     """Contact on the compliance of the candidate surface; see `path.Equilibrium`."""
 
+    krylov_iterations = None
     force_tolerance = FORCE_TOLERANCE
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
@@ -41,7 +43,16 @@ class CondensedEquilibrium:
         self.observed = RecoveredBody(self)
         self.depth = 0.0
         self._departed: tuple[Forces, float] | None = None  # the equilibrium that the present step set out from
-        self._condense(min(scene.sizes.patch + MARGIN * scene.sizes.h_contact, self._whole))
+        self._condense(min(self._expected_reach(), self._whole))
+
+    def _expected_reach(self) -> float:
+        """How far from the tip's axis [length] nodes are candidates at first: as far as contact is expected."""
+        scene = self.scene
+        patch = scene.sizes.patch + MARGIN * scene.sizes.h_contact
+        a = scene.plan.prediction["a"] / scene.physics.scales.length
+        if scene.experiment is not None or a == 0:  # adhesion asks for contacts beyond the deepest one
+            return patch
+        return min(patch, a + RIM * scene.sizes.h_contact)
 
     def _condense(self, reach: float) -> None:
         self._reach = reach
@@ -181,7 +192,7 @@ class CondensedEquilibrium:
 
     def recover(self) -> None:
         """Put the whole body's displacement of the present state into the body's solution."""
-        self.condenser.recover(self.contact.forces.ravel())
+        self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
 
     def refuse_unused_options(self) -> None:
         """Nothing is passed to PETSc here."""

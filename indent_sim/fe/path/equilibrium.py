@@ -28,6 +28,10 @@ class Equilibrium(Protocol):
         """Linear solves so far."""
 
     @property
+    def krylov_iterations(self) -> int | None:
+        """Iterations of these linear solves so far; None where none is iterative."""
+
+    @property
     def failure(self) -> str:
         """Why the last solve did not succeed."""
 

@@ -94,17 +94,19 @@ class Walk:
                 self._before = self._points
                 self._control.begin()
         for step, value in enumerate(path.values[done:], start=done + 1):
-            iterations = body.iterations
+            iterations, krylov = body.iterations, body.krylov_iterations
             substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
             iterations = body.iterations - iterations
+            if krylov is not None and body.krylov_iterations is not None:
+                krylov = body.krylov_iterations - krylov
             if not substeps:
                 yield failed_state(body.scene, step, value, iterations, self._pair, self.started, self.failure,
                                    body.crushed())  # fmt: skip
                 return
             dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
             surface = body.surface() if wants_surface(step) else None
-            yield State(step=step, delta=self._last.delta, newton_iterations=iterations, substeps=substeps,
-                        dissipation=dissipated if self._drags else None,
+            yield State(step=step, delta=self._last.delta, newton_iterations=iterations, krylov_iterations=krylov,
+                        substeps=substeps, dissipation=dissipated if self._drags else None,
                         wall_s=time.perf_counter() - self.started, surface=surface, **body.numbers())  # fmt: skip
 
     def _press(self, force: float, step: int) -> int:

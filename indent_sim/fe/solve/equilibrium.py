@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
 from indent_sim.fe.solve.algorithms import ALGORITHMS, with_friction
 from indent_sim.fe.solve.newton import Newton, finest
+from indent_sim.fe.solve.numbering import Numbering
 from indent_sim.fe.terms.strain import Crushed
+from indent_sim.fe.terms.traction import Traction
 from indent_sim.model.state import Surface
 from indent_sim.model.tips import deepest_inside
 
@@ -48,6 +51,11 @@ class BodyEquilibrium:
     def iterations(self) -> int:
         """Linear solves so far."""
         return self.newton.iterations
+
+    @property
+    def krylov_iterations(self) -> int | None:
+        """Iterations of these linear solves so far; None where systems are factored."""
+        return self.newton.krylov_iterations
 
     @property
     def failure(self) -> str:
@@ -113,17 +121,34 @@ class BodyEquilibrium:
         self.depth = depth
         self.problem.restore(list(state))
 
+    @cached_property
+    def _numbering(self) -> list[list[Numbering]]:
+        """For each vector of a state the numbering of each of its fields."""
+        unknowns, contact = self.problem.unknowns, self.problem.contact
+        whole = [Numbering(unknowns.own_space(name), unknowns.places(name)) for name in unknowns.names]
+        if not contact.vectors:
+            return [whole]
+        assert isinstance(contact, Traction)
+        frozen = contact.field.lam
+        return [whole, [Numbering(frozen.function_space, np.arange(len(frozen.x.array)))]]
+
     def pack(self, state: Sequence[PETSc.Vec]) -> list[np.ndarray]:
-        """A state as arrays, for a checkpoint; none on several ranks, which share the vectors."""
-        return [vector.array_r.copy() for vector in state] if self.problem.comm.size == 1 else []
+        """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks (collective)."""
+        return [field.gathered(vector.array_r) for vector, fields in zip(state, self._numbering, strict=True)
+                for field in fields]  # fmt: skip
 
     def unpack(self, arrays: Sequence[np.ndarray]) -> list[PETSc.Vec]:
-        """The state of packed arrays; empty when they are none of this problem, whatever they say of themselves."""
-        state = self.snapshot()
-        if [np.size(values) for values in arrays] != [vector.array.size for vector in state]:
+        """The state of packed arrays, which all ranks have (collective).
+
+        Empty when they are none of this problem, whatever they say of themselves.
+        """
+        state, numbering = self.snapshot(), self._numbering
+        if [np.shape(values) for values in arrays] != [field.shape for fields in numbering for field in fields]:
             return []
-        for vector, values in zip(state, arrays, strict=True):
-            vector.array[:] = values
+        rest = iter(arrays)
+        for vector, fields in zip(state, numbering, strict=True):
+            for field in fields:
+                field.scatter(next(rest), vector.array)
         return state
 
     def blend(self, shares: Sequence[float], states: Sequence[Sequence[PETSc.Vec]]) -> None:

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
+from indent_sim.fe.solve.iterative import MOST, Iterative
 
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
 STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
@@ -19,6 +20,7 @@ CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
 BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
+LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more, Newton needs no fewer steps
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
 PROBE = 1e-6  # of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits left
 CORRECTIONS, SETTLED = 6, 1e-5  # of a derivative by an old factor, and the share of the residual that ends them
@@ -40,22 +42,33 @@ class Newton:
         self._largest_reaction = 0.0
         self._solved_at = 0.0  # depth of the last solution
         self._reaction = 0.0
-        self._residual = 0.0
+        self._has_tangent = False
+        self._residual = self._before = 0.0  # now, and before the last step
         self.failure = ""  # why the last solve did not converge
         self._user_options = settings.petsc
+        self._iterative = Iterative(problem) if settings.linear == "iterative" else None
+        self._tangent = self._iterative.tangent if self._iterative else problem.create_tangent()
         self.snes = self._create(symmetric=problem.has_symmetric_tangent)
 
+    @property
+    def krylov_iterations(self) -> int | None:
+        """Iterations of the linear solver so far; None where systems are factored."""
+        return self._iterative.iterations if self._iterative else None
+
     def _create(self, *, symmetric: bool) -> PETSc.SNES:
-        self._halved, self._has_tangent = linear.halves(self._user_options, symmetric), False
+        self._halved = not self._iterative and linear.halves(self._user_options, symmetric)
+        self._has_tangent = False
         linear.install(self._user_options, symmetric=symmetric)
         snes = PETSc.SNES().create(self.problem.comm)
         snes.setOptionsPrefix(linear.PREFIX)
         snes.setFunction(self._function, self.problem.b.duplicate())
-        snes.setJacobian(self._jacobian, self.problem.A)
+        snes.setJacobian(self._jacobian, self._tangent)
         snes.setTolerances(max_it=self.max_iterations)
         snes.setConvergenceTest(self._converged)
         with linear.blamed(self._user_options):
             snes.setFromOptions()
+        if self._iterative:
+            self._iterative.attach(snes.getKSP())
         return snes
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
@@ -66,12 +79,25 @@ class Newton:
         held = values[problem.body.supports]
         self._reaction = _norm(problem.comm, held)
         values[problem.body.constrained] = 0.0  # the constrained dofs are zero and stay zero
-        self._residual = _norm(problem.comm, values * problem.row_weights)
+        self._before, self._residual = self._residual, _norm(problem.comm, values * problem.row_weights)
         problem.b.copy(f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
         self._has_tangent = True
-        self.problem.assemble_tangent(P)
+        if self._iterative:
+            self._iterative.assemble(self._forcing())
+        else:
+            self.problem.assemble_tangent(P)
+
+    def _forcing(self) -> float:
+        """How far the residual is to be reduced by a step that is solved for inexactly.
+
+        As far as Newton will reduce it itself, judging by the last step (Eisenstat and Walker 1996, choice 2), and no
+        further than the equilibrium asks for.
+        """
+        enough = 0.3 * (self._tolerance * self._reaction + ROUNDOFF * self._largest_reaction) / self._residual
+        expected = (self._residual / self._before) ** 2 if self._before else 1.0
+        return max(min(LEAST, expected), enough)
 
     def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> int:
         residual = self._residual
@@ -113,7 +139,7 @@ class Newton:
         return found
 
     def _solve(self, rtol: float = 0.0) -> bool:
-        self._tolerance = max(self.rtol, rtol)
+        self._tolerance, self._residual = max(self.rtol, rtol), 0.0
         start = self.problem.x.copy()
         guess = self.problem.x.copy()
         self.problem.begin_solve()
@@ -175,16 +201,13 @@ class Newton:
         problem = self.problem
         if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
             return nan
+        self._provide_tangent()
         start, depth, force = problem.x.copy(), problem.depth, problem.force()
         acting = (problem.law.adhesion.range or 0.0) if problem.law.adhesion else 0.0
         step, settled, first, way = PROBE * max(abs(depth), acting), False, 0.0, problem.x.duplicate()
         way.set(0.0)
         begin, left, correction = (problem.b.duplicate() for _ in range(3))
         self._function(self.snes, start, begin)
-        if not self._has_tangent:  # nothing was solved yet, as after a resumed row that stood
-            problem.assemble_tangent(problem.A)
-            self.snes.getKSP().setOperators(problem.A)
-            self._has_tangent = True
         problem.delta.value = depth + step
         for _ in range(CORRECTIONS):
             self._function(self.snes, start + step * way, left)
@@ -202,9 +225,20 @@ class Newton:
         problem.body.set_solution(start)
         return found
 
+    def _provide_tangent(self) -> None:
+        """A tangent to solve with: the last one, or the first, where a state taken up again needed no iteration."""
+        if self._iterative:
+            self._iterative.assemble(SETTLED)
+        elif not self._has_tangent:
+            self.problem.assemble_tangent(self._tangent)
+            self._has_tangent = True
+        self.snes.getKSP().setOperators(self._tangent, self._tangent)
+
     def _why_not(self) -> str:
         """What ended the last solve, in words."""
         reasons, reason = PETSc.SNES.ConvergedReason, self.snes.getConvergedReason()
+        if self._iterative and self._iterative.failed:
+            return f"a linear system was not solved within {MOST} iterations"
         if reason == reasons.DIVERGED_LINEAR_SOLVE:
             of = " (solver.petsc chose it)" if self._user_options else ""
             return f"the linear solver failed{of}"

@@ -91,6 +91,11 @@ class Traction:
         """Virtual work of pressing deeper [force], this rank's share of the modelled part."""
         return float(fem.assemble_scalar(self._thrust))
 
+    @property
+    def stiffness(self) -> float:
+        """The law's stiffness as it is now, softened or not [pressure/length]."""
+        return float(self.symbolic_law.stiffness.value)  # type: ignore[union-attr]
+
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
         self.symbolic_law.stiffness.value = factor * self.law.stiffness  # type: ignore[union-attr]

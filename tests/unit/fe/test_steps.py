@@ -75,6 +75,7 @@ class Spring:
         self.reach, self.failure, self.force_tolerance = reach, "too far", 1e-10
 
     iterations = property(lambda self: self.solves)
+    krylov_iterations = None
     dissipation = 0.0
     force = property(lambda self: self.depth**2 - self.worn)
 

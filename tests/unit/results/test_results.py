@@ -77,7 +77,7 @@ class TestFiles:
         assert row[0] == "1" and row[7] == "4"
 
     def test_errors_have_columns_only_where_they_are_estimated(self, tmp_path):
-        with ResultFolder(tmp_path / "run", "", errors=("force_error", "a_error")) as run:
+        with ResultFolder(tmp_path / "run", "", columns=("force_error", "a_error")) as run:
             run.append(a_state(1, force_error=1e-3, a_error=2e-3))
             run.append(a_state(2))
         found = read(tmp_path / "run")
@@ -87,7 +87,7 @@ class TestFiles:
 
     def test_a_number_that_there_is_none_of_is_an_empty_cell_and_a_null(self, tmp_path):
         states = [a_state(1, p_max=math.nan), a_state(2)]
-        with ResultFolder(tmp_path / "run", "", errors=("force_error",)) as run:
+        with ResultFolder(tmp_path / "run", "", columns=("force_error",)) as run:
             for state in states:
                 run.append(state)
         rows = [line.split(",") for line in (tmp_path / "run" / "force_indentation.csv").read_text().splitlines()]
@@ -99,17 +99,17 @@ class TestFiles:
     def test_a_row_with_an_empty_cell_is_resumed(self, tmp_path, empty):
         """p_max of a cone is empty, and so is its error."""
         values = {name: 0.1 for name in ERRORS} | {empty: float("nan")}
-        with ResultFolder(tmp_path / "out", "title: x\n", errors=ERRORS) as run:
+        with ResultFolder(tmp_path / "out", "title: x\n", columns=ERRORS) as run:
             run.append(a_state(1, **values))
         found = earlier_run(tmp_path / "out", "title: x\n")
         assert found is not None and len(found.states) == 1 and np.isnan(getattr(found.states[0], empty))
 
     def test_a_table_of_fewer_errors_goes_on_with_its_own_columns(self, tmp_path):
         """As an older version of this program left it."""
-        with suppress(NotConverged), ResultFolder(tmp_path / "run", "", errors=("force_error",)) as run:
+        with suppress(NotConverged), ResultFolder(tmp_path / "run", "", columns=("force_error",)) as run:
             run.append(a_state(1, force_error=1e-3, p_max=math.nan))
             raise NotConverged("")
-        with ResultFolder(tmp_path / "run", "", errors=("force_error", "a_error"), resume=True) as run:
+        with ResultFolder(tmp_path / "run", "", columns=("force_error", "a_error"), resume=True) as run:
             assert run.earlier.states[0].force_error == 1e-3 and np.isnan(run.earlier.states[0].p_max)
             run.append(a_state(2, force_error=2e-3, a_error=1.0))
         found = read(tmp_path / "run")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -44,6 +44,47 @@ class TestNitsche:
     def test_enough_is_taken(self, gamma):
         wanted = 10 * self.unit if gamma == "auto" else gamma
         assert self.with_gamma(gamma).physics.contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
+
+
+class TestLinear:
+    solid: ClassVar[dict[str, Any]] = {"kinematics": "three_dimensional", "mesh": {"h_contact": 0.1}}
+
+    @pytest.mark.parametrize(
+        ("sections", "why"),
+        [
+            ({"kinematics": "axisymmetric"}, "axisymmetric and plane"),
+            ({"kinematics": "plane_strain"}, "axisymmetric and plane"),
+            (solid | {"contact": {"method": "nitsche"}}, "not symmetric"),
+            (solid | {"contact": {"method": "active_set"}}, "not symmetric"),
+        ],
+    )
+    def test_iterative_is_refused_by_name_where_it_is_not_known_to_work(self, sections, why):
+        with pytest.raises(ConfigError, match=why) as caught:
+            scene(**sections, solver={"linear": "iterative"})
+        assert caught.value.key == "solver.linear" and caught.value.exit_code == 3
+        assert scene(**sections).solver.linear == "direct"
+
+    def test_a_condensed_body_is_factored(self):
+        with pytest.raises(ConfigError, match="whole body") as caught:
+            scene(**self.solid, solver={"linear": "iterative", "method": "condensed"})
+        assert caught.value.key == "solver.method"
+
+    def test_options_of_petsc_choose_a_solver_themselves(self):
+        with pytest.raises(ConfigError, match=r"solver\.petsc"):
+            scene(**self.solid, solver={"linear": "iterative", "petsc": {"ksp_type": "cg"}})
+
+    def test_auto_factors_what_is_small_and_iterates_where_that_is_cheaper(self):
+        small, large = (scene("three_dimensional", mesh={"h_contact": h, "h_far": 10 * h}) for h in (0.1, 0.012))
+        assert (small.solver.method, small.solver.linear) == ("condensed", "direct")
+        assert (large.solver.method, large.solver.linear) == ("newton", "iterative")
+        assert "iteratively" in next(choice.why for choice in large.plan.choices if choice.key == "solver.linear")
+
+    def test_what_does_not_fit_is_told_what_would(self, monkeypatch):
+        monkeypatch.setattr("indent_sim.scene.scene.machine_memory", lambda: 1e9)
+        mesh = {"h_contact": 0.02, "h_far": 0.15}
+        with pytest.raises(ConfigError, match=r"solver\.linear: iterative needs"):
+            scene("three_dimensional", mesh=mesh, solver={"linear": "direct"})
+        assert scene("three_dimensional", mesh=mesh).solver.linear == "iterative"
 
 
 class TestMesh:

@@ -1,0 +1,140 @@
+"""The linear systems of Newton's method by FGMRES, as exactly as each is worth.
+
+The preconditioner is the upper block factor of the tangent's Schur complement: S for each field beside the
+displacement, one cycle of multigrid for the displacement. It is kept while the iterations a digit costs stay few.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log10
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.solve.blocks import Beside, Stiffness
+from indent_sim.fe.solve.multigrid import Multigrid
+
+RESTART = 40
+MOST = 200  # iterations of one system
+WORN = 1.4  # times the iterations a digit cost when the preconditioner was new: it is built anew
+
+
+class Iterative:
+    """Solves one system after another: `assemble`, then `apply` as the preconditioner of PETSc's SNES."""
+
+    def __init__(self, problem: Problem):
+        self.iterations = 0
+        self.rtol = 0.0
+        self.failed = False
+        unknowns = problem.unknowns
+        space = unknowns.own_space("u")
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self._problem = problem
+        self._A = Stiffness(problem, space, "baij")
+        self._beside = [Beside(problem, name) for name in unknowns.names[1:]]
+        self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
+        self._held = np.flatnonzero(np.isin(self._places[0], problem.body.constrained))
+        self._multigrid = Multigrid(problem, self._A)
+        self._schur = [_factor(problem.comm) for _ in self._beside]
+        self._fresh = self._rate = 0.0
+        self._ksp = self._create()
+        self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, self, problem.comm)
+
+    def attach(self, ksp: PETSc.KSP) -> None:
+        """Solve the systems of Newton's method."""
+        ksp.setType("preonly")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(self)
+
+    def _create(self) -> PETSc.KSP:
+        tangent = _nested(self._A.matrix, self._beside)
+        blocks = [self._A.matrix, *(field.C for field in self._beside)]
+        self._b, self._x = (PETSc.Vec().createNest([block.createVecLeft() for block in blocks]) for _ in range(2))
+        self._work = self._A.matrix.createVecLeft(), self._A.matrix.createVecLeft()
+        ksp = PETSc.KSP().create(self._problem.comm)
+        ksp.setOperators(tangent)
+        ksp.setType("fgmres")
+        ksp.setGMRESRestart(RESTART)
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(_UpperFactor(self))
+        return ksp
+
+    def assemble(self, rtol: float) -> None:
+        """The tangent at the present solution, which will be solved to `rtol`; the preconditioner where it is worn."""
+        self.rtol = rtol
+        self._A.assemble()
+        for field, factor in zip(self._beside, self._schur, strict=True):
+            field.assemble()
+            factor.setOperators(field.schur())
+        self._ksp.getOperators()[0].assemble()
+        if self._rate >= WORN * self._fresh:
+            self._multigrid.renew()
+            self._fresh = 0.0
+
+    def apply(self, pc: PETSc.PC, residual: PETSc.Vec, step: PETSc.Vec) -> None:
+        """Solve for a step to the tolerance; what is held and idle stays."""
+        blocks = self._b.getNestSubVecs(), self._x.getNestSubVecs()
+        weights = [1.0, *(field.weight for field in self._beside)]
+        for block, places, weight in zip(blocks[0], self._places, weights, strict=True):
+            block.array[:] = weight * residual.array_r[places]
+        self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST)
+        self._ksp.solve(self._b, self._x)
+        step.set(0.0)
+        for block, places, weight in zip(blocks[1], self._places, weights, strict=True):
+            step.array[places] = weight * block.array_r
+        self._judge(step)
+
+    def _judge(self, step: PETSc.Vec) -> None:
+        """Count the iterations and what a digit costs; a system that was not solved makes the step no number."""
+        iterations = self._ksp.getIterationNumber()
+        self.iterations += iterations
+        self.failed = self._ksp.getConvergedReason() < 0
+        self._rate = iterations / max(1.0, -log10(self.rtol))
+        self._fresh = self._fresh or self._rate
+        if self.failed:
+            self._rate = np.inf
+            step.set(np.nan)
+
+    def precondition(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
+        """The upper factor of the block preconditioner, applied."""
+        r, *others = residual.getNestSubVecs()
+        u, *fields = step.getNestSubVecs()
+        load, push = self._work
+        r.copy(load)
+        for field, solver, known, found in zip(self._beside, self._schur, others, fields, strict=True):
+            solver.solve(known, found)
+            field.B.mult(found, push)
+            load.axpy(-1.0, push)
+        self._multigrid.apply(load, u)
+        u.array[self._held] = 0.0  # interpolated from linear elements it is not
+
+
+class _UpperFactor:
+    """`Iterative.precondition` as PETSc calls it."""
+
+    def __init__(self, owner: Iterative):
+        self._owner = owner
+
+    def apply(self, pc: PETSc.PC, residual: PETSc.Vec, step: PETSc.Vec) -> None:
+        self._owner.precondition(residual, step)
+
+
+def _nested(A: PETSc.Mat, beside: Sequence[Beside]) -> PETSc.Mat:
+    """The whole tangent of its blocks."""
+    rows: list[list[Any]] = [[A, *(field.B for field in beside)]]
+    for k, field in enumerate(beside):
+        own = [field.C if k == other else None for other in range(len(beside))]
+        rows.append([PETSc.Mat().createTranspose(field.B), *own])
+    return PETSc.Mat().createNest(rows, comm=A.comm)
+
+
+def _factor(comm: Any) -> PETSc.KSP:
+    """A factorisation of a small symmetric matrix."""
+    ksp = PETSc.KSP().create(comm)
+    ksp.setType("preonly")
+    ksp.getPC().setType("cholesky")
+    ksp.getPC().setFactorSolverType("mumps")
+    return ksp

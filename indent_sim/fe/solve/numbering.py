@@ -1,0 +1,54 @@
+"""Numbers of dofs that do not depend on how many ranks share a mesh, so that a state can go from one run to another.
+
+A node of a Lagrange space is a point of the grid or the middle of two; sorted by these points all nodes have a place.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from indent_sim.fe import compat
+
+EDGES = {3: ((1, 2), (0, 2), (0, 1)), 4: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}  # of a cell, by its corners
+
+
+class Numbering:
+    """Where the values of a field on this rank stand among those of all ranks (collective)."""
+
+    def __init__(self, space: Any, places: np.ndarray):
+        """places: of the space's dofs in the local array of the vector that holds them."""
+        owned, width = space.dofmap.index_map.size_local, space.dofmap.index_map_bs
+        self._comm = space.mesh.comm
+        self._own = places.reshape(-1, width)[:owned]
+        keys = _keys(space)[:owned]
+        everybody = np.sort(np.concatenate(self._comm.allgather(keys)))
+        self._rows = np.searchsorted(everybody, keys)
+        self.shape = len(everybody), width
+
+    def gathered(self, local: np.ndarray) -> np.ndarray:
+        """Values (nodes of all ranks, components) on rank 0; nothing elsewhere (collective)."""
+        parts = self._comm.gather((self._rows, local[self._own]), root=0)
+        whole = np.zeros(self.shape if parts else (0, self.shape[1]))
+        for rows, values in parts or ():
+            whole[rows] = values
+        return whole
+
+    def scatter(self, whole: np.ndarray, local: np.ndarray) -> None:
+        """Put this rank's own share of values of all ranks into a local array."""
+        local[self._own] = whole[self._rows]
+
+
+def _keys(space: Any) -> np.ndarray:
+    """A number for every local node: of its point in the grid, or of the two that it lies between."""
+    mesh, dofs = space.mesh, compat.cell_dofs(space.dofmap)
+    corners = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)[compat.geometry_dofs(mesh)]
+    n = corners.shape[1]
+    pairs = [(k, k) for k in range(n)] + list(EDGES[n] if dofs.shape[1] > n else ())
+    total = mesh.geometry.index_map().size_global
+    keys = np.zeros(dofs.max(initial=-1) + 1, dtype=np.int64)
+    for node, (a, b) in zip(dofs.T, pairs, strict=True):
+        low, high = np.minimum(corners[:, a], corners[:, b]), np.maximum(corners[:, a], corners[:, b])
+        keys[node] = low * total + high
+    return keys

@@ -1,0 +1,96 @@
+"""The iterative linear solver: the forces of the factored systems, in as many iterations on a finer mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from scenes import BOX, ELASTIC, meshed, scene, solve
+
+from indent_sim.model.state import State
+from indent_sim.run import chain
+from indent_sim.scene.scene import Scene
+
+# What is left of the residual, seen through the stiffness: force and reaction agree to 1e-8 by the audit already
+SAME = 1e-8
+MESH = {"h_contact": 0.08, "h_far": 0.6}
+PRESSED = {"delta": 0.02, "steps": 2}
+CUBE = {"shape": "box", "size": [1.0, 1.0, 1.0], "base": "fixed", "sides": "roller"}
+NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
+RUBBER = {"model": "mooney_rivlin", "C10": 0.3, "C01": 0.1, "nu": 0.5}
+BALL = {"indenter": {"shape": "sphere", "R": 0.5}, "loading": {"delta": 0.05, "steps": 2}}
+STACK = [{"thickness": 0.2, "material": ELASTIC | {"E": 20.0, "nu": 0.4999}}, {"thickness": 0.8}]
+ALONG_Z = {"model": "transversely_isotropic", "E": 1.0, "nu": 0.3, "E_z": 5.0, "nu_z": 0.2, "G_z": 1.0}
+NUCLEUS = {"shape": "ball", "center": [1.0, 1.0, -0.4], "radius": 0.2, "material": ELASTIC | {"E": 10.0, "nu": 0.4999}}
+
+SCENES: dict[str, dict[str, Any]] = {
+    "linear": {},
+    "nearly incompressible": {"material": ELASTIC | {"nu": 0.4999}},
+    "incompressible": {"material": ELASTIC | {"nu": 0.5}},
+    "penalty": {"contact": {"method": "penalty"}},
+    "uzawa": {"contact": {"method": "uzawa"}},
+    "gap at the deformed point": {"contact": {"method": "auto", "gap": "current"}},
+    "held by pins": {"body": BOX | {"base": "roller"}},
+    "whole, off centre": {"indenter": {"shape": "paraboloid", "R": 1.0, "center": [1.1, 0.9]}},
+    "stiff layer, mixed": {"body": BOX | {"layers": STACK}},
+    "between weak walls": {"body": {"shape": "cylinder", "radius": 1.0, "height": 1.0, "sides": "roller"},
+                           "indenter": {"shape": "paraboloid", "R": 1.0, "center": [0.1, 0.0]}},
+    "stiffer along z": {"material": ALONG_Z},
+    "a ball of other matter inside": {"body": BOX | {"inclusions": [NUCLEUS]}},
+    "neo-Hookean": BALL | {"body": CUBE, "material": NEO_HOOKEAN},
+    "neo-Hookean, mixed": BALL | {"body": CUBE, "material": NEO_HOOKEAN | {"nu": 0.4999}},
+    "rubber": BALL | {"body": CUBE | {"sides": "free"}, "material": RUBBER},
+}  # fmt: skip
+
+
+def on(linear: str, sections: dict[str, Any]) -> Scene:
+    """A scene on a small mesh by Newton's method, its linear systems solved in this way."""
+    given = {"body": BOX, "mesh": MESH, "loading": PRESSED} | sections
+    return scene(given.pop("body"), solver={"method": "newton", "linear": linear}, **given)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_force_is_that_of_a_factorisation(name: str) -> None:
+    direct, iterative = (solve(on(linear, SCENES[name])) for linear in ("direct", "iterative"))
+    assert [state.force for state in iterative] == pytest.approx([state.force for state in direct], rel=SAME)
+    assert all(state.krylov_iterations for state in iterative)
+    assert all(state.krylov_iterations is None for state in direct)
+
+
+def krylov_per_newton(states: list[State]) -> float:
+    """Iterations of a linear system, in the mean of a path."""
+    return sum(state.krylov_iterations or 0 for state in states) / sum(state.newton_iterations for state in states)
+
+
+def test_a_finer_mesh_takes_no_more_iterations() -> None:
+    """Eight times the unknowns; multigrid keeps the count to what the contact's edge makes of it."""
+    coarse, fine = (solve(on("iterative", {"mesh": {"h_contact": h, "h_far": 5 * h}})) for h in (0.1, 0.05))
+    assert krylov_per_newton(fine) <= 1.3 * krylov_per_newton(coarse)
+
+
+def test_multigrid_on_the_linear_elements(monkeypatch: Any) -> None:
+    """Where they are too many for a factorisation: a few more iterations, the same force."""
+    from indent_sim.fe.solve import multigrid
+
+    factored = solve(on("iterative", {}))
+    monkeypatch.setattr(multigrid, "FACTORED", 0)
+    aggregated = solve(on("iterative", {}))
+    assert aggregated[-1].force == pytest.approx(factored[-1].force, rel=SAME)
+    assert krylov_per_newton(aggregated) <= 1.5 * krylov_per_newton(factored)
+
+
+def test_a_system_that_is_not_solved_is_no_step(monkeypatch: Any) -> None:
+    """The path then ends with the reason, and nothing that is not converged is a row."""
+    from indent_sim.fe.solve import iterative
+
+    monkeypatch.setattr(iterative, "MOST", 1)
+    state = list(chain.states(on("iterative", {})))[-1]
+    assert not state.converged and "a linear system was not solved within" in state.reason
+
+
+def test_the_discretisation_does_not_know_the_linear_solver() -> None:
+    one, other = (on(linear, {}) for linear in ("direct", "iterative"))
+    assert one.physics == other.physics and one.sizes == other.sizes
+    assert meshed(one).hash == meshed(other).hash
+    assert replace(one.solver, linear="iterative") == other.solver
