@@ -70,8 +70,8 @@ class Beside:
 
         (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE E*/h_contact,
 
-    right for long waves, for those that K = s belongs to, and half way: with K for all waves s there are a quarter more
-    iterations on a fine mesh, and without K twice as many.
+    right for long waves and half way to those with K = s, nearly there. K = s for all of them takes a quarter more
+    iterations on a fine mesh.
     """
 
     def __init__(self, problem: Problem, name: str):
