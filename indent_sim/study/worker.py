@@ -153,6 +153,7 @@ def _warm_up() -> None:
     """Load the libraries, and let a crash be one: PETSc would have MPI end it, which a forked process may wait for."""
     with suppress(Exception):  # the run will say what is wrong
         chain.warm_up()
+    gc.freeze()  # libraries stay: every run ends with a search for what it left behind
     for crash in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT):
         signal.signal(crash, signal.SIG_DFL)
 
