@@ -23,7 +23,7 @@ from indent_sim.process.signals import SIGNALS, die_with
 from indent_sim.process.usage import forget_peak_memory
 from indent_sim.run import chain
 
-LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
+LIFETIME = 100  # runs of one worker: PETSc and the compiled forms keep half a MB of each
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
 LAUNCHERS = (
     "SLURM_",
