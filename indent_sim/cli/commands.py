@@ -13,6 +13,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -231,13 +232,13 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bo
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
         require_room()
-        is_met = _starts_mesher(config, overrides)
-        comm = _world() if is_met else Alone()
-    with together(comm), stoppable(comm.rank):
         from indent_sim.config.file import load
         from indent_sim.process.ranks import on_root
 
-        settings = comm.bcast(on_root(comm, load, config, overrides))
+        read = cache(partial(load, config, overrides))
+        comm = _world() if _starts_mesher(read) else Alone()
+    with together(comm), stoppable(comm.rank):
+        settings = comm.bcast(on_root(comm, read))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
         outcome = _simulate(settings, comm, directory, quiet, **how)
     if comm.rank == 0:
@@ -457,19 +458,18 @@ def main() -> None:
 # ---- one run, on all ranks ---------------------------------------------------------------------------------
 
 
-def _starts_mesher(config: Path, overrides: tuple[str, ...]) -> bool:
+def _starts_mesher(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do.
 
     Returns whether the others are to be met: not by a process without others whose scene theory solves. What is wrong
     with the config is said later, by all ranks.
     """
-    from indent_sim.config.file import load
     from indent_sim.mesh import gmsh
     from indent_sim.process.ranks import is_first, is_one_of_several
     from indent_sim.scene.choices import needs_mesh
 
     with suppress(IndentSimError):
-        if is_first() and not needs_mesh(load(config, overrides)):
+        if is_first() and not needs_mesh(read()):
             return is_one_of_several()
     if is_first():
         gmsh.start()
