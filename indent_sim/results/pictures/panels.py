@@ -53,7 +53,6 @@ class Wish:
     font: float = canvas.FONT
     units: Mapping[str, str] = field(default_factory=dict)
 
-
     def side_by_side(self, narrowest: float, most: int) -> int:
         """How many panels stand side by side, none narrower than so many inches at the standard font size."""
         room = self.width * MM / (narrowest * self.font / canvas.FONT) if self.width else most
