@@ -22,7 +22,7 @@ PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a s
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PRESSED = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
 MARGIN = 0.1  # contact radii around what is pressed
-BESIDE = 1.5  # elements beside a place where the pressure is infinite, in which the mesh says what it is
+BESIDE_APEX, BESIDE_EDGE = 1.5, 4.0  # elements beside an infinite pressure in which the mesh says what it is
 INFINITE = "∞"
 
 
@@ -107,8 +107,8 @@ def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     if scene is None or not len(peak) or np.isfinite(peak[0]):
         return ()
     size = scene.mesh.h_contact if isinstance(scene.mesh.h_contact, float) else 0.0
-    own = {True: scene.mesh.h_axis, False: scene.mesh.h_edge}
-    return tuple((radius, BESIDE * (own[radius == 0] or size)) for radius, _ in scene.indenter.creases())
+    apex, edge = BESIDE_APEX * (scene.mesh.h_axis or size), BESIDE_EDGE * (scene.mesh.h_edge or size)
+    return tuple((radius, apex if radius == 0 else edge) for radius, _ in scene.indenter.creases())
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
@@ -162,6 +162,8 @@ def _say_infinite(axes: Axes, contacts: Sequence[Contact], middle: float, length
 
 def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     """The pressure as seen from above: centred on the tip, mirrored where a part is modelled, all that is pressed."""
+    from matplotlib.ticker import MaxNLocator
+
     length = scaled("length", [results], np.array([contact.reach]), "x")
     pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
     x, y, p = _whole(contact)
@@ -174,13 +176,12 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     low = float(pressure(p[near].min(initial=0.0)))
     filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
                               extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
-    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(low, top, 4))
-    bar.ax.yaxis.set_major_formatter("{x:.3g}")
+    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=MaxNLocator(5))
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
     axes.set_aspect("equal")
     for set_limits, middle in zip((axes.set_xlim, axes.set_ylim), contact.center, strict=True):
         set_limits(length(middle - contact.reach), length(middle + contact.reach))
-    axes.locator_params(nbins=4)
+    axes.locator_params(nbins=5)
     name_axes(axes, length.label, Axis("y", unit=length.unit).label)
 
 
