@@ -386,9 +386,13 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
 def report(folder: Path, output: Path | None) -> None:
     """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
+    from indent_sim.study import folder as studies
+    from indent_sim.study.report import of_study
 
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is no folder of a result or a study")
     output = output or folder / reports.NAME
-    reports.write(folder, output)
+    reports.write(of_study(folder) if (folder / studies.RECORD).exists() else reports.of_run(folder), output)
     say(str(output))
 
 

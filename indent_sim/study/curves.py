@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from indent_sim.results.reader import Results
+from indent_sim.process.errors import UsageError
+from indent_sim.results.reader import Results, read_run
 from indent_sim.study import table
 from indent_sim.study.cases import Case, short
 
@@ -79,4 +82,18 @@ def families(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Resu
     """The curves of all runs that came to their end."""
     found = [Curve({key: case.values.get(key) for key in keys}, done[case.id]) for case in cases
              if case.id in done and done[case.id].report.get("status") == "done"]  # fmt: skip
+    return _family(found, keys)
+
+
+def of_runs(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> Families:
+    """The same of the rows of a study's table, from those of its runs that are still in their folder."""
+    named = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
+    found = []
+    for name, row in named.items():
+        with suppress(UsageError):
+            found.append(Curve({key: row[key] for key in keys}, read_run(folder / str(name))))
+    return _family(found, keys)
+
+
+def _family(found: Sequence[Curve], keys: Sequence[str]) -> Families:
     return Families(tuple(found), tuple(table.telling([curve.values for curve in found], keys)))

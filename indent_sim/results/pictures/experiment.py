@@ -25,7 +25,13 @@ LOOKS = {"approach": (COLOURS[0], "-"), "hold": (COLOURS[2], "-"), "retract": (C
 
 def plot_experiment(folder: Path | str) -> Path:
     """Draw the experiment of a result folder into it; returns the picture's path."""
-    folder = Path(folder)
+    path = Path(folder) / PICTURE
+    draw(Path(folder), path)
+    return path
+
+
+def draw(folder: Path, path: Path) -> None:
+    """Draw the experiment of a result folder."""
     results, rows = read(folder), _rows(folder / EXPERIMENT)
     has_times, has_base = bool(rows[0]["t"]), any(row["z"] != row["delta"] for row in rows)
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
@@ -41,8 +47,7 @@ def plot_experiment(folder: Path | str) -> Path:
         else:
             _draw(drawn["radius"], rows, "a", axis("a", [results]), force)
         legend_below(figure, drawn["legend"], drawn["depth"])
-        save(figure, folder / PICTURE)
-    return folder / PICTURE
+        save(figure, path)
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
