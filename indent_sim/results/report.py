@@ -74,7 +74,7 @@ def of_run(folder: Path) -> str:
         subtitle=_subtitle(results),
         failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
         numbers=_numbers(results),
-        said=[*_theory(results), *_hertz(report), *_pull_off(results)],
+        said=[*_theory(results), *_hertz(results), *_pull_off(results)],
         pictures=[*_pictures(results), *_picture_of_experiment(folder)],
         warnings=report.get("warnings", []),
         tables=[table for table in tables if table.rows],
@@ -136,10 +136,11 @@ def _theory(results: Results) -> list[str]:
     return lines
 
 
-def _hertz(report: Mapping[str, Any]) -> list[str]:
+def _hertz(results: Results) -> list[str]:
     """What a fit of the half-space formula to the curve reads."""
-    fit = report.get("hertz")
-    return [f"A Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)."] if fit else []
+    fit = results.report.get("hertz")
+    modulus = scaled("pressure", [results], np.array([fit["E"]]), "E").said(fit["E"]) if fit else ""
+    return [f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} %)."] if fit else []
 
 
 def _pull_off(results: Results) -> list[str]:

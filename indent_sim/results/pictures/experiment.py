@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.results.folder import read_report
 from indent_sim.results.pictures.axes import axis, in_print
 from indent_sim.results.pictures.canvas import COLOURS, GREY, canvas, head, legend_below, name_axes, save
+from indent_sim.results.pictures.curves import smooth
 from indent_sim.results.reader import read
 from indent_sim.results.tables import EXPERIMENT
 
@@ -71,9 +72,9 @@ def _draw(axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any,
             continue
         branch, piece = rows[begin]["branch"], rows[max(begin - 1, 0) : k]
         colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
-        across, up = _numbers(piece, name), y(_numbers(piece, "force"))
-        axes.plot(across if x is None else x(across), up, color=colour, ls=style, lw=1.5,
-                  label=None if branch in seen else branch)  # fmt: skip
+        across = _numbers(piece, name)
+        curve = smooth(across if x is None else x(across), y(_numbers(piece, "force")))
+        axes.plot(*curve, color=colour, ls=style, lw=1.5, label=None if branch in seen else branch)
         seen.add(branch)
         begin = k
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)

@@ -106,7 +106,7 @@ def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] |
     depth, force = axis("delta", runs), axis("force", runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         curves.draw(axes, run["delta"], depth(run["delta"]), force(run["force"]), curves.look(i, len(runs)), name,
-                    from_origin=_begins_untouched(run))  # fmt: skip
+                    from_origin=begins_untouched(run))  # fmt: skip
     if any(goes_out for run in runs for _, goes_out in curves.branches(run["delta"])):
         axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, lw=1.2, **curves.UNLOADING)
     _draw_bars(axes, runs, depth, force)
@@ -116,7 +116,7 @@ def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] |
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
 
 
-def _begins_untouched(run: Results) -> bool:
+def begins_untouched(run: Results) -> bool:
     """Whether a run's first branch begins with no force at no depth, as without adhesion."""
     scene = scene_of(run.path)
     adhesive = getattr(scene.contact, "adhesion", None) is not None if scene else True
