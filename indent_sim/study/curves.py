@@ -111,7 +111,7 @@ def of_runs(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> Families:
     for name, row in named.items():
         with suppress(UsageError):
             found.append(Curve({key: row[key] for key in keys}, read_run(folder / str(name))))
-    return _family(found, keys)
+    return _family([curve for curve in found if len(curve.results)], keys)
 
 
 def _family(found: Sequence[Curve], keys: Sequence[str]) -> Families:

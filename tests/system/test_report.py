@@ -118,8 +118,10 @@ def test_a_failed_run_says_so_first(tmp_path):
 def a_study(folder: Path) -> Path:
     """The report of six runs of a scene that theory solves."""
     (folder / "scene.yaml").write_text(BY_THEORY.format(title="A layer", steps=3))
-    (folder / "study.yaml").write_text("base: scene.yaml\nvary: {body.height: [5, 10, 20], material.E: [1 kPa, 2 kPa]}\n")
-    for words in (["study", str(folder / "study.yaml"), "--output", str(folder / "out")], ["report", str(folder / "out")]):
+    vary = "{body.height: [5, 10, 20], material.E: [1 kPa, 2 kPa]}"
+    (folder / "study.yaml").write_text(f"base: scene.yaml\nvary: {vary}\n")
+    out = str(folder / "out")
+    for words in (["study", str(folder / "study.yaml"), "--output", out], ["report", out]):
         done = CliRunner().invoke(commands.program, words)
         assert done.exit_code == 0, done.stderr
     return folder / "out" / "report.html"
@@ -145,9 +147,9 @@ def test_a_study_whose_runs_are_gone_is_still_told(tmp_path):
 @pytest.mark.parametrize("width", [400, 1200])
 @pytest.mark.parametrize("make", [written, a_study], ids=["run", "study"])
 def test_in_a_browser_nothing_stands_out_of_the_page(tmp_path, make, width):
-    """As wide as the window, whatever its width: what does not fit scrolls in its own box. Letters are 6 px high at least.
+    """As wide as the window, whatever its width: what does not fit scrolls in its own box.
 
-    Of a box of 9 point letters that is what is left where a picture 110 mm wide is shrunk to a window of 400 px.
+    No letters are lower than 6 px: that is what is left where a picture 110 mm wide is shrunk to a window of 400 px.
     """
     page = make(tmp_path)
     each = "[...document.querySelectorAll('{}')].map(s => s.getBoundingClientRect().{})"

@@ -176,7 +176,7 @@ def test_the_answers_of_the_how_do_i_page_run(tmp_path):
 
 
 def test_commands_in_the_sentences_of_the_notes_and_the_theory_run(tmp_path):
-    """What the tests do not run as a scene of theirs: no slip in the notes' scene, and the measurements of theory.md."""
+    """What is no scene of the tests: no slip in the notes' scene, and the measurements of theory.md."""
     os.symlink(ROOT / "configs", tmp_path / "configs")
     notes, theory = ((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("notes", "theory"))
     stick = [line for line in COMMAND.findall(notes) if "--set" in line]
