@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
-TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber")
+TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
 DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
@@ -400,14 +400,14 @@ def report(folder: Path, output: Path | None) -> None:
 @click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
 @click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:
-    """Write a commented scene to start from. Prints the file's name."""
+    """Write a commented scene or study to start from. Prints the file's name."""
     from importlib.resources import files
 
     output = output or Path(f"{kind}.yaml")
-    scene = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    text = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
     try:
         with open(output, "x", encoding="utf-8") as file:
-            file.write(scene)
+            file.write(text)
     except FileExistsError:
         raise UsageError(f"{output} is there already and stays as it is; choose another name with --output") from None
     except OSError as error:

@@ -92,6 +92,7 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
     "module load": "an installation on a cluster",
     "docker build": "needs a Docker daemon",
+    **{f"indent-sim init {kind}\n": "tests/system/test_journeys.py" for kind in ("cell", "film", "gel", "study")},
     "eval \"$(_INDENT_SIM_COMPLETE=zsh": "test_tab_completion, as far as it needs no zsh",
     "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
 }
