@@ -1,4 +1,4 @@
-"""Four new users: from an empty folder to what each came for in at most three commands, as docs/how_do_i.md says them."""
+"""Four new users: from an empty folder to what each came for in at most three commands, those of docs/how_do_i.md."""
 
 from __future__ import annotations
 
