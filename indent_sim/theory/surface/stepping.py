@@ -99,7 +99,7 @@ def layer_surface(contact: Layer, a: float) -> Surface:
     K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
     areas = np.full(n, 2.0 * np.pi * width)
     A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
-    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h)
+    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h, only_discs=True)
 
 
 class SurfaceContact:
