@@ -138,8 +138,8 @@ def test_a_contact_that_is_no_disc() -> None:
 
 def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is returned by a search that was cut off, nor by theory where the contact is a ring."""
-    layer = Layer.on(profiles.paraboloid(1.0), Stack((Ply(1.0, 2.0, 0.0), Ply(math.inf, 2.0, 0.0)), None))
-    disc = layer_surface(layer, 0.1)
+    layer, _, a = layer_of(0.05)
+    disc = layer_surface(layer, a)
     with pytest.raises(Unsettled, match="no disc"):
         SurfaceContact(disc, disc.A).pressures(disc.heights[::-1] - 0.001 * disc.areas)
     monkeypatch.setattr(stepping, "TOUCHES", 1)
