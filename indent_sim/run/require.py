@@ -40,6 +40,7 @@ Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
 
 FARTHEST = 1e6  # times where a search for a threshold begins
 ENOUGH_STEPS = 20  # of a path with friction: its force is good to 0.1 % then
+FRICTIONS = (0.1, 0.3, "stick")  # that tell what may come of friction where a scene has none
 MARGIN = 0.1  # per cent by which a range is wider than half of itself to either side
 NEAR = 0.9  # of the deepest depth: where a second force says how steep the curve is
 VARIED = 0.02  # relative change of R that says how the force grows with it
@@ -48,6 +49,7 @@ SAMPLES = 60  # of an elastic curve
 DEFAULTED = ("units", "contact", "mesh", "solver", "output")  # sections left out of a scene where all is as usual
 ANY_SCENE: Document = {"body": {"shape": "half_space"}, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.0},
                        "indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.1}}  # fmt: skip
+OF_EXPERIMENT = {"adhesion": {"adhesion"}, "rate": {"relaxation"}, "cantilever": {"cantilever", "frame"}}
 OF_A_MESH = {"solver", "mesh", "contact", "accuracy"}  # sections that a scene without a mesh does without
 
 
@@ -215,7 +217,7 @@ class _Bench:
             raise
         except (IndentSimError, ArithmeticError, ValueError):
             return None
-        return last.force if last.converged and last.force > 0 else None
+        return last.force if last.converged else None
 
     def resolved(self, document: Document) -> Scene:
         """The scene of a document, its theory used wherever that is exact."""
@@ -228,28 +230,36 @@ class _Bench:
         """The config of a document that stands where the scene's file does."""
         return varied(document, Source(self.config.source.name), ())
 
+    @property
+    def by_steps(self) -> Document:
+        """The way to the deepest row, where the force depends on it."""
+        return {"delta": self.delta, "steps": ENOUGH_STEPS}
+
     @cached_property
     def own(self) -> float:
         """Force of the plain scene."""
         found = self.force()
-        if found is None:
-            return nan
-        return found
+        return found if found is not None and found > 0 else nan
 
     @cached_property
     def on_mesh(self) -> Document:
         """Sections that have a variation solved on one mesh, whatever theory knows."""
-        document = self.plain | {"contact": {"method": "augmented_lagrangian"}}
-        scene = resolve(self.beside(document))
-        h = scene.sizes.h_contact * scene.physics.scales.length
+        contact = {"method": "augmented_lagrangian"}
         if isinstance(self.config.body, MeshFromFile):
-            return {"contact": document["contact"]}
-        return {"contact": document["contact"], "mesh": {"h_contact": h}}
+            return {"contact": contact}
+        scene = resolve(self.beside(self.plain | {"contact": contact | self.attraction}))
+        return {"contact": contact, "mesh": {"h_contact": scene.sizes.h_contact * scene.physics.scales.length}}
+
+    @property
+    def attraction(self) -> Document:
+        """The key `adhesion` of the contact law; nothing without one."""
+        found = self.config.contact.adhesion
+        return {"adhesion": dataclasses.asdict(found)} if found else {}
 
     def ratio(self, with_it: Document, without: Document | None = None) -> float | None:
         """Force with some sections replaced over that with others."""
         above, below = self.force(**with_it), self.force(**(without or {}))
-        return above / below if above and below else None
+        return above / below if above is not None and below is not None and below > 0 else None
 
     @cached_property
     def known(self) -> Scene | None:
@@ -267,7 +277,7 @@ class _Bench:
     def power(self) -> float:
         """d ln F/d ln delta at the deepest row."""
         before = self.force(loading={"delta": NEAR * self.delta, "steps": 1})
-        return log(self.own / before) / -log(NEAR) if before else nan
+        return log(self.own / before) / -log(NEAR) if before is not None and before > 0 else nan
 
     def along(self, delta: float) -> float:
         """Force at a depth: theory's curve, drawn through the deepest force; a power law where there is none."""
@@ -507,23 +517,33 @@ class _Effects:
     # ---- the contact ---------------------------------------------------------------------------------------------
 
     def _stick(self, name: str) -> Effect:
-        bench = self.bench
-        friction = getattr(bench.config.contact, "friction", 0.0) or "stick"
-        said = bench.scene.plan.stick if friction == "stick" else None
-        if said and said.percent is not None:
-            return Effect(name, said.percent, said.low, said.high, f"no slip: {said.source}")
-        if said:
-            wider = (said.high - said.low) / 2 + MARGIN
-            return Effect(name, None, said.low - wider, said.high + wider, f"no slip: {said.source}")
-        if not bench.is_solvable:
+        """No slip, and what may come of any friction: the least and the most of some, wider by half of their spread."""
+        friction = getattr(self.bench.config.contact, "friction", 0.0)
+        if friction:
+            return self._by(name, self._rough(friction), f"friction {friction} over none, on one mesh{self._how}")
+        if not self.bench.is_solvable:
             return Effect(name, None, None, None, "nothing solved in the plane stands for it")
-        rough = {"contact": bench.on_mesh["contact"] | {"friction": friction},
-                 "loading": {"delta": bench.delta, "steps": ENOUGH_STEPS}}  # fmt: skip
-        words = "no slip" if friction == "stick" else f"friction {friction:g}"
-        return self._by(name, bench.ratio(bench.on_mesh | rough, bench.on_mesh), f"{words} on one mesh{self._how}")
+        known = [100 * (ratio - 1) for f in FRICTIONS if (ratio := self._rough(f)) is not None]
+        if len(known) < len(FRICTIONS):
+            return Effect(name, None, None, None, "a contact with friction was not solved")
+        wider = (max(known) - min(known)) / 2 + MARGIN
+        said = self.bench.scene.plan.stick
+        is_exact = said is not None and said.percent is not None
+        words = f"{said.source}" if said and is_exact else f"on one mesh{self._how}"
+        percent = said.percent if said and is_exact else known[-1]
+        return Effect(name, percent, min(known) - wider, max(known) + wider,
+                      f"no slip: {words}; the range holds friction from {FRICTIONS[0]:g} on")  # fmt: skip
+
+    def _rough(self, friction: float | str) -> float | None:
+        """Force with friction over that without, on one mesh."""
+        bench = self.bench
+        rough = {"contact": bench.on_mesh["contact"] | {"friction": friction}, "loading": bench.by_steps}
+        return bench.ratio(bench.on_mesh | rough, bench.on_mesh)
 
     def _adhesion(self, name: str) -> Effect:
         bench, scene = self.bench, self.bench.known
+        if bench.attraction:
+            return self._adhesion_in_range(name)
         if isinstance(bench.tip, FlatPunch | Plate) and not isinstance(bench.config.body, Cap | Ball):
             return self._none(name, "a flat punch touches the same disc with adhesion as without")
         contact = scene.plan.theory.contact if scene is not None and scene.plan.theory else None
@@ -547,6 +567,15 @@ class _Effects:
             return self._from(name, "work", self._threshold(pulled, start), f"the JKR limit{self._how}")
         beside = self._pull_off(given, punches, unit, alone)
         return self._by(name, pulled(given.work), f"the JKR limit{beside}{self._how}")
+
+    def _adhesion_in_range(self, name: str) -> Effect:
+        """That of the contact law: the force on the way in, which has jumped where the scene does."""
+        bench = self.bench
+        if not bench.is_solvable:
+            return Effect(name, None, None, None, "nothing solved in the plane stands for it")
+        sticky = {"contact": bench.on_mesh["contact"] | bench.attraction, "loading": bench.by_steps}
+        return self._by(name, bench.ratio(bench.on_mesh | sticky, bench.on_mesh),
+                        f"the contact law with its range over the one without, on one mesh{self._how}")  # fmt: skip
 
     def _pull_off(self, given: Any, punches: LayerPunches, unit: float, alone: float) -> str:
         """Pull-off over the largest force, and the Tabor number, in words."""
@@ -644,7 +673,7 @@ class _Model:
     body: str = ""  # half_space | layer; empty: the scene's own
     is_finite: bool | None = None  # None: as the scene is
     is_sphere: bool = False
-    is_smooth: bool = False
+    is_smooth: bool = False  # without the friction or the adhesion of the contact law
 
     @property
     def percent(self) -> float | None:
@@ -685,7 +714,7 @@ class _Model:
 def _models(config: Config, found: Mapping[str, Effect]) -> Iterator[_Model]:
     """The models of a scene, from the cheapest on; the last one has every effect that a model can have."""
     is_finite = not all(layer.material.small_strain for layer in config.layers if layer.material)
-    has_friction = bool(getattr(config.contact, "friction", 0.0))
+    contact = "stick" if getattr(config.contact, "friction", 0.0) else "adhesion" if config.contact.adhesion else ""
     knows_finite = found["small_strain"].percent is not None
     is_parabola = isinstance(config.indenter, Paraboloid)
     names = ("adhesion", "rate", "cantilever") if config.experiment else ()
@@ -697,16 +726,16 @@ def _models(config: Config, found: Mapping[str, Effect]) -> Iterator[_Model]:
             continue
         if finite and must_be_linear:  # no curve at finite strain determines an experiment
             continue
-        if (finite and not knows_finite and not is_finite) or smooth < (not has_friction):
+        if (finite and not knows_finite and not is_finite) or not (smooth or contact):
             continue
         dropped = (
             *(transforms if finite else [found["small_strain"]] if knows_finite or is_finite else []),
             *(_of_body(body, config, found)),
             *([found["paraboloid"]] if is_parabola and not sphere else []),
-            *([found["stick"]] if has_friction and smooth else []),
+            *([found[contact]] if contact and smooth else []),
         )
         changes = None if finite == is_finite else finite
-        yield _Model(tuple(e for e in dropped if e.applies), body, changes, sphere, smooth and has_friction)
+        yield _Model(tuple(e for e in dropped if e.applies), body, changes, sphere, bool(smooth and contact))
 
 
 def _has(body: str, config: Config) -> bool:
@@ -729,19 +758,27 @@ def _sentence(model: _Model, document: Document, found: Mapping[str, Effect], wi
     body = {"half_space": "a half-space", "layer": "an infinitely wide layer"}.get(document["body"]["shape"],
                                                                                  "the body as it is")  # fmt: skip
     strain = "small strain" if _is_small(document) else "finite strain"
-    tip, rough = document["indenter"]["shape"].replace("_", " "), bool(document.get("contact", {}).get("friction"))
+    tip = document["indenter"]["shape"].replace("_", " ")
+    kept = [name for name in ("friction", "adhesion") if document.get("contact", {}).get(name)]
     off = "by less than the tolerance" if model.percent is None else f"by {model.percent:+.2g} %"
-    words = f"Model {body} under a {tip} at {strain}, {'with its' if rough else 'without'} friction"
+    words = f"Model {body} under a {tip} at {strain}, {f'with its {kept[0]}' if kept else 'without friction'}"
     if not model.is_within(within):
         words += f": that is off {off}; no model here has all of the effects at once."
     else:
         words += f": that is off {off}." if model.dropped else ": nothing simpler is within the tolerance."
-    unknown = [name for name in ("stick", "rate", "adhesion", "cantilever", "calibration")
-               if found[name].size > 100 * within and (found[name].low or found[name].high)
-               and not (name == "stick" and rough)]  # fmt: skip
-    if unknown:
-        words += f" Beside it, more than {100 * within:g} % may come of {', '.join(unknown).replace('_', ' ')}."
+    held = {"stick" if name == "friction" else name for name in kept}
+    beside = [name for name in ("stick", "rate", "adhesion", "cantilever", "calibration") if name not in held
+              and found[name].size > 100 * within and (found[name].low or found[name].high)]  # fmt: skip
+    computed = [name for name in beside if OF_EXPERIMENT.get(name, set()) & (document.get("experiment") or {}).keys()]
+    if computed:
+        words += f" Its experiment adds {_listed(computed)}."
+    if unknown := [name for name in beside if name not in computed]:
+        words += f" Beside it, more than {100 * within:g} % may come of {_listed(unknown)}."
     return words
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names).replace("_", " ")
 
 
 # ---- sections of a scene -----------------------------------------------------------------------------------------
