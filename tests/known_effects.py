@@ -18,7 +18,8 @@ from indent_sim.config.file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
 from indent_sim.run.experiment import conduct
-from indent_sim.run.require import Effect, Requirements, require
+from indent_sim.run.requirements.cheapest import Requirements, require
+from indent_sim.run.requirements.effects import Effect
 from indent_sim.scene.scene import Scene, resolve
 
 Document = dict[str, Any]
@@ -159,7 +160,7 @@ class _Reference:
 
     def at_threshold(self, effect: Effect) -> float | None:
         """The effect in per cent where the parameter is as said; None for one that is so by its definition."""
-        key, value = effect.needs.split(" from ")[1].split(" = ")
+        key, value = effect.needs.split(" from ")[1].split(" = ", 1)
         x = float(value.split()[0])
         E_nu = {"E": x, "nu": 0.3}
         match key:

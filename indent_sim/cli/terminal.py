@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
-    from indent_sim.run.require import Effect, Requirements
+    from indent_sim.run.requirements.cheapest import Requirements
+    from indent_sim.run.requirements.effects import Effect
     from indent_sim.scene.scene import Scene
     from indent_sim.study import Plan
 
