@@ -308,10 +308,10 @@ def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bo
     require_room()
     from indent_sim.config.file import load
     from indent_sim.results.writer import to_json
-    from indent_sim.run import require as requirements
+    from indent_sim.run.requirements import cheapest
 
     with _quiet_libraries(logging.ERROR), stoppable():
-        found = requirements.require(load(config, overrides), within)
+        found = cheapest.require(load(config, overrides), within)
     if as_json:
         return say(to_json(DONE | found.as_json()))
     from indent_sim.cli import terminal
