@@ -39,7 +39,6 @@ class Iterative:
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._held = np.flatnonzero(np.isin(self._places[0], problem.body.constrained))
         self._multigrid = Multigrid(problem, self._A)
-        self._schur = [_factor(problem.comm) for _ in self._beside]
         self._fresh = self._rate = 0.0
         self._ksp = self._create()
         self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
@@ -67,9 +66,9 @@ class Iterative:
         """The tangent at the present solution, which will be solved to `rtol`; the preconditioner where it is worn."""
         self.rtol = rtol
         self._A.assemble()
-        for field, factor in zip(self._beside, self._schur, strict=True):
+        for field in self._beside:
             field.assemble()
-            factor.setOperators(field.schur())
+            field.factor()
         self._ksp.getOperators()[0].assemble()
         if self._rate >= WORN * self._fresh:
             self._multigrid.renew()
@@ -105,8 +104,8 @@ class Iterative:
         u, *fields = step.getNestSubVecs()
         load, push = self._work
         r.copy(load)
-        for field, solver, known, found in zip(self._beside, self._schur, others, fields, strict=True):
-            solver.solve(known, found)
+        for field, known, found in zip(self._beside, others, fields, strict=True):
+            field.solve(known, found)
             field.B.mult(found, push)
             load.axpy(-1.0, push)
         self._multigrid.apply(load, u)
@@ -132,12 +131,3 @@ def _nested(A: PETSc.Mat, beside: Sequence[Beside]) -> PETSc.Mat:
         own = [field.C if k == other else None for other in range(len(beside))]
         rows.append([PETSc.Mat().createTranspose(field.B), *own])
     return PETSc.Mat().createNest(rows, comm=A.comm)
-
-
-def _factor(comm: Any) -> PETSc.KSP:
-    """A factorisation of a small symmetric matrix."""
-    ksp = PETSc.KSP().create(comm)
-    ksp.setType("preonly")
-    ksp.getPC().setType("cholesky")
-    ksp.getPC().setFactorSolverType("mumps")
-    return ksp
