@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 from typing import Any
 
 import pytest
 from scenes import BOX, ELASTIC, meshed, scene, solve
 
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
 from indent_sim.run import chain
 from indent_sim.scene.scene import Scene
@@ -115,3 +118,11 @@ def test_the_discretisation_does_not_know_the_linear_solver() -> None:
     assert one.physics == other.physics and one.sizes == other.sizes
     assert meshed(one).hash == meshed(other).hash
     assert replace(one.solver, linear="iterative") == other.solver
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_nothing_of_a_solution_stays(linear: str) -> None:
+    """Python sees no circle of references that goes through PETSc, and a process may run a thousand scenes."""
+    solve(on(linear, {}))
+    gc.collect()
+    assert not [one for one in gc.get_objects() if isinstance(one, Problem | Iterative)]
