@@ -74,12 +74,15 @@ class Jkr:
     @cached_property
     def _radius_at_rest(self) -> float:
         """The radius without force, beyond which the contact is stable however it is held."""
-        low, high = self.punches.smallest, self.punches.largest * (1.0 - CLOSEST)
-        low = max(low, 1e-9 * high)
+        largest = self.punches.largest * (1.0 - CLOSEST)
+        low = max(self.punches.smallest, 1e-9 * largest)
         if self.at(low).force > 0.0:
             raise ValueError(f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known")
-        if self.at(high).force < 0.0:
-            raise ValueError(f"adhesion is strong: contacts pull beyond {high:g}, of which nothing is known")
+        high = low  # from below: at the end of a tip and beside a wall nothing is known of the forces
+        while self.at(high).force < 0.0:
+            if high >= largest:
+                raise ValueError(f"adhesion is strong: contacts pull beyond {high:g}, of which nothing is known")
+            low, high = high, min(2.0 * high, largest)
         return math.exp(brentq(lambda x: self.at(math.exp(x)).force, math.log(low), math.log(high), xtol=1e-10))
 
     def _extremum(self, value: Callable[[float], float], low: float, high: float) -> float:
