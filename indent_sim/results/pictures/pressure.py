@@ -50,17 +50,17 @@ class Contact:
 
     @property
     def typical(self) -> float:
-        """The median pressure inside the contact."""
-        inside = np.hypot(self.x, self.y) <= self.a
-        return float(np.median(self.p[inside])) if inside.any() else float(self.p.max(initial=0.0))
+        """The median of the pressure's size inside the contact."""
+        inside, size = np.hypot(self.x, self.y) <= self.a, np.abs(self.p)
+        return float(np.median(size[inside])) if inside.any() else float(size.max(initial=0.0))
 
     @property
     def reach(self) -> float:
-        """The half width of the frame around the tip [length]: VIEW radii, and all that is pressed.
+        """The half width of the frame around the tip [length]: VIEW radii, and all that is pressed or pulled.
 
         The corners of a contact with few sides are farther from the tip than VIEW radii of a circle with its area.
         """
-        pressed = self.p > max(PRESSED * self.typical, 0.0)
+        pressed = np.abs(self.p) > PRESSED * self.typical
         farthest = max(np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0))
         return max(VIEW * self.a, farthest + MARGIN * self.a)
 
@@ -89,7 +89,7 @@ def contact_of(results: Results, step: float) -> Contact:
     is_part = choice(results.report, "symmetry") != "full"
     ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
     mirrored = (is_part and ends[0], is_part and ends[1])
-    return Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y), _infinite(results, step))
+    return Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y, p), _infinite(results, step))
 
 
 def _known(results: Results, step: float) -> np.ndarray:
@@ -169,9 +169,9 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
         near[:] = True
     largest = float(contact.p[contact.bounded()].max(initial=0.0))
-    top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or 1.0
-    places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
     low = float(pressure(p[near].min(initial=0.0)))
+    top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or float(low == 0.0)
+    places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
     filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
                               extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
     bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(low, top, 4))
@@ -209,10 +209,16 @@ def _draw_shear(axes: Axes, results: Results, step: float, contact: Contact) -> 
 
 
 def strongest_step(results: Results) -> float | None:
-    """The step of the largest force among those whose surface is known; None without any force."""
+    """The step of the largest force among those whose surface is known, of the widest contact or else of the largest
+    pull where none pushes; None without any force."""
     shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
-    forces = np.where(shown, results["force"], 0.0) if shown.any() else np.zeros(1)
-    return float(results["step"][np.argmax(forces)]) if forces.max() > 0 else None
+    if not shown.any():
+        return None
+    for size in (results["force"], results["a"], -results["force"]):
+        sizes = np.where(shown, size, 0.0)
+        if sizes.max() > 0:
+            return float(results["step"][np.argmax(sizes)])
+    return None
 
 
 def depth_text(results: Results, step: float) -> str:
@@ -227,7 +233,9 @@ def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.nd
     return np.array([*center, 0.0][:2]) if center else np.array([x[p.argmax()], y[p.argmax()]])
 
 
-def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray) -> float:
-    """The contact radius of a step; the size of the surface where the table has none."""
-    a = results["a"][results["step"] == step]
-    return float(a[0]) if a.size and a[0] > 0 else float(np.hypot(np.ptp(x), np.ptp(y)))
+def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> float:
+    """The contact radius of a step; without contact how far it is pulled, or else the size of the surface."""
+    a, pulled = results["a"][results["step"] == step], p < -PRESSED * np.abs(p).max(initial=0.0)
+    if a.size and a[0] > 0:
+        return float(a[0])
+    return float(np.hypot(x, y)[pulled].max()) if pulled.any() else float(np.hypot(np.ptp(x), np.ptp(y)))
