@@ -32,7 +32,7 @@ class Contact:
 
     mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length] of the contact;
     infinite: distances from the axis at which the pressure has no bound, and how far from there a mesh finds what its
-    own size makes it.
+    own size makes it. With friction the shear (n,) and the radius [length] of what sticks.
     """
 
     x: np.ndarray
@@ -42,6 +42,8 @@ class Contact:
     mirrored: tuple[bool, bool]
     a: float
     infinite: tuple[tuple[float, float], ...]
+    shear: np.ndarray | None = None
+    sticks: float = 0.0
 
     @property
     def is_map(self) -> bool:
@@ -72,7 +74,22 @@ class Contact:
     def profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
         """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an infinite one."""
         order = np.argsort(self.x)
-        x, p = self.x[order], np.where(self.bounded(), self.p, np.nan)[order]
+        return self._along_line(self.x[order], np.where(self.bounded(), self.p, np.nan)[order], is_half, middle)
+
+    def shear_profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
+        """Places along a line [length], the tip at `middle`, and the size of the shear's means over the elements there.
+
+        Between the nodes of an element it says in which step each came into contact: under a tip that sticks it goes
+        up and down by as much as its mean.
+        """
+        assert self.shear is not None
+        order = np.argsort(self.x)
+        x, tau = self.x[order], self.shear[order]
+        if len(x) % 2 and np.allclose(x[1::2], (x[:-2:2] + x[2::2]) / 2, rtol=0, atol=1e-6 * np.ptp(x)):
+            x, tau = x[1::2], (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
+        return self._along_line(x, np.abs(tau), is_half, middle)
+
+    def _along_line(self, x: np.ndarray, p: np.ndarray, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
         if self.mirrored[0] and not is_half:
             x, p = np.concatenate([-x[::-1], x]), np.concatenate([p[::-1], p])
         return x + middle, p
@@ -89,7 +106,11 @@ def contact_of(results: Results, step: float) -> Contact:
     is_part = choice(results.report, "symmetry") != "full"
     ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
     mirrored = (is_part and ends[0], is_part and ends[1])
-    return Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y, p), _infinite(results, step))
+    found = Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y, p), _infinite(results, step))
+    if "shear" not in surface:
+        return found
+    sticks = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
+    return replace(found, shear=surface["shear"][known], sticks=float(sticks[0]) if len(sticks) else 0.0)
 
 
 def _known(results: Results, step: float) -> np.ndarray:
@@ -119,8 +140,8 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
         draw_map(axes, results, contact)
     else:
         draw_profiles(axes, [(results, contact, "", COLOURS[0])])
-        if "shear" in results.surface:
-            _draw_shear(axes, results, step, contact)
+        if contact.shear is not None:
+            axes.legend(loc="upper right")
 
 
 def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, object]]) -> None:
@@ -134,6 +155,13 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, objec
     is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
     tops = [_draw_profile(axes, contact.profile(is_half, middle), length, pressure, contact.typical, name, colour)
             for _, contact, name, colour in shown]  # fmt: skip
+    rubbed = [(contact, name, colour) for _, contact, name, colour in shown if contact.shear is not None]
+    for contact, name, colour in rubbed:
+        x, shear = contact.shear_profile(is_half, middle)
+        own = colour if name else COLOURS[1]
+        axes.plot(length(x), pressure(shear), color=own, ls="--", label=", ".join(filter(None, [name, "shear"])))
+        for end in [contact.sticks] if is_half else [-contact.sticks, contact.sticks]:
+            axes.axvline(length(middle + end), color=own if name else GREY, lw=0.8, ls=":")
     name_axes(axes, length.label, pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
     from_zero(axes, np.array(tops))
@@ -174,6 +202,7 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
     filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
                               extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
+    _draw_rubbed(axes, contact, length)
     bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(low, top, 4))
     bar.ax.yaxis.set_major_formatter("{x:.3g}")
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
@@ -195,17 +224,19 @@ def _whole(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x[first], y[first], p[first]
 
 
-def _draw_shear(axes: Axes, results: Results, step: float, contact: Contact) -> None:
-    """The size of the tangential traction in the pressure's unit, and dotted lines where the contact begins to slip."""
-    (middle, name), is_half = middle_of([results]), first_axis(results) == "r"
-    length = scaled("length", [results], np.array([contact.reach]), name)
-    pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
-    x, shear = replace(contact, p=np.abs(results.surface["shear"][_known(results, step)])).profile(is_half, middle)
-    axes.plot(length(x), pressure(shear), color=COLOURS[1], ls="--", label="shear")
-    axes.legend(loc="upper right")
-    radius = float(results["stick_radius"][results["step"] == step][0])
-    for end in [radius] if is_half else [-radius, radius]:
-        axes.axvline(length(middle + end), color=GREY, lw=0.8, ls=":")
+def _draw_rubbed(axes: Axes, contact: Contact, length: Axis) -> None:
+    """Lines of equal shear, and a dotted circle as large as what sticks; nothing without friction."""
+    if contact.shear is None or not contact.shear.any():
+        return
+    x, y, shear = _whole(replace(contact, p=contact.shear))
+    places = (length(along + middle) for along, middle in zip((x, y), contact.center, strict=True))
+    axes.tricontour(*places, shear, levels=3, colors="white", linewidths=0.5, alpha=0.7)
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    circle = (length(middle + contact.sticks * of(angle)) for middle, of in zip(contact.center, (np.cos, np.sin),
+                                                                              strict=True))  # fmt: skip
+    axes.plot(*circle, color="black", lw=1.4, ls=":")
+    axes.annotate("lines: equal shear, dots: what sticks", (0.03, 0.03), xycoords="axes fraction", color="white",
+                  fontsize="x-small")  # fmt: skip
 
 
 def strongest_step(results: Results) -> float | None:
