@@ -126,8 +126,8 @@ class FieldWriter:
         return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
     def _state(self, step: int, delta: float) -> _Kept:
-        texts = {XDMF: self._grid(step, delta, "", self._arrays, LASTING), TIP: self._grid(step, delta, "tip_", OF_TIP, {})}
-        return _Kept(step, delta, texts)
+        body, tip = self._grid(step, delta, "", self._arrays, LASTING), self._grid(step, delta, "tip_", OF_TIP, {})
+        return _Kept(step, delta, {XDMF: body, TIP: tip})
 
     def _grid(self, step: int, delta: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
         """A state of the mesh whose arrays begin with a prefix."""

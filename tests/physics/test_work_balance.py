@@ -30,7 +30,7 @@ def test_dissipation_is_the_work_of_a_cycle(friction: float) -> None:
 
 @pytest.mark.parametrize("tip", [PARABOLOID, {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.1}])
 def test_energy_of_a_tip_that_adheres_at_finite_strain(tip: dict[str, object]) -> None:
-    """Between two depths at which nothing jumps, with a gap at the deformed point: Simpson's rule on eight intervals."""
+    """Between two depths at which nothing jumps, with a gap at the deformed point: Simpson's rule on 8 intervals."""
     body = {"shape": "cylinder", "radius": 3.0, "height": 1.5, "base": "fixed", "sides": "roller"}
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     depths = np.linspace(0.0, 0.12, 9)

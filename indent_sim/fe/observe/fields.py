@@ -29,9 +29,9 @@ class Fields:
     """The fields of a solution by name.
 
     At the vertices displacement (points, dim) [length], pressure and with friction shear (points,), the mean of the
-    facets that meet, as in the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises, principal_stresses (cells, 3)
-    from the largest, energy_density per undeformed volume [pressure], and J = det(I + grad u). A quadratic
-    displacement is shown by its values at the vertices.
+    facets that meet, as in the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises,
+    principal_stresses (cells, 3) from the largest, energy_density per undeformed volume [pressure], and
+    J = det(I + grad u). A quadratic displacement is shown by its values at the vertices.
     """
 
     def __init__(self, body: ObservedBody):

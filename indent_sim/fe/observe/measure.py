@@ -268,7 +268,7 @@ def _tractions(body: Observed, s: Sample, points: np.ndarray) -> np.ndarray:
 
 
 def _shear(body: Observed, s: Sample, points: np.ndarray) -> np.ndarray:
-    """tau (facets, points) as it is written: in three dimensions its size; true with a current gap; 0 out of contact."""
+    """tau (facets, points) as written: in three dimensions its size; true with a current gap; 0 out of contact."""
     tau = body.shear_at(points)
     size = tau[..., 0] if body.trace.dim == 2 else np.linalg.norm(tau, axis=-1)
     return np.where(s.p_hat > 0, size, 0.0) / s.area

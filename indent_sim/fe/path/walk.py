@@ -43,7 +43,7 @@ class Walk:
         self.equilibrium = equilibrium
         physics = equilibrium.scene.physics
         self._adheres, self._drags = physics.adheres, physics.has_friction
-        self._range = (physics.contact.adhesion.range or 0.0) if self._adheres else 0.0
+        self._range = (physics.contact.adhesion.range or 0.0) if physics.contact.adhesion else 0.0
         self.started = time.perf_counter() if started is None else started
         self._points = [Point(0.0 - FAR * self._range, equilibrium.snapshot())]  # the untouched body at rest
         self._row = self._untouched = self._points[0]

@@ -232,9 +232,8 @@ def _draw_rubbed(axes: Axes, contact: Contact, length: Axis) -> None:
     places = (length(along + middle) for along, middle in zip((x, y), contact.center, strict=True))
     axes.tricontour(*places, shear, levels=3, colors="white", linewidths=0.5, alpha=0.7)
     angle = np.linspace(0.0, 2 * np.pi, 181)
-    circle = (length(middle + contact.sticks * of(angle)) for middle, of in zip(contact.center, (np.cos, np.sin),
-                                                                              strict=True))  # fmt: skip
-    axes.plot(*circle, color="black", lw=1.4, ls=":")
+    around = contact.sticks * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
+    axes.plot(*map(length, around), color="black", lw=1.4, ls=":")
     axes.annotate("lines: equal shear, dots: what sticks", (0.03, 0.03), xycoords="axes fraction", color="white",
                   fontsize="x-small")  # fmt: skip
 
