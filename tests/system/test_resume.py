@@ -184,8 +184,9 @@ class TestKilled:
     ])  # fmt: skip
     def test_a_path_with_adhesion(self, indent_sim, undisturbed, tmp_path, material, loading, rows, forget):
         """Which of two stable states holds is in the checkpoint, or found again on the same path from far away."""
-        method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 3.0e-2}"
+        method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
+        scene = scene.replace("h_contact: 0.12", "h_contact: 0.08")
         (tmp_path / "scene.yaml").write_text(scene)
         interrupt(tmp_path, rows)
         if forget:
