@@ -16,7 +16,7 @@ from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import Solution
 
-POINTS = 50  # of the theory curve that is kept for the plot
+POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
 def summary(
@@ -84,11 +84,10 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     solution = _theory_beside(scene, theory, deepest)
     if solution is None:
         return None
-    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)] if scene.is_meshed else []  # else: the rows
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
     if scene.physics.path.control == "force":
         found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
-    curve = theory.curve(depths) or []
+    curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     return {
         "name": theory.name,
         "exact": not scene.differences,
