@@ -180,7 +180,7 @@ class TestKilled:
 
     @pytest.mark.parametrize(("material", "loading", "rows", "forget"), [
         ("neo_hookean", STICKY, 3, False), ("neo_hookean", STICKY, 4, True), ("linear_elastic", STICKY, 3, False),
-        ("linear_elastic", "forces: [0, 0.01, -0.02, 0.01]", 2, False)
+        ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False)
     ])  # fmt: skip
     def test_a_path_with_adhesion(self, indent_sim, undisturbed, tmp_path, material, loading, rows, forget):
         """Which of two stable states holds is in the checkpoint, or found again on the same path from far away."""

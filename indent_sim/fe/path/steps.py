@@ -34,6 +34,8 @@ class StepRule:
         """
         if self._failures >= PATIENCE or self.longest <= self._smallest / 2:
             return None
+        if max(at, target) <= self._free:
+            return target
         start = max(at, min(target, self._free))
         parts = max(1, ceil(abs(target - start) / self.longest - 1e-9))
         self._step = abs(target - start) / parts

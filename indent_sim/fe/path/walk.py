@@ -155,12 +155,13 @@ class Walk:
         """Step to the target; the number of steps, 0 when it cannot be reached.
 
         With memory each row has steps of its own, whatever those before needed: a resumed path is the same path. And
-        the way in stops where it begins, for nothing sticks before.
+        the way in stops where it begins, for nothing sticks before; the way out of a tip that adheres where it ends.
         """
         if self.equilibrium.has_memory:
             self._steps = self._step_rule()
-            if self._last.delta < 0 < target and not self._adheres:
-                return (first := self._reach(0.0)) and (rest := self._reach(target)) and first + rest
+            felt = self._untouched.delta  # from here on inwards
+            if (target < felt < self._last.delta) if self._adheres else (self._last.delta < 0 < target):
+                return (first := self._reach(felt)) and (rest := self._reach(target)) and first + rest
         substeps = 0
         self._steps.begin(target - self._last.delta)
         while (goal := self._steps.goal(self._last.delta, target)) is not None:
