@@ -82,7 +82,7 @@ def test_commands_of_the_pages_exist():
     assert len(said) > 40 and wrong == []
 
 
-RUN = ("README.md", "docs/how_do_i.md", "docs/study.md", "docs/experiments.md", "docs/conventions.md", "docs/theory.md")
+RUN = ("README.md", *(f"docs/{name}.md" for name in ("how_do_i", "study", "experiments", "conventions", "theory", "notes")))
 ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "make demo ": "installs the packages of the machine: the first step of every check of a commit",
     "make check ": "the tests themselves",
@@ -161,7 +161,7 @@ def test_the_commands_of_a_page_run(name, tmp_path):
         if kind == "python":
             followed([f'"{sys.executable}" - <<"END"\n{block}\nEND'], tmp_path)
         elif not reason_of(block):
-            lines = [re.sub(r" +#.*", "", line) for line in shortened(block).splitlines()]
+            lines = [re.sub(r" +#.*", "", line.strip()) for line in shortened(block).splitlines()]
             followed([line for line in lines if line], tmp_path)
 
 
@@ -194,7 +194,8 @@ def test_commands_in_the_sentences_of_the_notes_and_the_theory_run(tmp_path):
 def test_every_make_of_the_pages_is_a_target():
     pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
     named = {word for page in pages for word in re.findall(r"`make (\w+)`", page.read_text())}
-    named |= {word for page in pages for _, text in commands_of(page) for word in re.findall(r"^make (\w+)", text, re.M)}
+    blocks = [text for page in pages for _, text in commands_of(page)]
+    named |= {word for text in blocks for word in re.findall(r"^make (\w+)", text, re.MULTILINE)}
     targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     assert len(named) > 7 and named <= targets, named - targets
 
