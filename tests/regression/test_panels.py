@@ -177,8 +177,8 @@ class TestCurves:
         exact = fine_x**1.5 * (1 + fine_x)
         assert np.abs(fine_y - exact).max() < 0.2 * np.abs(np.interp(fine_x, x, x**1.5 * (1 + x)) - exact).max()
 
-    @pytest.mark.parametrize("y", [[1.0], [1.0, 2.0], [1.0, np.nan, 2.0]])
-    def test_too_few_points_stay_as_they_are(self, y):
+    @pytest.mark.parametrize("y", [[1.0], [1.0, 2.0], [1.0, np.nan, 2.0], [1.0, -3.0, 0.0]])
+    def test_too_few_points_and_jumps_stay_as_they_are(self, y):
         assert curves.smooth(np.arange(len(y)), y)[1] == pytest.approx(y, nan_ok=True)
 
     def test_branches_end_at_turning_points(self):
