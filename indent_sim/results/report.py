@@ -132,7 +132,7 @@ def _theory(results: Results) -> list[str]:
         beside = f"this run {theory[f'{asked}_deviation']:+.2%}{f' ({exact})' if exact else ''}"
         lines.append(f"{theory['name']}: {asked} {theory[asked]:.5g} {unit}; {beside}.")
     for formula in filter(None, [theory.get("half_space"), *theory.get("formulas", [])]):
-        beside = f"{formula['deviation']:+.1%} of this run"
+        beside = f"{abs(formula['deviation']):.1%} {'below' if formula['deviation'] < 0 else 'above'} this run"
         lines.append(f"{formula['name']}: {asked} {formula[asked]:.5g} {unit}, {beside}.")
     return lines
 

@@ -50,11 +50,12 @@ def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
 
     Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as the force and the
     radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)
-    645: no overshoot. Points that do not go on in x are joined by straight lines.
+    645: no overshoot. Points that do not go on in x, and forces that pull, which may jump, are joined by chords.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     h = np.diff(x)
-    if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()) or not ((h > 0).all() or (h < 0).all()):
+    goes_on = (h > 0).all() or (h < 0).all()
+    if len(x) < 3 or not goes_on or not np.isfinite(np.append(x, y)).all() or y.min() < 0:
         return x, y
     n = _power(x, y)
     fine_x, straightened = _cubic(x, y ** (1 / n), h)
@@ -64,9 +65,9 @@ def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _power(x: np.ndarray, y: np.ndarray) -> float:
-    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where a number is negative."""
+    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where x begins before it."""
     known = (x > 0) & (y > 0)
-    if min(x.min(), y.min()) < 0 or known.sum() < 2:
+    if x.min() < 0 or known.sum() < 2:
         return 1.0
     (near, low), (far, high) = sorted(zip(x[known], y[known], strict=True))[:: known.sum() - 1]
     return float(np.clip(np.log(high / low) / np.log(far / near), 1 / MOST_POWER, MOST_POWER))
