@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
-TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber")
+TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
 DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
@@ -306,10 +306,10 @@ def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bo
     require_room()
     from indent_sim.config.file import load
     from indent_sim.results.writer import to_json
-    from indent_sim.run import require as requirements
+    from indent_sim.run.requirements import cheapest
 
     with _quiet_libraries(logging.ERROR), stoppable():
-        found = requirements.require(load(config, overrides), within)
+        found = cheapest.require(load(config, overrides), within)
     if as_json:
         return say(to_json(DONE | found.as_json()))
     from indent_sim.cli import terminal
@@ -385,9 +385,13 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
 def report(folder: Path, output: Path | None) -> None:
     """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
+    from indent_sim.study import folder as studies
+    from indent_sim.study.report import of_study
 
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is no folder of a result or a study")
     output = output or folder / reports.NAME
-    reports.write(folder, output)
+    reports.write(of_study(folder) if (folder / studies.RECORD).exists() else reports.of_run(folder), output)
     say(str(output))
 
 
@@ -395,14 +399,14 @@ def report(folder: Path, output: Path | None) -> None:
 @click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
 @click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:
-    """Write a commented scene to start from. Prints the file's name."""
+    """Write a commented scene or study to start from. Prints the file's name."""
     from importlib.resources import files
 
     output = output or Path(f"{kind}.yaml")
-    scene = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    text = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
     try:
         with open(output, "x", encoding="utf-8") as file:
-            file.write(scene)
+            file.write(text)
     except FileExistsError:
         raise UsageError(f"{output} is there already and stays as it is; choose another name with --output") from None
     except OSError as error:
