@@ -175,6 +175,10 @@ def test_same_curves_on_two_ranks(mpirun: Mpirun) -> None:
         assert_same_curves(alone(*SCENES)[name], together[name], name)
 
 
+TOGETHER = """
+from indent_sim.fe.condensed import compliance
+compliance._fits_every_rank = lambda body: False
+"""
 FEW = ("axisymmetric", "newton", "iterative", "rough_box", "sticky", "box")  # one of a kind
 
 
@@ -185,6 +189,16 @@ def test_same_curves_on_ranks_that_share_little(ranks: int, mpirun: Mpirun) -> N
     together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(FEW)))
     for name in FEW:
         assert_same_curves(alone(*FEW)[name], together[name], name)
+
+
+@pytest.mark.verify
+def test_same_curves_where_ranks_factor_a_body_together(mpirun: Mpirun) -> None:
+    """As where there is no memory for the whole body on every rank."""
+    names = ("axisymmetric", "box", "rough")
+    program = f"from indent_sim.run.simulation import backend\nbackend()\n{TOGETHER}{PROGRAM}"
+    together = parsed(mpirun(2, "-c", program, mappings(names)))
+    for name in names:
+        assert_same_curves(alone(*names)[name], together[name], name)
 
 
 @pytest.mark.verify
