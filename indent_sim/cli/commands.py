@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -30,7 +29,7 @@ from indent_sim.process.errors import (
     printable,
 )
 from indent_sim.process.limits import require_room, spent
-from indent_sim.process.ranks import Alone
+from indent_sim.process.ranks import Alone, Meeting
 from indent_sim.process.signals import check, stoppable
 from indent_sim.process.version import VERSION
 
@@ -42,7 +41,6 @@ if TYPE_CHECKING:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
-PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
@@ -281,7 +279,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         from indent_sim.results.writer import to_json
 
-        parts = ("title", "units", "choices", "prediction", "stick", "warnings")
+        parts = ("title", "units", "choices", "prediction", "stick", "adhesion", "warnings")
         say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
         return
     from indent_sim.cli import terminal
@@ -497,36 +495,21 @@ def _refuse_ranks() -> None:
 
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
-    """All ranks leave the block with the same exit code, and rank 0 alone says why.
+    """All ranks leave the block with the same exit code, and one says why: rank 0, or who fails where it does not.
 
     A rank that fails where the others do not (a bug, a signal) takes them all down.
     """
-    meeting = comm.Dup() if comm.size > 1 else comm
+    meeting = Meeting(comm)
     try:
         yield
     except BaseException as error:
         if comm.size == 1:
             raise
-        if comm.rank and isinstance(error, KeyboardInterrupt):
-            _all_arrive(meeting)  # rank 0 closes its files and ends all
-        expected = isinstance(error, IndentSimError)
-        speaks = comm.rank == 0 or not expected  # and before any rank ends: mpirun kills the rest then
-        code = explain(error) if speaks else getattr(error, "exit_code", 1)
-        if expected and _all_arrive(meeting):
+        stopped = isinstance(error, KeyboardInterrupt)  # rank 0 closes its files and ends all
+        code = getattr(error, "exit_code", 1) if comm.rank else explain(error)  # at once: mpirun kills
+        if (comm.rank or not stopped) and meeting.all_arrive() and not stopped:
             raise click.exceptions.Exit(code) from error
-        if not speaks:
-            explain(error)
-        comm.Abort(code)
-
-
-def _all_arrive(comm: Any) -> bool:
-    """Whether every rank gets here before patience ends."""
-    request, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
-    while not request.Test():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.01)
-    return True
+        comm.Abort(explain(error) if comm.rank else code)
 
 
 def _simulate(settings: Config, comm: Any, directory: Path, quiet: bool, **how: bool) -> Outcome:
