@@ -29,7 +29,7 @@ DIGITS = 6
 WIDE = 110.0  # mm: what stays readable on a screen 400 pixels wide
 CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force",
             "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
-OF_EXPERIMENT = "The experiment: force over depth, over the way of the base, over time or contact radius"
+OF_EXPERIMENT = "The experiment: force over depth and the way of the base; over contact radius, or what follows in time"
 NAME = "report.html"
 
 
