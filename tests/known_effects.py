@@ -202,7 +202,9 @@ class _Reference:
         return {}, {"body": {"shape": "half_space"}, "material": top}
 
     def _small_strain(self) -> tuple[Document, ...]:
-        return _finite(self.plain) | {"contact": self.plain["contact"] | {"gap": "current"}} | self._steps(8), {}
+        contact = self.plain["contact"] | self.scene.get("contact", {})  # friction and adhesion stay as they are
+        finite = _finite(self.scene) | {"contact": contact | {"gap": "current"}}
+        return finite | self._steps(8), {"contact": contact} | self._steps(8)
 
     def _incompressible(self) -> tuple[Document, ...]:
         layers = [part | {"material": part["material"] | {"nu": 0.5}} for part in self.plain["body"].get("layers", [])]

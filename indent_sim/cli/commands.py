@@ -279,7 +279,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         from indent_sim.results.writer import to_json
 
-        parts = ("title", "units", "choices", "prediction", "stick", "warnings")
+        parts = ("title", "units", "choices", "prediction", "stick", "adhesion", "warnings")
         say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
         return
     from indent_sim.cli import terminal

@@ -71,6 +71,7 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(_formulas(theory))
     if fit := report.get("hertz"):
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)")
+    lines += _adhesion(report.get("adhesion") or {})
     lines += _experiment(report.get("experiment") or {})
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
@@ -80,6 +81,17 @@ def conclusion(outcome: Outcome) -> list[str]:
 def warnings(outcome: Outcome) -> list[str]:
     """What a run warns of, a line each."""
     return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
+
+
+def _adhesion(report: dict[str, Any]) -> list[str]:
+    """The largest pull of the rows, and what is known of it beforehand."""
+    pulled = report.get("largest_pull")
+    if pulled is None:
+        return []
+    known = (("maugis_pull_off", "Maugis-Dugdale on a half-space"), ("jkr_pull_off", "without range (JKR)"))
+    beside = [f"{words} {report[name]:.6g}" for name, words in known if report.get(name) is not None]
+    lines = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
+    return ["; pull-off ".join([lines, ", ".join(beside)]) if beside else lines]
 
 
 def _experiment(report: dict[str, Any]) -> list[str]:

@@ -24,7 +24,7 @@ from indent_sim.theory.surface.punches import Punches, radius_at
 from indent_sim.theory.surface.relaxation import ElasticCurve, Modulus, OneCycle, PowerLaw, Prony
 from indent_sim.theory.surface.stepping import StepByStep, Surface, layer_surface
 
-POINTS = 200  # of an equilibrium curve, and of a history at least
+POINTS = 200  # of an equilibrium curve, and of a history at least; at most as many more
 SHALLOWEST = 1e-5  # of the deepest depth: a power law below
 SAMPLES = 80  # of an elastic curve
 FEW = 2.0  # elements that a contact must have to be one of them
@@ -231,16 +231,20 @@ class _Conduct:
 
     def _times(self) -> list[tuple[float, float, str]]:
         """Times, values and branches: every point of the history and, between them, enough for a curve."""
-        span = self.points[-1][0] - self.points[0][0]
         (t, value), found = self.points[0], []
         if self.points[0] == (self.experiment.points[0][0], value):
             found.append((t, value, _branch(value, self.points[1][1])))
-        for (t0, v0), (t1, v1) in pairwise(self.points):
-            pieces = max(1, round(POINTS * (t1 - t0) / span))
+        for ((t0, v0), (t1, v1)), rows in zip(pairwise(self.points), self._rows_between(), strict=True):
             branch = _branch(v0, v1)
-            found += [(t0 + (t1 - t0) * k / pieces, v0 + (v1 - v0) * k / pieces, branch) for k in range(1, pieces)]
+            found += [(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
             found.append((t1, v1, branch))
         return found
+
+    def _rows_between(self) -> list[int]:
+        """Rows of each piece of the history: its share of the time, or of the pieces if that is more; a jump: 1."""
+        spans = np.diff([t for t, _ in self.points])
+        share = np.maximum(spans / spans.sum(), 1.0 / len(spans))
+        return [max(1, round(POINTS * part)) if span > 0 else 1 for part, span in zip(share, spans, strict=True)]
 
     def _elastic(self) -> list[Row]:
         """Every point an equilibrium of the elastic curve."""
@@ -284,7 +288,7 @@ class _Conduct:
         stepper = StepByStep(self.surface(top), modulus, self.compliance, of_force)
         ways = [_branch(*pair) for pair in pairwise(values)]
         branches, point, rows = [ways[0], *ways], 0, []  # of the piece that ends at each point
-        for found in stepper.responses(times, values, every=span / POINTS):
+        for found in stepper.responses(times, values, self._rows_between()):
             rows.append(self._row(found.t, found.delta, found.force, found.a, branches[point]))
             point += found.t == times[point]
         return rows[1:] if len(self.points) > len(self.experiment.points) else rows

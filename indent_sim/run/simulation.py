@@ -87,7 +87,7 @@ class Simulation:
         wanted = self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
-            record.open_fields(*self._shown(grid), keep=self._keep_fields)
+            record.open_fields(*self._shown(grid), keep=self._keep_fields, friction=scene.physics.has_friction)
 
     def _shown(self, grid: Grid | None) -> tuple[Any, ...]:
         """The mesh of the fields and the tip above it, in the user's units, on the rank that has them."""

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import TriMesh
 from test_plots import a_result
 from test_results import some_fields
 
 from indent_sim.model.tips import Cone, FlatPunch, Paraboloid, Plate, Profile, Pyramid, Sphere
 from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import half_section, outline, section
-from indent_sim.results.pictures import canvas, curves, forces, panels
+from indent_sim.results.pictures import canvas, curves, fields, forces, panels
 from indent_sim.results.pictures.fields import FIELDS, section_of
 from indent_sim.results.xdmf import FieldWriter
 
@@ -80,6 +81,42 @@ class TestForces:
         assert hollow[0].get_xdata() == pytest.approx(result["delta"][5:])
         assert forces.UNLOADING in axes.get_legend_handles_labels()[1]
 
+    def test_error_bands_follow_the_branches(self, drawn):
+        """One band for the way in and one for the way out, each as wide at a row as its error on both sides."""
+        result = up_and_down()
+        result.table["force_error"] = 0.1 * result["force"]
+        bands = [part for part in drawn([result], what=("force",)).axes[0].collections if len(part.get_paths())]
+        assert len(bands) == 2
+        for band, rows in zip(bands, (slice(0, 5), slice(4, 9)), strict=True):
+            x, y = band.get_paths()[0].vertices.T
+            for delta, force in zip(result["delta"][rows], result["force"][rows], strict=True):
+                at = y[np.isclose(x, delta, rtol=1e-12)]
+                assert at.min() == pytest.approx(0.9 * force) and at.max() == pytest.approx(1.1 * force)
+
+    def test_way_in_and_out_of_an_elastic_body_are_one_curve(self, drawn):
+        """Hertz' law in three rows up and two down: both branches are F = 1000 delta^1.5 between the rows too."""
+        result = a_result(units={}, theory=None, steps=3)
+        for name in ("delta", "force", "a"):
+            result.table[name] = np.append(result[name], [result[name][1], 0.0])
+        result.table["step"] = np.arange(1.0, 6.0)
+        lines = [line for line in drawn([result], what=("force",)).axes[0].get_lines() if len(line.get_xdata()) > 5]
+        assert len(lines) == 2
+        for line in lines:
+            assert line.get_ydata() == pytest.approx(1e3 * np.asarray(line.get_xdata()) ** 1.5, rel=1e-9, abs=1e-15)
+
+    def test_the_half_space_ends_at_its_mark(self, drawn):
+        """Under a force its depth may be beyond the run's: the dotted line goes on to it."""
+        result = a_result(units={})
+        curve = {"delta": [1e-5, 2e-5], "force": [1e3 * 1e-5**1.5, 1e3 * 2e-5**1.5]}
+        closed = {"name": "Hertz", "delta": 7e-5, "deviation": 0.4, "curve": curve}
+        theory = {"name": "layer theory", "delta": 5e-5, "force": 1e3 * 7e-5**1.5}
+        result.report["theory"] = theory | {"half_space": closed}
+        lines = drawn([result], what=("force",)).axes[0].get_lines()
+        dotted = next(line for line in lines if line.get_linestyle() == ":")
+        mark = next(line for line in lines if line.get_marker() == "D")
+        assert [dotted.get_xdata()[-1], dotted.get_ydata()[-1]] == pytest.approx([*mark.get_xdata(), *mark.get_ydata()])
+        assert dotted.get_ydata() == pytest.approx(1e3 * np.asarray(dotted.get_xdata()) ** 1.5, rel=1e-9)
+
     @pytest.mark.parametrize("control", ["one result", "several"])
     def test_no_legend_lies_on_a_curve(self, tmp_path, monkeypatch, control):
         figures = []
@@ -125,16 +162,23 @@ class TestCurves:
             assert np.isin(x, fine_x).all() and fine_y[np.isin(fine_x, x)] == pytest.approx(y)
             assert (np.diff(fine_y) >= -1e-12 * y[-1]).all()
 
-    def test_a_power_law_is_a_curve_and_no_chords(self):
-        """F = delta^1.5 at nine points: beyond the first interval a fifth of the chords' error is left."""
-        x = np.linspace(0, 1, 9)
-        fine_x, fine_y = curves.smooth(x, x**1.5)
-        inner = fine_x > x[1]
-        assert np.abs(fine_y - fine_x**1.5)[inner].max() < 6e-4
-        assert np.abs(np.interp(fine_x, x, x**1.5) - fine_x**1.5)[inner].max() > 3e-3
+    @pytest.mark.parametrize("power", [0.5, 1.0, 1.5, 2.0, 3.0])
+    def test_a_power_law_is_a_curve_and_no_chords(self, power):
+        """Radius and force of a contact over the depth, at four points from first touch on: exact."""
+        x = np.array([0.0, 0.1, 0.4, 1.0])
+        for places in (x, x[::-1]):
+            fine_x, fine_y = curves.smooth(places, places**power)
+            assert fine_y == pytest.approx(fine_x**power, rel=1e-12, abs=1e-12)
 
-    @pytest.mark.parametrize("y", [[1.0], [1.0, 2.0], [1.0, np.nan, 2.0]])
-    def test_too_few_points_stay_as_they_are(self, y):
+    def test_what_is_nearly_a_power_law_is_nearly_exact(self):
+        """Between nine points of a force that goes from delta^1.5 to delta^2.5: a fifth of the chords' error."""
+        x = np.linspace(0, 1, 9)
+        fine_x, fine_y = curves.smooth(x, x**1.5 * (1 + x))
+        exact = fine_x**1.5 * (1 + fine_x)
+        assert np.abs(fine_y - exact).max() < 0.2 * np.abs(np.interp(fine_x, x, x**1.5 * (1 + x)) - exact).max()
+
+    @pytest.mark.parametrize("y", [[1.0], [1.0, 2.0], [1.0, np.nan, 2.0], [1.0, -3.0, 0.0]])
+    def test_too_few_points_and_jumps_stay_as_they_are(self, y):
         assert curves.smooth(np.arange(len(y)), y)[1] == pytest.approx(y, nan_ok=True)
 
     def test_branches_end_at_turning_points(self):
@@ -233,6 +277,26 @@ class TestFields:
             assert len({axes.collections[0].get_clim() for axes in row}) == 1
             assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in row}) == 1
 
+    def test_no_cell_is_left_out(self, result, drawn, monkeypatch):
+        """Cells lower than half a pixel are drawn too, each in one colour, that of its values."""
+        found = section_of(result, 2.0, FIELDS["von_mises"])
+        assert not found.slivers(1e-3).any() and found.slivers(10.0).all() and found.areas == pytest.approx(2.0)
+        monkeypatch.setattr(fields.Section, "slivers", lambda self, least: np.arange(len(self.triangles)) == 0)
+        small, rest = drawn([result], what=("fields",), steps=("2",)).axes[0].collections[:2]
+        assert list(small.get_array()) == pytest.approx([found.values[found.triangles[0]].mean()])
+        assert isinstance(rest, TriMesh) and list(rest.get_array()) == pytest.approx(list(found.values))
+
+    def test_a_singular_point_does_not_take_the_colours(self):
+        """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the rest is within."""
+        values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
+        areas = np.append(np.ones(100), np.full(1000, 1e-7))
+        assert fields._colours(values, areas, None)[:2] == pytest.approx((0.0, 1.0))
+        assert fields._colours(values + 1, areas, 1.0)[:2] == pytest.approx((0.0, 2.0))
+
+    def test_the_contact_is_inside_the_frame(self, result, drawn):
+        left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()
+        assert left < -0.5 and right > 0.5 and left == pytest.approx(-right)
+
     @pytest.mark.parametrize("name", FIELDS)
     def test_every_field_can_be_drawn(self, drawn, result, name):
         bar = drawn([result], what=("fields",), fields=(name,)).axes[-1]
@@ -271,6 +335,37 @@ class TestFields:
         (result.path / "fields" / "step-3.h5").write_bytes(b"no file")
         with pytest.raises(UsageError, match=r"step 3 .* cannot be read"):
             drawn([result], what=("fields",), steps=("last",))
+
+
+class TestRoom:
+    """What is drawn is in the frame and nothing hides it, whatever is drawn."""
+
+    def shown(self, folder: Path):
+        result = in_folder(folder / "run", a_result(units={}))
+        depth = {"u_x": 0 * result.surface["x"], "u_z": -1e-5 * np.exp(-(result.surface["x"] ** 2))}
+        result.surface.update(depth | {"z": 0 * result.surface["x"]})
+        return result
+
+    @pytest.mark.parametrize("what", [("force",), ("pressure",), ("profile",), ("force", "pressure", "profile")])
+    @pytest.mark.parametrize("width", [None, 85.0, 170.0])
+    def test_no_legend_lies_on_a_panel(self, drawn, tmp_path, what, width):
+        figure = drawn([self.shown(tmp_path)], what=what, width=width)
+        panels = [axes for axes in figure.axes if axes.axison]
+        legends = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+        assert len(panels) == len(what) == len(legends)
+        for box in legends:
+            assert not any(box.overlaps(axes.get_window_extent()) for axes in panels)
+            assert figure.bbox.x0 <= box.x0 and figure.bbox.y0 <= box.y0
+
+    @pytest.mark.parametrize("what", ["pressure", "profile"])
+    def test_the_contact_is_inside_the_frame(self, drawn, tmp_path, what):
+        result = self.shown(tmp_path)
+        axes = drawn([result], what=(what,)).axes[0]
+        a, delta = result["a"][-1], result["delta"][-1]
+        assert axes.get_xlim()[1] > 1.2 * a
+        if what == "profile":
+            low, high = axes.get_ylim()
+            assert low < -delta and high > 0 and axes.get_xlim()[0] == pytest.approx(-axes.get_xlim()[1])
 
 
 @pytest.mark.parametrize(("given", "said"), [

@@ -70,9 +70,10 @@ SCENES: dict[str, dict[str, Any]] = {
     },
     "sticky": {
         "body": CYLINDER,
-        "contact": {"method": "auto", "adhesion": {"work": 1e-2, "range": 5e-2}},
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        "contact": {"method": "auto", "adhesion": {"work": 1e-2, "range": 2.5e-2}},
         "mesh": {"h_contact": 0.05},
-        "loading": {"deltas": [0.01, -0.02]},
+        "loading": {"deltas": [-0.15, 0.03, -0.05, -0.2]},  # snaps in, and lets go
     },
     "ball": {
         "body": {"shape": "ball", "radius": 1.0},

@@ -182,8 +182,8 @@ class Newton:
         problem, failure = self.problem, self.failure
         reason, reasons = self.snes.getConvergedReason(), PETSc.SNES.ConvergedReason
         is_thrown_out = reason == reasons.DIVERGED_FNORM_NAN and is_stiff(problem.law, problem.scene)
-        if reason != reasons.DIVERGED_MAX_IT and not is_thrown_out:
-            return False
+        if self.problem.law.adhesion or (reason != reasons.DIVERGED_MAX_IT and not is_thrown_out):
+            return False  # where a tip snaps in or lets go, no softer contact leads to the other state
         start, solved = problem.x.copy(), False
         for factor in softening(problem.law, problem.scene):
             problem.soften(factor)

@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 import tempfile
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -35,6 +36,7 @@ DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
 MOST_TICKS, APART = 6, 3.0  # bins of an axis, and pixels between its numbers
 MANY = 40  # points from which a line carries no markers
 LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
+HANDLE, FEWEST = 0.45, 12  # inches: width of what stands before a name there; letters of a line at least
 LETTERS = 9.0  # of a title to the inch
 SUBTITLE, LABEL = 200, 120  # most letters
 THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
@@ -99,10 +101,24 @@ def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], t
     figure.legend(handles, names, loc="upper center", ncol=len(names), fontsize=9, title=title)
 
 
-def legend_in(axes: Axes, named: Axes, columns: int = 1) -> None:
-    """The legend of a panel in one of its own, where it hides nothing."""
+def legend_in(axes: Axes, named: Axes, columns: int = 1, wide: float = np.inf) -> None:
+    """The legend of a panel in one of its own, where it hides nothing; its lines broken where it would be wider."""
     axes.axis("off")
-    axes.legend(*named.get_legend_handles_labels(), loc="upper left", ncol=columns, borderaxespad=0, borderpad=0.2)
+    handles, names = named.get_legend_handles_labels()
+    names = broken(names, wide)
+    axes.legend(handles, names, loc="upper left", ncol=columns, borderaxespad=0, borderpad=0.2)
+
+
+def lines_of(axes: Axes) -> int:
+    """Lines of text in the legend of a panel."""
+    legend = axes.get_legend()
+    return sum(text.get_text().count("\n") + 1 for text in legend.get_texts()) if legend else 0
+
+
+def broken(names: Sequence[str], wide: float) -> list[str]:
+    """Names of a legend in lines that fit into so many inches with their handles."""
+    most = (wide / (figure_font() / FONT) - HANDLE) / LETTER
+    return ["\n".join(textwrap.wrap(name, max(FEWEST, int(most)))) if len(name) > most else name for name in names]
 
 
 def legend_below(figure: Figure, axes: Axes, named: Axes) -> None:

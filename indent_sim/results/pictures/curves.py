@@ -50,11 +50,12 @@ def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
 
     Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as the force and the
     radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)
-    645: no overshoot. Points that do not go on in x are joined by straight lines.
+    645: no overshoot. Points that do not go on in x, and forces that pull, which may jump, are joined by chords.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     h = np.diff(x)
-    if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()) or not ((h > 0).all() or (h < 0).all()):
+    goes_on = (h > 0).all() or (h < 0).all()
+    if len(x) < 3 or not goes_on or not np.isfinite(np.append(x, y)).all() or y.min() < 0:
         return x, y
     n = _power(x, y)
     fine_x, straightened = _cubic(x, y ** (1 / n), h)
@@ -64,9 +65,9 @@ def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _power(x: np.ndarray, y: np.ndarray) -> float:
-    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where a number is negative."""
+    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where x begins before it."""
     known = (x > 0) & (y > 0)
-    if min(x.min(), y.min()) < 0 or known.sum() < 2:
+    if x.min() < 0 or known.sum() < 2:
         return 1.0
     (near, low), (far, high) = sorted(zip(x[known], y[known], strict=True))[:: known.sum() - 1]
     return float(np.clip(np.log(high / low) / np.log(far / near), 1 / MOST_POWER, MOST_POWER))
@@ -97,16 +98,18 @@ def _slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
 
 
 def draw(axes: Axes, delta: np.ndarray, x: np.ndarray, y: np.ndarray, look: Look, label: str | None = None, *,
-         from_origin: bool = False) -> None:  # fmt: skip
+         from_origin: bool = False, straight: bool = False) -> None:  # fmt: skip
     """Draw rows (x, y) of a path of depths: smooth lines, and marks where the rows are unless there are very many.
 
     Unloading is dashed and its marks are hollow. from_origin: the first branch begins at (0, 0), where no row is.
+    straight: rows are joined by lines, between which the curve may jump.
     """
     marks, colour = look["marker"] if len(x) <= MANY else "", look["color"]
     for rows, goes_out in branches(delta):
         begin = [0.0] if from_origin and rows.start == 0 and not goes_out else []
         line = {"ls": UNLOADING["ls"]} if goes_out else {}
-        axes.plot(*smooth([*begin, *x[rows]], [*begin, *y[rows]]), color=colour, lw=1.2 if marks else 1.6, zorder=2,
+        joined = np.array([[*begin, *x[rows]], [*begin, *y[rows]]])
+        axes.plot(*(joined if straight else smooth(*joined)), color=colour, lw=1.2 if marks else 1.6, zorder=2,
                   label=None if marks else label, **line)  # fmt: skip
         if marks:
             own = slice(rows.start + goes_out, rows.stop)  # the turning point is one of loading

@@ -34,6 +34,7 @@ PANEL = 4.4  # inches: width of a panel where no width is asked for
 LINE_ASPECT, MAP_ASPECT = 0.72, 0.85  # height over width of panels
 WORDS, NUMBERS, BESIDE_BAR = 0.75, 0.4, 0.85  # inches around a field for words and numbers, and what its bar leaves
 LOWEST = 1.2  # inches: of a bar with its words
+BESIDE_PANEL = 0.5  # inches to the left of a panel, for its words and numbers
 MOST_IN_ROW, MOST_WIDE, MOST_PANELS = 4, 3, 40
 NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
 Shown = tuple["Results", float, str]  # a result, a step, and what tells them from the others in words
@@ -137,15 +138,16 @@ def _line_row(panels: Sequence[Callable[[Axes], None]], runs: int) -> _Row:
 
     def into(part: SubFigure) -> None:
         axes = part.subplots(2, len(panels), squeeze=False)
+        width, height = part.bbox.width / part.figure.dpi / len(panels), part.bbox.height / part.figure.dpi
         for draw_panel, (plot, below) in zip(panels, axes.T, strict=True):
             draw_panel(plot)
-            canvas.legend_in(below, plot)
-        lines = max(len(plot.get_legend_handles_labels()[1]) for plot in axes[0])
-        height = part.bbox.height / part.figure.dpi
+            canvas.legend_in(below, plot, wide=width - BESIDE_PANEL)
+        lines = max(canvas.lines_of(below) for below in axes[1])
         legend = min(0.6 * height, canvas.LINE * (lines + 0.5) * canvas.figure_font() / canvas.FONT)
         axes[0, 0].get_gridspec().set_height_ratios([height - legend, legend])
 
-    return _Row(len(panels), lambda width: LINE_ASPECT * width / len(panels) + canvas.LINE * (3 + runs), into)
+    words = canvas.LINE * (2 + len(panels) + runs)
+    return _Row(len(panels), lambda width: LINE_ASPECT * width / len(panels) + words, into)
 
 
 def _map_rows(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:

@@ -83,15 +83,15 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, Any]]) 
     delta = lines[deepest].delta
     low, high = min(heights.min(initial=0.0), -delta), max(heights.max(initial=0.0), 0.3 * delta)
     if (scene := scene_of(runs[deepest].path)) is not None:
-        draw_tip(axes, scene, delta, middle, 1.5 * reach, length)
+        draw_tip(axes, scene, delta, middle, VIEW * reach, length)
     for (*_, name, colour), line in zip(shown, lines, strict=True):
         axes.plot(length(line.x), length(line.z), color=colour, label=name or None, zorder=3)
     axes.plot(length(lines[0].x), length(lines[0].before), color=GREY, lw=0.8, ls=":", zorder=2, label="undeformed")
     margin = 0.08 * (high - low)
     axes.set(xlim=length([middle - reach, middle + reach]), ylim=length([low - margin, high + 3 * margin]))
     is_true = (high - low) > TALL * 2 * reach
-    if is_true:
-        axes.set_aspect("equal")
+    if is_true:  # all of the panel, with as much of the tip as it has room for
+        axes.set_aspect("equal", adjustable="datalim")
     name_axes(axes, length.label, Axis("height z" if is_true else "height z, magnified", unit=length.unit).label)
 
 

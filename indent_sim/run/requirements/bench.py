@@ -28,7 +28,7 @@ from indent_sim.run.requirements.sections import (
 from indent_sim.scene.scene import Scene, resolve
 
 NEAR = 0.9  # of the deepest depth: where a second force says how steep the curve is
-ENOUGH_STEPS = 20  # of a path with friction or adhesion: its force is good to 0.1 % then
+FEW_STEPS = 4  # of a path with friction or adhesion: good for the ratio of two, and adhesion does not remember
 
 
 class Bench:
@@ -146,10 +146,18 @@ class Bench:
         """The config of a document that stands where the scene's file does."""
         return varied(document, Source(self.config.source.name), ())
 
-    @property
-    def by_steps(self) -> Document:
+    def by(self, steps: int) -> Document:
         """The way to the deepest row, where the force depends on it."""
-        return {"delta": self.delta, "steps": ENOUGH_STEPS}
+        return {"delta": self.delta, "steps": steps}
+
+    @cached_property
+    def as_in_contact(self) -> Document:
+        """The mesh of all variations, under the friction or the adhesion of the scene, in a few steps."""
+        friction = getattr(self.config.contact, "friction", 0.0)
+        held = self.attraction | ({"friction": friction} if friction else {})
+        if not held:
+            return self.on_mesh
+        return self.on_mesh | {"contact": self.on_mesh["contact"] | held, "loading": self.by(FEW_STEPS)}
 
     @cached_property
     def own(self) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
+from math import inf
 
 import numpy as np
 
@@ -125,14 +126,20 @@ def _models(config: Config, found: Mapping[str, Effect]) -> Iterator[_Model]:
             continue
         if (finite and not knows_finite and not is_finite) or not (smooth or contact):
             continue
+        without = [*_of_body(body, config, found), *([found["paraboloid"]] if is_parabola and not sphere else [])]
         dropped = (
             *(transforms if finite else [found["small_strain"]] if knows_finite or is_finite else []),
-            *(_of_body(body, config, found)),
-            *([found["paraboloid"]] if is_parabola and not sphere else []),
+            *(effect.times(_gain(found) if contact == "adhesion" and not smooth else 1.0) for effect in without),
             *([found[contact]] if contact and smooth else []),
         )
         changes = None if finite == is_finite else finite
         yield _Model(tuple(e for e in dropped if e.applies), body, changes, sphere, bool(smooth and contact))
+
+
+def _gain(found: Mapping[str, Effect]) -> float:
+    """The force without adhesion over that with it: what is small beside the one may not be beside the other."""
+    kept = abs(1 + (found["adhesion"].percent or 0.0) / 100)
+    return 1 / kept if kept else inf
 
 
 def _has(body: str, config: Config) -> bool:

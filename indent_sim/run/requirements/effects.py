@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, inf, isfinite, log
 from typing import Any
 
@@ -36,6 +36,7 @@ from indent_sim.theory.surface.adhesion import Jkr, tabor
 from indent_sim.theory.surface.punches import LayerPunches
 from indent_sim.theory.surface.relaxation import ElasticCurve, OneCycle
 
+ENOUGH_STEPS = 20  # of a path with friction: its force is good to 0.1 % then
 FARTHEST = 1e6  # times where a search for a threshold begins
 FRICTIONS = (0.1, 0.3, "stick")  # that tell what may come of friction where a scene has none
 MARGIN = 0.1  # per cent by which a range is wider than half of itself to either side
@@ -65,6 +66,11 @@ class Effect:
         """The largest change that is possible [per cent]; infinite where nothing is known."""
         known = [abs(one) for one in (self.percent, self.low, self.high) if one is not None]
         return max(known) if known else 0.0 if self.needs else inf
+
+    def times(self, gain: float) -> Effect:
+        """The effect on a force that is smaller by this factor."""
+        return replace(self, **{name: gain * value for name in ("percent", "low", "high")
+                                if (value := getattr(self, name)) is not None})  # fmt: skip
 
     @property
     def applies(self) -> bool:
@@ -278,11 +284,11 @@ class Effects:
             return Effect(name, None, None, None, "no law of finite strain is anisotropic")
         if not bench.is_solvable:
             return Effect(name, None, None, None, "nothing solved in the plane stands for it")
-        finite = bench.with_materials(finite_strain_law)
-        with_it = finite | bench.on_mesh | {"contact": bench.on_mesh["contact"] | {"gap": "current"}}
+        small = bench.as_in_contact
+        finite = small | bench.with_materials(finite_strain_law) | {"contact": small["contact"] | {"gap": "current"}}
         law = "its own law" if not bench.scene.physics.small_strain else "neo-Hookean"
         source = f"{law}, gap: current, over small strain, gap: reference, on one mesh{self._how}"
-        return self._by(name, bench.ratio(with_it, bench.on_mesh), source)
+        return self._by(name, bench.ratio(finite, small), source)
 
     def _incompressible(self, name: str) -> Effect:
         bench = self.bench
@@ -325,7 +331,7 @@ class Effects:
     def _rough(self, friction: float | str) -> float | None:
         """Force with friction over that without, on one mesh."""
         bench = self.bench
-        rough = {"contact": bench.on_mesh["contact"] | {"friction": friction}, "loading": bench.by_steps}
+        rough = {"contact": bench.on_mesh["contact"] | {"friction": friction}, "loading": bench.by(ENOUGH_STEPS)}
         return bench.ratio(bench.on_mesh | rough, bench.on_mesh)
 
     def _adhesion(self, name: str) -> Effect:
@@ -361,8 +367,7 @@ class Effects:
         bench = self.bench
         if not bench.is_solvable:
             return Effect(name, None, None, None, "nothing solved in the plane stands for it")
-        sticky = {"contact": bench.on_mesh["contact"] | bench.attraction, "loading": bench.by_steps}
-        return self._by(name, bench.ratio(bench.on_mesh | sticky, bench.on_mesh),
+        return self._by(name, bench.ratio(bench.as_in_contact, bench.on_mesh),
                         f"the contact law with its range over the one without, on one mesh{self._how}")  # fmt: skip
 
     def _pull_off(self, given: Any, punches: LayerPunches, unit: float, alone: float) -> str:

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import inf
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -182,16 +181,19 @@ class StepByStep:
         self._longest = 0.0
         self._contacts: dict[float, SurfaceContact] = {}
 
-    def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
-        """One Response at every time, straight lines between them, and one about `every` so long between; two equal
-        times are a jump."""
+    def responses(
+        self, times: Sequence[float], values: Sequence[float], rows: Sequence[int] = ()
+    ) -> Iterator[Response]:
+        """One Response at every time, straight lines between them, or about so many `rows` in each; two equal times are
+        a jump."""
         self._longest = (times[-1] - times[0]) / MOST
         yield self._step(times[0], 0.0, values[0])
-        for (t0, v0), (t1, v1) in pairwise(zip(times, values, strict=True)):
+        pieces = pairwise(zip(times, values, strict=True))
+        for ((t0, v0), (t1, v1)), parts in zip(pieces, rows or [1] * (len(times) - 1), strict=True):
             if t1 == t0:
                 yield self._step(t1, 0.0, v1)
                 continue
-            said = t0
+            said, every = t0, (t1 - t0) / parts
             for begin, end in self._ladder(t0, t1):
                 response = self._step(end, end - begin, v0 + (v1 - v0) * (end - t0) / (t1 - t0))
                 if end == t1 or end - said >= every:
