@@ -509,6 +509,10 @@ class _Effects:
     def _stick(self, name: str) -> Effect:
         bench = self.bench
         friction = getattr(bench.config.contact, "friction", 0.0) or "stick"
+        words = "no slip" if friction == "stick" else f"friction {friction:g}"
+        if known := bench.scene.plan.friction:
+            percent = 100 * (known.force - 1)
+            return Effect(name, percent, percent, percent, f"{words}: half-space, exact")
         said = bench.scene.plan.stick if friction == "stick" else None
         if said and said.percent is not None:
             return Effect(name, said.percent, said.low, said.high, f"no slip: {said.source}")
@@ -519,7 +523,6 @@ class _Effects:
             return Effect(name, None, None, None, "nothing solved in the plane stands for it")
         rough = {"contact": bench.on_mesh["contact"] | {"friction": friction},
                  "loading": {"delta": bench.delta, "steps": ENOUGH_STEPS}}  # fmt: skip
-        words = "no slip" if friction == "stick" else f"friction {friction:g}"
         return self._by(name, bench.ratio(bench.on_mesh | rough, bench.on_mesh), f"{words} on one mesh{self._how}")
 
     def _adhesion(self, name: str) -> Effect:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf
 
 import numpy as np
@@ -18,6 +19,7 @@ from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, section_depth
 from indent_sim.theory.surface import no_slip
+from indent_sim.theory.surface.no_slip import Rubbed
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
@@ -103,9 +105,8 @@ class Stick:
 def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool) -> Stick | None:
     """What no slip would change at a contact of radius a, `rim` away from the side walls [length]: exactly on a
     half-space, a range of the map of bonded layers elsewhere; None where neither knows the scene."""
-    power = POWERS.get(type(tip))
-    rounding = max(getattr(tip, name, 0.0) for name in ("tip_radius", "edge_radius"))
-    if power is None or rounding > 0 or len(part.regions) > 1 or part.kinematics.name == "plane_strain" or a <= 0:
+    power = power_of(tip)
+    if power is None or len(part.regions) > 1 or part.kinematics.name == "plane_strain" or a <= 0:
         return None
     nu = part.regions[0].material.constants.nu
     if is_half_space:
@@ -118,6 +119,35 @@ def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: boo
         return None
     low, high = (100 * (ratio - 1) for ratio in found)
     return Stick(None, low, high, "map of bonded layers at small strain")
+
+
+def power_of(tip: Indenter) -> float | None:
+    """n of a profile f = B r^n, infinite for a punch; None for a tip that has another, or a rounded apex or edge."""
+    is_sharp = not any(getattr(tip, name, 0.0) > 0 for name in ("tip_radius", "edge_radius"))
+    return POWERS.get(type(tip)) if is_sharp else None
+
+
+def rubbed(part: Part, tip: Indenter, friction: float | str, path: LoadPath) -> Rubbed | None:
+    """What friction makes of the deepest contact of a half-space; None where that is not known: for other tips, other
+    matter, a path that turns back on its way there, or more friction than the theory bears."""
+    power, nu = power_of(tip), part.regions[0].material.constants.nu
+    way_in = path.values[: path.values.index(max(path.values)) + 1]
+    turns_back = any(later < earlier for earlier, later in pairwise(way_in))
+    if power is None or len(part.regions) > 1 or not part.regions[0].material.is_isotropic or turns_back:
+        return None
+    from indent_sim.theory.surface import coulomb  # with scipy's functions, which no other scene needs
+
+    try:
+        return coulomb.rubbed(nu, friction, power)  # type: ignore[arg-type]
+    except ValueError:
+        return None
+
+
+def rubbed_words(friction: float | str, found: Rubbed) -> str:
+    """The same as a sentence."""
+    what = "no slip" if friction == "stick" else f"friction {friction:g}"
+    where = f", and the surface sticks within {found.sticks:.2g} of its radius" if friction != "stick" else ""
+    return f"{what} changes this force by {100 * (found.force - 1):+.1f} %{where} (half-space, exact)"
 
 
 def infinite_pressure(tip: Indenter, a: float) -> str:

@@ -23,11 +23,12 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
-from indent_sim.scene.expected import Stick, peakless, prediction_of, stick
+from indent_sim.scene.expected import Stick, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
 from indent_sim.scene.sizing import AT_END
 from indent_sim.scene.theories import Theory
+from indent_sim.theory.surface.no_slip import Rubbed
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, SolverSettings, Units
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
+ROUGH = "the surface is rough, theory's frictionless"
 MIRROR = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
 
@@ -110,6 +112,7 @@ class Plan:
     doubts: tuple[Doubt, ...]
     prediction: dict[str, float]  # in the user's units
     stick: Stick | None = None  # what no slip would change; None where there is friction, or nothing is known
+    friction: Rubbed | None = None  # what it changes of theory's contact, where that is known
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -148,7 +151,7 @@ class Scene:
         theory = self.plan.theory
         parts = (
             (not self.physics.small_strain, "strain is finite, theory's small"),
-            (self.physics.has_friction, "the surface is rough, theory's frictionless"),
+            (self.physics.has_friction, ROUGH),
             (self.physics.adheres, "the tip adheres, theory's does not"),
             (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
@@ -219,7 +222,9 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     said = None if law.friction or law.adhesion else _stick(config, given)
-    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
+    on_half_space = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0
+    found = rubbed(given.part, given.tip, law.friction, given.path) if on_half_space else None
+    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, found)
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 

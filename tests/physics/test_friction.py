@@ -15,6 +15,7 @@ from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import states
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, ways
+from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import resolve
 
 # 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a thousandth of itself
@@ -97,6 +98,18 @@ def test_stick_radius_of_a_flat_punch(friction: float, sticks: float) -> None:
     """By the same boundary elements; half the last digit."""
     (state,) = rough(friction, 0.3, {"delta": 0.001, "steps": 1}, PUNCH)
     assert state.stick_radius / state.a == pytest.approx(sticks, abs=0.005)
+
+
+def test_theory_beside_a_rough_run() -> None:
+    """Force, radius and depth of a half-space with friction beside the run's: 1e-3, ten elements in the contact."""
+    sections = {"body": {"shape": "half_space"}, "material": ELASTIC, "indenter": PARABOLOID,
+                "contact": {"friction": 0.3}}  # fmt: skip
+    for loading, asked in (({"delta": A**2, "steps": 10}, "force"), ({"forces": [2e-4, 5e-4, 9e-4, 1.4e-3]}, "delta")):
+        base = resolve(from_mapping(sections | {"loading": loading}))
+        said = theory_comparison(base, solve(base))
+        assert said and said["exact"] and said["name"] == "half-space theory with friction"
+        assert abs(said[f"{asked}_deviation"]) < 1e-3
+        assert abs(said["a_deviation"]) < 5e-3  # it is read off elements of a tenth of it
 
 
 @pytest.mark.parametrize("friction", ["stick", 0.1, 0.3])
