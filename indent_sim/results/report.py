@@ -81,7 +81,7 @@ def of_run(folder: Path) -> str:
         subtitle=_subtitle(results),
         failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
         numbers=_numbers(results),
-        said=[*_theory(results), *_hertz(report), *_pull_off(results)],
+        said=[*_theory(results), *_hertz(report), *_stick(report), *_pull_off(results)],
         pictures=[*_pictures(results), *_picture_of_experiment(folder)],
         warnings=report.get("warnings", []),
         tables=[table for table in tables if table.rows],
@@ -188,6 +188,12 @@ def _hertz(report: Mapping[str, Any]) -> list[str]:
     """What a fit of the half-space formula to the curve reads."""
     fit = report.get("hertz")
     return [f"A Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)."] if fit else []
+
+
+def _stick(report: Mapping[str, Any]) -> list[str]:
+    """What no slip would change."""
+    stick = report.get("stick")
+    return [f"{stick['words'][:1].upper()}{stick['words'][1:]}."] if stick else []
 
 
 def _pull_off(results: Results) -> list[str]:

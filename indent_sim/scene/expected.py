@@ -98,8 +98,14 @@ class Stick:
     @property
     def words(self) -> str:
         """The same as a sentence."""
-        change = f"between {self.low:+.1f} and {self.high:+.1f} %" if self.percent is None else f"{self.percent:+.1f} %"
-        return f"no slip instead of no friction would change this force by {change} ({self.source})"
+        between = f"between {self.low:+.1f} and {self.high:+.1f}"
+        if self.percent is None:
+            change = f"{between} % ({self.source})"
+        elif self.low == self.high:
+            change = f"{self.percent:+.1f} % ({self.source})"
+        else:
+            change = f"{self.percent:+.1f} % ({between}; {self.source})"
+        return f"no slip instead of no friction would change this force by {change}"
 
 
 def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool) -> Stick | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import log
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,8 +14,8 @@ from indent_sim.fe.condensed import equilibrium
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import states
-from indent_sim.run.error_bars import Companion, ErrorBars, beside, ways
+from indent_sim.run.chain import simulate, states
+from indent_sim.run.error_bars import Companion, ErrorBars, beside, sticks, ways
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import resolve
 
@@ -158,6 +159,30 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: 
     for state in judged[4:]:
         assert abs(state.force - truth[round(state.delta, 12)]) <= state.force_error
     assert 0 < bars.budgets[-1].path < 0.02 * judged[-1].force
+
+
+@pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
+def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path: Path) -> None:
+    """Where error bars are asked for: 1.6213 % on a half-space lies between the anchor's ends, and 0.2 % of the force
+    from the number, six elements in the contact of a companion; the run's own rows are not touched."""
+    sections = {"body": THICK, "material": ELASTIC, "indenter": PARABOLOID, "contact": {"method": method},
+                "mesh": {"h_contact": A / 10}, "loading": {"delta": A**2, "steps": 1},
+                "output": {"plot": False, "fields": "none"}}  # fmt: skip
+    asked, alone = (simulate(from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars)
+                    for bars in (True, False))  # fmt: skip
+    said = asked.report["stick"]
+    assert said["low"] < 1.6213 < said["high"] and said["percent"] == pytest.approx(1.6213, abs=0.2)
+    assert f"{said['percent']:+.1f} % (between" in said["words"]
+    assert "stick" not in alone.report
+    assert asked.states[-1].force == alone.states[-1].force
+
+
+@pytest.mark.parametrize("contact", [{"friction": 0.1}, {"adhesion": {"work": 1e-4, "range": 0.02}}])
+def test_no_slip_beside_another_surface_is_no_number(contact: dict[str, Any]) -> None:
+    base = scene(THICK, contact={"method": "augmented_lagrangian", **contact}, mesh={"h_contact": A / 10})
+    pushed = State(step=1, delta=A**2, force=1e-3, a=A, p_max=0.01, penetration=0.0, energy=0.0, newton_iterations=1,
+                   wall_s=0.0)  # fmt: skip
+    assert sticks(Companion(1.6, [pushed], base), lambda one: [pushed]) is None
 
 
 @pytest.mark.parametrize("solver", ["condensed", "newton"])
