@@ -151,8 +151,9 @@ def rubbed(part: Part, tip: Indenter, friction: float | str, path: LoadPath) -> 
 
 def rubbed_words(friction: float | str, found: Rubbed) -> str:
     """The same as a sentence."""
-    what = "no slip" if friction == "stick" else f"friction {friction:g}"
-    where = f", and the surface sticks within {found.sticks:.2g} of its radius" if friction != "stick" else ""
+    slips = found.sticks < 1.0
+    what = f"friction {friction:g}" if slips else "no slip"
+    where = f", and the surface sticks within {found.sticks:.2g} of its radius" if slips else ""
     return f"{what} changes this force by {100 * (found.force - 1):+.1f} %{where} (half-space, exact)"
 
 

@@ -205,6 +205,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
+    law, bound_choice = choices.bounded(law, given, sizes)
     anchor, friction_choice = choices.friction(law, given)
     adhesion_choice = choices.adhesion(law, given, sizes)
     solver, linear, cost = _solver(config, given, law, gap, sizes, anchor)
@@ -217,13 +218,13 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
                       given.deltas, anchor)  # fmt: skip
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
-              *friction_choice, *adhesion_choice,
+              *(bound_choice or friction_choice), *adhesion_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     said = None if law.friction or law.adhesion else _stick(config, given)
-    on_half_space = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0
-    found = rubbed(given.part, given.tip, law.friction, given.path) if on_half_space else None
+    plan_for = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0
+    found = rubbed(given.part, given.tip, config.contact.friction, given.path) if plan_for else None
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, found)
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)

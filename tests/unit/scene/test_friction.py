@@ -120,3 +120,17 @@ def test_where_nobody_knows_what_friction_changes(unknown: dict[str, Any]) -> No
     sections = {"contact": {"friction": 0.3}, "body": HALF_SPACE} | unknown
     contact = sections.pop("contact")
     assert scene(contact, **sections).plan.friction is None
+
+
+@pytest.mark.parametrize(("nu", "h", "friction"), [(0.0, 0.004, "stick"), (0.0, 0.002, 5.0), (0.3, 1e-4, "stick"),
+                                                   (0.5, 1e-4, "stick")])  # fmt: skip
+def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction: float | str) -> None:
+    """Elements that see how a surface stuck beside a sharp edge would pull have no equilibrium without a bound."""
+    punch = {"shape": "flat_punch", "radius": 0.1}
+    found = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch, mesh={"h_contact": h})
+    assert found.physics.contact.friction == friction
+    said = next(choice for choice in found.plan.choices if choice.key == "contact.friction")
+    assert ("stands for stick" in said.why) == (friction == 5.0)
+    rounded = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01},
+                    mesh={"h_contact": h})  # fmt: skip
+    assert rounded.physics.contact.friction == "stick"
