@@ -13,6 +13,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
-TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber")
+TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
 DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
 BUG = "this is a bug in indent-sim; please report it with the traceback above"
@@ -231,13 +232,13 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bo
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
         require_room()
-        is_met = _starts_mesher(config, overrides)
-        comm = _world() if is_met else Alone()
-    with together(comm), stoppable(comm.rank):
         from indent_sim.config.file import load
         from indent_sim.process.ranks import on_root
 
-        settings = comm.bcast(on_root(comm, load, config, overrides))
+        read = cache(partial(load, config, overrides))
+        comm = _world() if _starts_mesher(read) else Alone()
+    with together(comm), stoppable(comm.rank):
+        settings = comm.bcast(on_root(comm, read))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
         outcome = _simulate(settings, comm, directory, quiet, **how)
     if comm.rank == 0:
@@ -311,10 +312,10 @@ def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bo
     require_room()
     from indent_sim.config.file import load
     from indent_sim.results.writer import to_json
-    from indent_sim.run import require as requirements
+    from indent_sim.run.requirements import cheapest
 
     with _quiet_libraries(logging.ERROR), stoppable():
-        found = requirements.require(load(config, overrides), within)
+        found = cheapest.require(load(config, overrides), within)
     if as_json:
         return say(to_json(DONE | found.as_json()))
     from indent_sim.cli import terminal
@@ -390,9 +391,13 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
 def report(folder: Path, output: Path | None) -> None:
     """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
+    from indent_sim.study import folder as studies
+    from indent_sim.study.report import of_study
 
+    if not folder.is_dir():
+        raise UsageError(f"{folder} is no folder of a result or a study")
     output = output or folder / reports.NAME
-    reports.write(folder, output)
+    reports.write(of_study(folder) if (folder / studies.RECORD).exists() else reports.of_run(folder), output)
     say(str(output))
 
 
@@ -400,14 +405,14 @@ def report(folder: Path, output: Path | None) -> None:
 @click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
 @click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:
-    """Write a commented scene to start from. Prints the file's name."""
+    """Write a commented scene or study to start from. Prints the file's name."""
     from importlib.resources import files
 
     output = output or Path(f"{kind}.yaml")
-    scene = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    text = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
     try:
         with open(output, "x", encoding="utf-8") as file:
-            file.write(scene)
+            file.write(text)
     except FileExistsError:
         raise UsageError(f"{output} is there already and stays as it is; choose another name with --output") from None
     except OSError as error:
@@ -461,19 +466,18 @@ def main() -> None:
 # ---- one run, on all ranks ---------------------------------------------------------------------------------
 
 
-def _starts_mesher(config: Path, overrides: tuple[str, ...]) -> bool:
+def _starts_mesher(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do.
 
     Returns whether the others are to be met: not by a process without others whose scene theory solves. What is wrong
     with the config is said later, by all ranks.
     """
-    from indent_sim.config.file import load
     from indent_sim.mesh import gmsh
     from indent_sim.process.ranks import is_first, is_one_of_several
     from indent_sim.scene.choices import needs_mesh
 
     with suppress(IndentSimError):
-        if is_first() and not needs_mesh(load(config, overrides)):
+        if is_first() and not needs_mesh(read()):
             return is_one_of_several()
     if is_first():
         gmsh.start()

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
-    from indent_sim.run.require import Effect, Requirements
+    from indent_sim.run.requirements.cheapest import Requirements
+    from indent_sim.run.requirements.effects import Effect
     from indent_sim.scene.scene import Scene
     from indent_sim.study import Plan
 
@@ -135,11 +136,12 @@ def requirements(found: Requirements, width: int = 120) -> str:
 
 def _change(effect: Effect) -> str:
     """What an effect does to the force, as a number or a range."""
-    if effect.percent is not None:
-        return f"{effect.percent:+.2g} %"
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
-    return f"{effect.low:+.2g} to {effect.high:+.2g} %"
+    between = f"{effect.low:+.2g} to {effect.high:+.2g} %"
+    if effect.percent is None:
+        return between
+    return f"{effect.percent:+.2g} %" + (f" ({between})" if effect.low < effect.high else "")
 
 
 def study_plan(planned: Plan) -> str:

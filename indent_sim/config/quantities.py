@@ -17,7 +17,7 @@ from indent_sim.config import key_types, schema
 from indent_sim.config.messages import closest
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.model.symbols import lookup
-from indent_sim.model.units import Unit, unit_of
+from indent_sim.model.units import DIMENSIONS, unit_of
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
@@ -29,7 +29,6 @@ EXAMPLES = {"length": "2.5 um", "pressure": "1 kPa", "force": "3 nN", "pressure/
             "force/length": "3 mN/m", "time": "0.1 s", "1/time": "10 Hz"}  # fmt: skip
 ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / pi, "radian": 180 / pi}  # degrees
 OWN = {"length": "um", "force": "nN", "time": "s"}  # examples of a scene's own units
-DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length", Unit(1, 1): "force/length"}
 WORDS = {"length": {"length": 1}, "force": {"force": 1}, "pressure": {"force": 1, "length": -2}, "time": {"time": 1},
          "force per length": {"force": 1, "length": -1}, "energy": {"force": 1, "length": 1}, "angle": {"angle": 1},
          "pressure per length": {"force": 1, "length": -3}}  # fmt: skip
@@ -60,7 +59,7 @@ def _is_number(hint: Any) -> bool:
 def _dimension(spot: schema.Spot) -> str:
     """The dimension of a place in words: length, pressure/length, force, degrees; "" for a pure number."""
     if (unit := unit_of(spot.type) if spot.type is not None else None) is not None:
-        return DIMENSIONS.get(unit, f"length^{unit.length} pressure^{unit.pressure}")
+        return DIMENSIONS[unit]
     names = [part for part in spot.path if isinstance(part, str)]
     symbol = lookup(names[-1], names[0]) if names else None
     dimensions = symbol.dimension.split(", ") if symbol else [""]  # of a row of numbers one each

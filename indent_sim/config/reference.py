@@ -29,11 +29,9 @@ from indent_sim.config.key_types import (
 )
 from indent_sim.config.schema import Config
 from indent_sim.model.symbols import lookup, symbols_markdown
-from indent_sim.model.units import Unit, unit_of
+from indent_sim.model.units import DIMENSIONS, unit_of
 
 QUANTITY = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
-DIMENSIONS = {Unit(1, 0): "length", Unit(0, 1): "pressure", Unit(-1, 1): "pressure/length",
-              Unit(1, 1): "force/length"}  # fmt: skip
 
 
 def json_schema() -> dict[str, Any]:

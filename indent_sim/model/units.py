@@ -27,6 +27,7 @@ LENGTH = Unit(length=1)
 PRESSURE = Unit(pressure=1)
 STIFFNESS = Unit(length=-1, pressure=1)  # pressure per length: epsilon_n, gamma
 ADHESION = Unit(length=1, pressure=1)  # force per length: work of adhesion
+DIMENSIONS = {LENGTH: "length", PRESSURE: "pressure", STIFFNESS: "pressure/length", ADHESION: "force/length"}
 
 Coordinate = Annotated[float, LENGTH]
 Length = Annotated[float, Gt(0), LENGTH]

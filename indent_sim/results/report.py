@@ -1,13 +1,12 @@
-"""Report of a result or a study: one HTML file that needs nothing beside it, neither network nor other files."""
+"""Report of a result: one HTML file that needs nothing beside it, neither network nor other files."""
 
 from __future__ import annotations
 
-import base64
 import csv
 import io
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 from indent_sim.process.errors import UsageError
 from indent_sim.process.version import VERSION
 from indent_sim.results.folder import CONFIG, PROGRAM, content, write_atomically
-from indent_sim.results.pictures import panels
+from indent_sim.results.pictures import canvas, experiment, panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.reader import Results, read_run
@@ -30,10 +29,7 @@ WIDE = 110.0  # mm: what stays readable on a screen 400 pixels wide
 CAPTIONS = {"force": "Force over depth", "pressure": "Contact pressure at the largest force",
             "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
 OF_EXPERIMENT = "The experiment: force over depth, over the way of the base, over time or contact radius"
-NAME, STUDY = "report.html", "study.json"
-STUDY_PICTURES = {"curves.png": "Force over depth, and the last force over each varied number",
-                  "study.png": "What accuracy costs"}  # fmt: skip
-SILENT = ("cpu_", "peak_", "memory_", "wall_s")  # columns of a study that say nothing of the physics
+NAME = "report.html"
 
 
 @dataclass(frozen=True)
@@ -56,13 +52,10 @@ class Table:
     figures: bool = False
 
 
-def write(folder: Path, path: Path) -> None:
-    """Write the report of a result folder or of a study's; UsageError when there is none, or it cannot be written."""
-    if not folder.is_dir():
-        raise UsageError(f"{folder} is no folder of a result or a study")
-    page = of_study(folder) if (folder / STUDY).exists() else of_run(folder)
+def write(text: str, path: Path) -> None:
+    """Write a page into a file; UsageError when that cannot be."""
     try:
-        write_atomically(path, page)
+        write_atomically(path, text)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
 
@@ -76,12 +69,12 @@ def of_run(folder: Path) -> str:
     failed = report.get("status") not in ("done", "running")
     tables = [_rows(results), *_experiment(results), _choices(report), *_bars(report), _audit(report),
               _provenance(report)]  # fmt: skip
-    return _page(
+    return page(
         title=report.get("title") or folder.resolve().name,
         subtitle=_subtitle(results),
         failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
         numbers=_numbers(results),
-        said=[*_theory(results), *_hertz(report), *_stick(report), *_pull_off(results)],
+        said=[*_theory(results), *_hertz(results), *_stick(report), *_pull_off(results)],
         pictures=[*_pictures(results), *_picture_of_experiment(folder)],
         warnings=report.get("warnings", []),
         tables=[table for table in tables if table.rows],
@@ -90,54 +83,13 @@ def of_run(folder: Path) -> str:
     )
 
 
-def of_study(folder: Path) -> str:
-    """The page of a study: its table, its pictures, and what it compares."""
-    record, rows = _study(folder)
-    names = [name for name in (rows[0] if rows else {}) if not name.startswith(SILENT)]
-    shown = [name for name in names if name != "warnings" and any(row[name] for row in rows)]
-    kept = _thinned(rows)
-    found = [Picture(_image(folder / name, words), words, broad=True) for name, words in STUDY_PICTURES.items()
-             if (folder / name).exists()]  # fmt: skip
-    ended = sum(row["status"] == "done" for row in rows)
-    table = Table("Runs", shown, [[_short(row[name]) for name in shown] for row in kept], _told(rows, kept), True)
-    warned = {line for row in rows for line in (row.get("warnings") or "").split(" | ") if line}
-    compared = any(row.get("force_error_vs") for row in rows)
-    against = f"; forces compared with {record.get('compare_to')}" if compared else ""
-    return _page(
-        title=record.get("title") or folder.resolve().name,
-        subtitle=f"Study of {', '.join(map(str, record['keys']))}: {ended} of {len(rows)} runs done{against}",
-        failure="" if ended else "no run gave a result",
-        numbers=[],
-        said=[],
-        pictures=found,
-        warnings=sorted(warned),
-        tables=[table],
-        scene="",
-        chosen="",
-    )
-
-
-def _study(folder: Path) -> tuple[dict[str, Any], list[dict[str, str]]]:
-    """study.json and the rows of study.csv; UsageError when they are missing or damaged."""
-    try:
-        record = json.loads(content(folder / STUDY))
-        rows = list(csv.DictReader(io.StringIO(content(folder / "study.csv").decode("utf-8")), restval=""))
-        if not isinstance(record, dict) or record.get("program") != PROGRAM or any(None in row for row in rows):
-            raise ValueError("not what this program writes")
-        if not all("status" in row and isinstance(record.get("keys"), list) for row in rows):
-            raise ValueError("it lacks what a study has")
-    except (OSError, ValueError, RecursionError) as error:
-        raise UsageError(f"{folder} holds no study that can be read: {error}") from None
-    return record, rows
-
-
-def _page(**parts: Any) -> str:
+def page(**parts: Any) -> str:
     """The page of its parts; whatever is text stays text."""
     from jinja2 import Environment, StrictUndefined
 
     source = (files("indent_sim.results") / "report.html").read_text(encoding="utf-8")
-    page = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(source)
-    text = page.render(program=PROGRAM, version=VERSION, **parts)
+    template = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(source)
+    text = template.render(program=PROGRAM, version=VERSION, **parts)
     return "".join(sign for sign in text if sign in "\n\t" or sign >= " ") + "\n"  # no control characters
 
 
@@ -184,10 +136,11 @@ def _theory(results: Results) -> list[str]:
     return lines
 
 
-def _hertz(report: Mapping[str, Any]) -> list[str]:
+def _hertz(results: Results) -> list[str]:
     """What a fit of the half-space formula to the curve reads."""
-    fit = report.get("hertz")
-    return [f"A Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)."] if fit else []
+    fit = results.report.get("hertz")
+    modulus = scaled("pressure", [results], np.array([fit["E"]]), "E").said(fit["E"]) if fit else ""
+    return [f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} %)."] if fit else []
 
 
 def _stick(report: Mapping[str, Any]) -> list[str]:
@@ -206,8 +159,9 @@ def _pull_off(results: Results) -> list[str]:
 
 
 def _picture_of_experiment(folder: Path) -> list[Picture]:
-    path = folder / "experiment.png"
-    return [Picture(_image(path, OF_EXPERIMENT), OF_EXPERIMENT, broad=True)] if path.exists() else []
+    if not (folder / EXPERIMENT).exists():
+        return []
+    return [Picture(canvas.element(partial(experiment.draw, folder)), OF_EXPERIMENT, broad=True)]
 
 
 def _experiment(results: Results) -> list[Table]:
@@ -216,9 +170,9 @@ def _experiment(results: Results) -> list[Table]:
     rows = list(csv.reader(io.StringIO(content(path).decode("utf-8")))) if path.exists() else []
     if len(rows) < 2:
         return []
-    kept = _thinned(rows[1:])
-    cells = [[_short(cell) for cell in row] for row in kept]
-    return [Table(f"Rows of {EXPERIMENT}", rows[0], cells, _told(rows[1:], kept), True)]
+    kept = thinned(rows[1:])
+    cells = [[short(cell) for cell in row] for row in kept]
+    return [Table(f"Rows of {EXPERIMENT}", rows[0], cells, told(rows[1:], kept), True)]
 
 
 def _pictures(results: Results) -> list[Picture]:
@@ -226,16 +180,16 @@ def _pictures(results: Results) -> list[Picture]:
     touched = bool(results.surface) and results["force"].max(initial=0.0) > 0
     there = {"force": len(results) > 0, "pressure": touched, "profile": touched,
              "fields": bool(kept_steps(results.path))}  # fmt: skip
-    return [Picture(panels.svg([results], Wish((what,), width=WIDE)), CAPTIONS[what])
+    return [Picture(canvas.element(partial(panels.draw, [results], Wish((what,), width=WIDE))), CAPTIONS[what])
             for what, is_there in there.items() if is_there]  # fmt: skip
 
 
 def _rows(results: Results) -> Table:
     names = [name for name in results.table if name != "wall_s"]
     every = list(range(len(results)))
-    kept = _thinned(every)
-    rows = [[_short(results.table[name][i]) for name in names] for i in kept]
-    return Table("Rows of force_indentation.csv", names, rows, _told(every, kept) + _unit_words(results), True)
+    kept = thinned(every)
+    rows = [[short(results.table[name][i]) for name in names] for i in kept]
+    return Table("Rows of force_indentation.csv", names, rows, told(every, kept) + _unit_words(results), True)
 
 
 def _unit_words(results: Results) -> str:
@@ -244,19 +198,20 @@ def _unit_words(results: Results) -> str:
     return f"Lengths in {kinds[0]}, forces in {kinds[1]}, pressures in {kinds[2]}." if all(kinds) else ""
 
 
-def _thinned(rows: Sequence[Any]) -> Sequence[Any]:
+def thinned(rows: Sequence[Any]) -> Sequence[Any]:
     """At most MOST_ROWS of them, the first and the last among them."""
     places = np.linspace(0, len(rows) - 1, min(MOST_ROWS, len(rows))).round().astype(int)
     return [rows[i] for i in places]
 
 
-def _told(rows: Sequence[Any], kept: Sequence[Any]) -> str:
+def told(rows: Sequence[Any], kept: Sequence[Any]) -> str:
+    """That rows were left out, in words."""
     return f"{len(kept)} of {len(rows)} rows. " if len(kept) < len(rows) else ""
 
 
 def _choices(report: Mapping[str, Any]) -> Table:
     choices = report.get("plan", {}).get("choices", [])
-    rows = [[str(one.get("key", "")), _short(one.get("value", "")), str(one.get("why", ""))] for one in choices]
+    rows = [[str(one.get("key", "")), short(one.get("value", "")), str(one.get("why", ""))] for one in choices]
     return Table("Choices and their reasons", ["what", "choice", "why"], rows)
 
 
@@ -267,15 +222,15 @@ def _bars(report: Mapping[str, Any]) -> list[Table]:
     if not rows:
         return []
     names = list(dict.fromkeys(name for row in rows for name in row))
-    kept = _thinned(rows)
-    cells = [[_short(row.get(name, "")) for name in names] for row in kept]
-    return [Table("Where the error bars come from", names, cells, _told(rows, kept), True)]
+    kept = thinned(rows)
+    cells = [[short(row.get(name, "")) for name in names] for row in kept]
+    return [Table("Where the error bars come from", names, cells, told(rows, kept), True)]
 
 
 def _audit(report: Mapping[str, Any]) -> Table:
     audit = report.get("audit") or {}
     words = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
-    rows = [[name.replace("_", " "), _short(value)] for name, value in audit.items()]
+    rows = [[name.replace("_", " "), short(value)] for name, value in audit.items()]
     return Table("Audit", ["what", "value"], rows, words)
 
 
@@ -288,7 +243,7 @@ def _provenance(report: Mapping[str, Any]) -> Table:
              **{name: value for name, value in (report.get("versions") or {}).items()},
              "seconds": sum((report.get("timings") or {}).values()) or None,
              "peak memory [MB]": report.get("peak_memory_MB")}  # fmt: skip
-    rows = [[name, _short(value)] for name, value in facts.items() if value is not None]
+    rows = [[name, short(value)] for name, value in facts.items() if value is not None]
     return Table("Provenance", ["what", "value"], rows)
 
 
@@ -299,15 +254,10 @@ def _scene(folder: Path) -> str:
         return ""
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
     """A value as it is read, not to its last digit; nothing for what there is none of."""
     try:
         number = float(value)
     except (TypeError, ValueError):
         return str(value) if value is not None else ""
     return "" if number != number or isinstance(value, bool) else f"{number:.{DIGITS}g}"
-
-
-def _image(path: Path, words: str) -> str:
-    data = base64.b64encode(content(path)).decode("ascii")
-    return f'<img alt="{words}" src="data:image/png;base64,{data}">'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -106,6 +106,7 @@ class _Conduct:
         if self.points and self.points[0][1] > 0:  # at rest before
             self.points = [(self.points[0][0], 0.0), *self.points]
         self.deepest = max([scene.asked, *scene.physics.deltas])
+        self.is_stepped = experiment.is_stepped  # or found to have to be
         self.warnings: list[str] = []
 
     # ---- what is known of the body -------------------------------------------------------------------------------
@@ -187,7 +188,7 @@ class _Conduct:
         if found.adhesion:
             report |= self._adhesion()
         if found.relaxation and self.points:
-            report["relaxation"] = {"method": "time steps" if self._is_stepped else "quadrature"}
+            report["relaxation"] = {"method": "time steps" if self.is_stepped else "quadrature"}
         if found.calibration:
             force, modulus = self._uncertain()
             report["calibration"] = {"force": force, "modulus": modulus}
@@ -204,12 +205,9 @@ class _Conduct:
             return self._equilibria()
         if self.experiment.adhesion:
             return self._adhesive()
-        self._is_stepped = self.experiment.is_stepped
-        if self._is_stepped:
+        if self.is_stepped:
             return self._stepped()
         return self._cycle() if self.experiment.relaxation else self._elastic()
-
-    _is_stepped = False
 
     def _equilibria(self) -> list[Row]:
         """The whole equilibrium curve by the contact radius, without a history."""
@@ -247,15 +245,11 @@ class _Conduct:
     def _elastic(self) -> list[Row]:
         """Every point an equilibrium of the elastic curve."""
         largest = max(value for _, value in self.points)
-        if self.experiment.force_history:
-            curve = self.curve_to(self.depth_of(largest))
-            depth: Callable[[float], float] = lambda force: curve.depth(force)  # noqa: E731
-        else:
-            curve = self.curve_to(self._deepest_way(largest))
-            depth = lambda z: curve.depth(0.0, self.compliance, z)  # noqa: E731
+        of_force = bool(self.experiment.force_history)
+        curve = self.curve_to(self.depth_of(largest) if of_force else self._deepest_way(largest))
         rows = []
         for t, value, branch in self._times():
-            delta = depth(value)
+            delta = curve.depth(value) if of_force else curve.depth_behind(self.compliance, value)
             force, a = float(curve.force(np.array(delta))), float(curve.a(np.array(delta)))
             rows.append(self._row(t, delta, force, a, branch))
         return rows
@@ -271,7 +265,7 @@ class _Conduct:
         wanted = self._times()
         if cycle.regrows([t for t, *_ in wanted]):
             self.warnings.append("the contact grows again while the tip retracts or is held after it: stepped in time")
-            self._is_stepped = True
+            self.is_stepped = True
             return self._stepped()
         rows = []
         for k, (t, value, branch) in enumerate(wanted):
@@ -288,16 +282,12 @@ class _Conduct:
         span = times[-1] - times[0]
         modulus = self.modulus.prony(SHORTEST * span / len(times), span)
         stepper = StepByStep(self.surface(top), modulus, self.compliance, of_force)
-        kept = [(t, branch) for t, _, branch in self._times()]
-        found = list(stepper.responses(times, values, every=span / POINTS))
-        branches = dict(kept)
-        starts = found[1:] if len(self.points) > len(self.experiment.points) else found
-        rows = []
-        for response in starts:
-            later = [t for t in branches if t >= response.t]
-            branch = branches[min(later)] if later else kept[-1][1]
-            rows.append(self._row(response.t, response.delta, response.force, response.a, branch))
-        return rows
+        ways = [_branch(*pair) for pair in pairwise(values)]
+        branches, point, rows = [ways[0], *ways], 0, []  # of the piece that ends at each point
+        for found in stepper.responses(times, values, every=span / POINTS):
+            rows.append(self._row(found.t, found.delta, found.force, found.a, branches[point]))
+            point += found.t == times[point]
+        return rows[1:] if len(self.points) > len(self.experiment.points) else rows
 
     # ---- adhesion ------------------------------------------------------------------------------------------------
 

@@ -135,7 +135,8 @@ class Simulation:
             for state in self._timed(self._walk.states(self.scene.physics.path, self._wants_surface, done)):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {total}: {state.reason}")
-                state = self._readings.read(state)
+                with self.clock.stage("solve"):
+                    state = self._readings.read(state)
                 self._keep(state.in_units(self.scene.physics.scales), state.step == total)
                 if progress is not None:
                     progress(self.states[-1], state.step, total)

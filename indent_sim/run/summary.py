@@ -17,7 +17,7 @@ from indent_sim.theory.solution import Solution
 from indent_sim.theory.surface.no_slip import FRICTIONLESS
 
 PARABOLIC = "its friction is that of a paraboloid"
-POINTS = 50  # of the theory curve that is kept for the plot
+POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
 def summary(
@@ -80,11 +80,10 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     solution = _theory_beside(scene, theory, deepest, F)
     if solution is None:
         return None
-    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)] if scene.is_meshed else []  # else: the rows
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
     if scene.physics.path.control == "force":
         found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
-    curve = theory.curve(depths) or []
+    curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     return {
         "name": f"{theory.name} with friction" if scene.plan.friction else theory.name,
         "exact": not unlike,

@@ -13,7 +13,7 @@ from indent_sim.process.usage import machine_memory
 from indent_sim.results import reader
 from indent_sim.results.reader import Results
 from indent_sim.study import cases as case_list
-from indent_sim.study import curves, file, folder, picture, table, verdict
+from indent_sim.study import curves, file, folder, picture, table
 from indent_sim.study.cases import Case
 from indent_sim.study.folder import StudyFolder
 from indent_sim.study.table import Row
@@ -48,7 +48,7 @@ class Study:
     @property
     def verdicts(self) -> dict[str, int]:
         """How many rows are right, flagged, refused and wrong; all 0 without a tolerance."""
-        return verdict.counts(self.rows)
+        return table.counts(self.rows)
 
     @property
     def failures(self) -> list[Row]:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from indent_sim.results.reader import Results
+from indent_sim.config.quantities import QUANTITY
+from indent_sim.process.errors import UsageError
+from indent_sim.results.reader import Results, read_run
 from indent_sim.study import table
 from indent_sim.study.cases import Case, short
 
@@ -28,7 +32,7 @@ class Curve:
     def name(self, keys: Sequence[str]) -> str:
         """These of the varied keys in words."""
         given = [key for key in keys if self.values.get(key) is not None]
-        return ", ".join(f"{key.split('.')[-1]} {short(self.values[key])}" for key in given)
+        return ", ".join(f"{key.split('.')[-1]} {_in_words(self.values[key])}" for key in given)
 
 
 @dataclass(frozen=True)
@@ -43,13 +47,31 @@ class Families:
         return [curve.name(self.keys) for curve in self.curves]
 
     def numeric(self) -> tuple[str, ...]:
-        """The keys whose values are numbers."""
-        return tuple(key for key in self.keys if all(is_number(curve.values.get(key)) for curve in self.curves))
+        """The keys whose values are numbers, or quantities in one unit."""
+        return tuple(key for key in self.keys if len(units := self._units(key)) == 1 and None not in units)
+
+    def numbers(self, key: str) -> list[float]:
+        """The values of a numeric key."""
+        return [amount(curve.values[key])[0] for curve in self.curves]
+
+    def unit(self, key: str) -> str:
+        """The unit of a numeric key's values; "" of plain numbers."""
+        return self._units(key).pop() or ""
+
+    def _units(self, key: str) -> set[str | None]:
+        return {amount(curve.values.get(key))[1] for curve in self.curves}
 
 
-def is_number(value: Any) -> bool:
-    """Whether the value of a key can stand along an axis."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def amount(value: Any) -> tuple[float, str | None]:
+    """A value as a number and its unit, "" of a plain number; the unit of a word, nan, is None."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value), ""
+    match = QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    return (float(match["number"]), match["unit"].strip()) if match else (math.nan, None)
+
+
+def _in_words(value: Any) -> str:
+    return value if isinstance(value, str) else short(value)
 
 
 def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> list[Row]:
@@ -79,4 +101,18 @@ def families(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Resu
     """The curves of all runs that came to their end."""
     found = [Curve({key: case.values.get(key) for key in keys}, done[case.id]) for case in cases
              if case.id in done and done[case.id].report.get("status") == "done"]  # fmt: skip
+    return _family(found, keys)
+
+
+def of_runs(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> Families:
+    """The same of the rows of a study's table, from those of its runs that are still in their folder."""
+    named = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
+    found = []
+    for name, row in named.items():
+        with suppress(UsageError):
+            found.append(Curve({key: row[key] for key in keys}, read_run(folder / str(name))))
+    return _family([curve for curve in found if len(curve.results)], keys)
+
+
+def _family(found: Sequence[Curve], keys: Sequence[str]) -> Families:
     return Families(tuple(found), tuple(table.telling([curve.values for curve in found], keys)))

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import axis, in_picture
+from indent_sim.results.pictures.axes import Axis, axis, in_picture
 from indent_sim.results.pictures.curves import draw as draw_curve
 from indent_sim.results.pictures.curves import look as curve_look
+from indent_sim.results.pictures.forces import begins_untouched
 from indent_sim.study import table
 from indent_sim.study.cases import short
-from indent_sim.study.curves import Curve, Families
+from indent_sim.study.curves import Curve, Families, amount
 from indent_sim.study.table import Row
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
 class _Shades:
     """The colour of each curve by a number that varies."""
 
-    key: str
+    label: str
     values: Sequence[float]
     norm: Any
 
@@ -115,7 +116,7 @@ class _Shades:
 
         shades = LinearSegmentedColormap.from_list("shades", [_map(0.9 * i / 255) for i in range(256)])
         bar = beside.figure.colorbar(ScalarMappable(self.norm, shades), ax=beside, fraction=0.9, aspect=25,
-                                     label=in_picture(_last(self.key)))  # fmt: skip
+                                     label=self.label)  # fmt: skip
         bar.outline.set_visible(False)
 
 
@@ -131,10 +132,15 @@ def _by_number(families: Families, numbers: Sequence[str]) -> _Shades | None:
 
     if not numbers or not (len(families.keys) == 1 or len(families.curves) > MOST_CURVES_NAMED):
         return None
-    values = [float(curve.values[numbers[0]]) for curve in families.curves]
+    values = families.numbers(numbers[0])
     low, high = min(values), max(values)
     norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
-    return _Shades(numbers[0], values, norm)
+    return _Shades(_label(families, numbers[0]), values, norm)
+
+
+def _label(families: Families, key: str) -> str:
+    """The name of a varied number with its unit."""
+    return Axis(in_picture(_last(key)), unit=families.unit(key)).label
 
 
 def _columns(families: Families) -> int:
@@ -148,7 +154,8 @@ def _curves(axes: Axes, families: Families, colours: Sequence[Any]) -> None:
     depth, force = axis("delta", runs), axis("force", runs)
     for run, name, colour in zip(runs, families.apart(), colours, strict=True):
         look = {"color": colour, "marker": ""}
-        draw_curve(axes, run["delta"], depth(run["delta"]), force(run["force"]), look, in_picture(name, MOST_LETTERS))
+        draw_curve(axes, run["delta"], depth(run["delta"]), force(run["force"]), look, in_picture(name, MOST_LETTERS),
+                   from_origin=begins_untouched(run))  # fmt: skip
     canvas.name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
 
@@ -159,16 +166,16 @@ def _over(axes: Axes, families: Families, key: str) -> None:
     force, others = axis("force", runs), [other for other in families.keys if other != key]
     groups = _groups_of(families, others)
     for i, (name, curves) in enumerate(groups.items()):
-        along = sorted(curves, key=lambda curve: curve.values[key])
-        x = [float(curve.values[key]) for curve in along]
+        along = sorted(curves, key=lambda curve: amount(curve.values[key])[0])
+        x = [amount(curve.values[key])[0] for curve in along]
         look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
         label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
         axes.plot(x, force([curve.results["force"][-1] for curve in along]), lw=1.0, ms=5, color=look["color"],
                   marker=look["marker"] or ".", label=label)  # fmt: skip
-    values = [float(curve.values[key]) for curve in families.curves]
+    values = families.numbers(key)
     if min(values) > 0 and max(values) > LOG_SPAN * min(values):
         axes.set_xscale("log")
-    canvas.name_axes(axes, in_picture(_last(key)), f"last {force.label}")
+    canvas.name_axes(axes, _label(families, key), f"last {force.label}")
 
 
 def _groups_of(families: Families, others: Sequence[str]) -> dict[str, list[Curve]]:
@@ -292,8 +299,6 @@ def _error(row: Row) -> float:
 def _mark(i: int) -> dict[str, Any]:
     colour = canvas.COLOURS[i % MOST_COLOURS]
     return {"color": colour, "marker": canvas.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
-
-
 
 
 def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:

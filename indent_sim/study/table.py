@@ -16,7 +16,6 @@ from indent_sim.results.reader import Results
 from indent_sim.study.cases import Case, Refusal, short
 from indent_sim.study.grid import STIFFNESS_UNIT, Multiple
 from indent_sim.study.truth import Answer, Comparison
-from indent_sim.study.verdict import verdict
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
 COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
@@ -29,6 +28,15 @@ ROUNDING = 0.999  # an error less than this fraction of another is smaller, not 
 LENGTHS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
 SIZES = ("mesh", *(f"mesh.{name}" for name in LENGTHS), "accuracy")
 TARGETS = (0.05, 0.01, 0.001)
+REFERENCE = "reference"  # the finest run, which the others are compared with
+VERDICTS = ("right", "flagged", "refused", "wrong")
+MEANINGS = {
+    "right": "the force is within the tolerance",
+    "flagged": "it is not, and the run itself states an error at least as large",
+    "refused": "no force: a clear error before or during the run",
+    "wrong": "a wrong force without a word, or a crash",
+}
+REFUSALS = range(3, 7)  # exit codes that come with a reason: config, mesh, not converged, audit
 
 Row = dict[str, Any]
 
@@ -215,3 +223,32 @@ def recommendations(table: Sequence[Row], keys: Sequence[str]) -> list[str]:
         choice = f"{words(row, keys)}: {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2%}" if row else "none of these"
         lines.append(f"for {100 * target:g} %: {choice}")
     return lines
+
+
+# ---- verdicts on rows with a tolerance ------------------------------------------------------------------------
+
+
+def verdict(row: Row, tolerance: float, *, is_reference: bool) -> str | None:
+    """One of VERDICTS or REFERENCE; None for a row that is pending or has nothing to be compared with."""
+    if row["status"] == "failed":
+        return "refused" if row["exit_code"] in REFUSALS else "wrong"
+    error = row["force_error_vs"]
+    if row["status"] != "done" or error is None:
+        return None
+    if is_reference:
+        return REFERENCE
+    if abs(error) <= tolerance:
+        return "right"
+    return "flagged" if abs(error) <= (row["stated_error"] or 0.0) else "wrong"
+
+
+def counts(table: Sequence[Row]) -> dict[str, int]:
+    """How many rows have each of VERDICTS."""
+    return {name: sum(row["verdict"] == name for row in table) for name in VERDICTS}
+
+
+def impossible(table: Sequence[Row]) -> int:
+    """How many rows were refused as scenes that cannot be, before anything was run; a contact method's own limit is
+    none of them."""
+    refused = [row["reason"] for row in table if row["verdict"] == "refused" and row["exit_code"] == 3]
+    return sum("contact." not in reason.partition(": ")[2].partition(": ")[0] for reason in refused)

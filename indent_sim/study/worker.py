@@ -23,7 +23,7 @@ from indent_sim.process.signals import SIGNALS, die_with
 from indent_sim.process.usage import forget_peak_memory
 from indent_sim.run import chain
 
-LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
+LIFETIME = 100  # runs of one worker: PETSc and the compiled forms keep half a MB of each
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
 LAUNCHERS = (
     "SLURM_",
@@ -153,6 +153,7 @@ def _warm_up() -> None:
     """Load the libraries, and let a crash be one: PETSc would have MPI end it, which a forked process may wait for."""
     with suppress(Exception):  # the run will say what is wrong
         chain.warm_up()
+    gc.freeze()  # libraries stay: every run ends with a search for what it left behind
     for crash in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT):
         signal.signal(crash, signal.SIG_DFL)
 

@@ -21,7 +21,7 @@ from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
 from indent_sim.run.chain import warm_up
 from indent_sim.study import cases as case_list
-from indent_sim.study import table, verdict
+from indent_sim.study import table
 from indent_sim.study.grid import Multiple
 from indent_sim.study.truth import Comparison
 from indent_sim.study.worker import Worker
@@ -647,7 +647,7 @@ vary:
     )
     def test_of_a_row(self, row, expected):
         empty = {"force_error_vs": None, "stated_error": None, "exit_code": None}
-        assert verdict.verdict(empty | row, 0.005, is_reference=False) == expected
+        assert table.verdict(empty | row, 0.005, is_reference=False) == expected
 
     def test_a_study_with_a_tolerance_judges_every_point(self, written):
         done = study.carry_out(written(self.MAP))
@@ -657,7 +657,7 @@ vary:
         assert refused["exit_code"] == 3 and "nitsche gives wrong forces" in refused["reason"]
         assert done.recommendations == ["1 right, 1 flagged, 1 refused, 0 wrong"]
         beyond = refused | {"reason": "scene.yaml:12: loading: depth 2 is beyond the body's thickness 1"}
-        assert verdict.impossible(done.rows) == 0 and verdict.impossible([*done.rows, beyond]) == 1
+        assert table.impossible(done.rows) == 0 and table.impossible([*done.rows, beyond]) == 1
         assert [row["verdict"] for row in rows_of(done.directory)] == ["right", "flagged", "refused"]
 
     def test_without_one_a_point_that_cannot_be_is_an_error(self, written):

@@ -1,4 +1,4 @@
-"""Tutorials and how-do-I page: every command and every line of Python in them is run, in an empty folder a page.
+"""README, docs and tutorials: every command and every line of Python in them is run, or it is said where else.
 
 A block of YAML that begins with the comment "# name.yaml" is that file. A block of text behind commands or Python lists
 lines that must have been printed.
@@ -62,13 +62,13 @@ def test_every_tutorial_is_named_in_the_readme():
 
 
 def test_commands_of_the_pages_exist():
-    """Every `indent-sim ...` of README, how-do-I page and tutorials names a command and options that there are."""
+    """Every `indent-sim ...` of README, docs and tutorials names a command and options that there are."""
     from click.testing import CliRunner
 
     from indent_sim.cli import commands
 
     docs = ROOT / "docs"
-    pages = [ROOT / "README.md", docs / "how_do_i.md", docs / "study.md", docs / "cluster.md", *PAGES]
+    pages = [ROOT / "README.md", *docs.glob("*.md"), *PAGES]
     said = [line for page in pages for line in COMMAND.findall(page.read_text())]
     said += [line for page in pages for kind, text in BLOCK.findall(page.read_text()) if kind == "sh"
              for line in re.findall(r"^(?:\.venv/bin/)?(indent-sim .*?)(?: +#.*)?$", text, re.MULTILINE)]  # fmt: skip
@@ -82,23 +82,131 @@ def test_commands_of_the_pages_exist():
     assert len(said) > 40 and wrong == []
 
 
+RUN = ("README.md", "docs/how_do_i.md", "docs/study.md", "docs/experiments.md", "docs/conventions.md", "docs/theory.md")
+ELSEWHERE = {  # blocks of commands that are not run here, by their first words
+    "make demo ": "installs the packages of the machine: the first step of every check of a commit",
+    "make check ": "the tests themselves",
+    "mpirun -n 4": "tests/system/test_parallel.py, on 2 and 3 ranks",
+    "sbatch --ntasks=2": "tests/system/test_slurm.py, every line, with a stand-in for Slurm",
+    "indent-sim plan scene.yaml     #": "tests/system/test_slurm.py",
+    "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
+    "module load": "an installation on a cluster",
+    "docker build": "needs a Docker daemon",
+    **{f"indent-sim init {kind}\n": "tests/system/test_journeys.py" for kind in ("cell", "film", "gel", "study")},
+    "eval \"$(_INDENT_SIM_COMPLETE=zsh": "test_tab_completion, as far as it needs no zsh",
+    "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
+}
+INSTEAD = {  # the same with fewer runs
+    "indent-sim study configs/studies": "indent-sim plan configs/studies",
+    "{from: 0.05, to: 0.005, count: 5, spacing: log}": "{from: 0.1, to: 0.05, count: 2, spacing: log}",
+    "set: {loading.steps: 5}": "set: {loading.steps: 2}",
+    "base: ../../hertz.yaml": "base: configs/hertz.yaml",
+    "indent-sim study STUDY.yaml --jobs 4": "indent-sim study STUDY.yaml --jobs 2",
+}
+DIFFERS = "indent-sim compare results/reference results/current"  # as its page says: exit code 6
+SCENE = """\
+units: {length: um, force: nN}
+body: {shape: cylinder, radius: 20, height: 10}
+material: {model: linear_elastic, E: 1 kPa, nu: 0.3}
+indenter: {shape: sphere, R: 5 um}
+loading: {delta: 0.4 um, steps: 2}
+mesh: {h_contact: 0.5}
+"""
+
+
+def commands_of(page: Path) -> list[tuple[str, str]]:
+    """The blocks of a page that somebody would type: kind and text."""
+    return [(kind, text) for kind, text in BLOCK.findall(page.read_text(encoding="utf-8"))
+            if kind in ("sh", "zsh", "fish", "python")]  # fmt: skip
+
+
+def reason_of(text: str) -> str | None:
+    """Why a block is not run here."""
+    return next((reason for words, reason in ELSEWHERE.items() if text.startswith(words)), None)
+
+
+def shortened(text: str) -> str:
+    for long, short in INSTEAD.items():
+        text = text.replace(long, short)
+    return text
+
+
+def followed(commands: list[str], folder: Path) -> None:
+    """Commands run one after the other in a folder."""
+    for command in commands:
+        done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=environment(folder),
+                              capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
+        assert done.returncode == (6 if command == DIFFERS else 0), f"{command}\n{done.stdout}{done.stderr}"
+
+
+def test_every_block_of_commands_is_run_or_says_where():
+    pages = [path for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")] if path not in PAGES]
+    found = {(str(page.relative_to(ROOT)), text) for page in pages for _, text in commands_of(page)}
+    assert [(name, text) for name, text in found if name not in RUN and not reason_of(text)] == []
+    told = [words for words in ELSEWHERE if not any(text.startswith(words) for _, text in found)]
+    assert told == [] and {name for name, _ in found} >= set(RUN)
+    assert all(any(long in (ROOT / name).read_text() for name in RUN) for long in INSTEAD)
+
+
 @pytest.mark.slow
-def test_commands_of_the_readme_run(tmp_path):
-    """In their order, in a folder beside the configs; a study of many runs is planned instead of run."""
+@pytest.mark.parametrize("name", RUN)
+def test_the_commands_of_a_page_run(name, tmp_path):
+    """In their order, in a folder beside the configs and a scene and a study of one's own; studies made smaller."""
+    text = (ROOT / name).read_text(encoding="utf-8")
     os.symlink(ROOT / "configs", tmp_path / "configs")
-    text = next(text for kind, text in BLOCK.findall((ROOT / "README.md").read_text()) if "init cell" in text)
-    text = text.replace("indent-sim study configs", "indent-sim plan configs")
-    done = subprocess.run(["bash", "-euo", "pipefail", "-c", text], cwd=tmp_path, env=environment(tmp_path),
-                          capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
+    if "STUDY.yaml" in text:
+        (tmp_path / "STUDY.yaml").write_text(shortened(BLOCK.findall(text)[0][1]))
+    for kind, block in commands_of(ROOT / name):
+        if kind == "python":
+            followed([f'"{sys.executable}" - <<"END"\n{block}\nEND'], tmp_path)
+        elif not reason_of(block):
+            lines = [re.sub(r" +#.*", "", line) for line in shortened(block).splitlines()]
+            followed([line for line in lines if line], tmp_path)
 
 
-def test_tab_completion(tmp_path):
+@pytest.mark.slow
+def test_the_answers_of_the_how_do_i_page_run(tmp_path):
+    """Every command in its sentences, in their order, beside a scene, a study, a result and a measured curve."""
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    (tmp_path / "study.yaml").write_text("base: scene.yaml\nvary: {material.nu: [0.3, 0.4]}\n")
+    followed(["indent-sim run scene.yaml --output results/gel --quiet",
+              "cut -d, -f2,3 results/gel/force_indentation.csv > measured.csv"], tmp_path)  # fmt: skip
+    said = COMMAND.findall((ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8"))
+    assert len(said) >= 13
+    followed(list(dict.fromkeys(said)), tmp_path)
+
+
+def test_commands_in_the_sentences_of_the_notes_and_the_theory_run(tmp_path):
+    """What is no scene of the tests: no slip in the notes' scene, and the measurements of theory.md."""
+    os.symlink(ROOT / "configs", tmp_path / "configs")
+    notes, theory = ((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8") for name in ("notes", "theory"))
+    stick = [line for line in COMMAND.findall(notes) if "--set" in line]
+    lines = re.findall(r"`(python -c [^`]*)`", theory)
+    assert len(stick) == len(lines) == 1
+    coarse = " --set mesh.h_contact=0.06 --set loading.steps=2"
+    followed([stick[0] + coarse, lines[0].replace("python", sys.executable, 1)], tmp_path)
+    for tests, word in re.findall(r"`python -m pytest -s (\S+) -k (\w+)`", theory):
+        source = (ROOT / tests).read_text(encoding="utf-8")
+        assert re.search(rf"def test_\w*{word}", source), (tests, word)
+
+
+def test_every_make_of_the_pages_is_a_target():
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    named = {word for page in pages for word in re.findall(r"(?:`|^)make (\w+)", page.read_text(), re.MULTILINE)}
+    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    assert named <= targets, named - targets
+
+
+@pytest.mark.parametrize(("shell", "says"), [
+    ("bash", "complete -o nosort -F"), ("zsh", "compdef "), ("fish", "complete --no-files --command indent-sim"),
+])  # fmt: skip
+def test_tab_completion(tmp_path, shell, says):
     """What the page tells a shell to evaluate defines a completion, and that completes commands."""
     variables = environment(tmp_path)
-    source = variables | {"_INDENT_SIM_COMPLETE": "bash_source"}
+    source = variables | {"_INDENT_SIM_COMPLETE": f"{shell}_source"}
     script = subprocess.run(["indent-sim"], env=source, capture_output=True, text=True, check=True).stdout
-    assert "complete -o nosort -F" in script
-    words = {"_INDENT_SIM_COMPLETE": "bash_complete", "COMP_WORDS": "indent-sim st", "COMP_CWORD": "1"}
+    assert says in script
+    words = {"_INDENT_SIM_COMPLETE": f"{shell}_complete", "COMP_CWORD": "st" if shell == "fish" else "1",
+             "COMP_WORDS": "indent-sim" if shell == "fish" else "indent-sim st"}  # fmt: skip
     found = subprocess.run(["indent-sim"], env=variables | words, capture_output=True, text=True, check=True).stdout
-    assert found.split() == ["plain,study"]
+    assert re.findall(r"study", found) and "plot" not in found

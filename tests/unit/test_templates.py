@@ -23,7 +23,10 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("kind", commands.TEMPLATES)
+SCENES = [kind for kind in commands.TEMPLATES if kind != "study"]
+
+
+@pytest.mark.parametrize("kind", SCENES)
 def test_a_template_is_a_scene_of_little_cost(kind):
     """Half a minute at the most on one core, as `plan` predicts; its own comments name the file it is in."""
     done = said("init", kind)
@@ -35,6 +38,16 @@ def test_a_template_is_a_scene_of_little_cost(kind):
     assert max(map(len, text.splitlines())) <= 128
     told = json.loads(said("plan", f"{kind}.yaml", "--json").stdout)
     assert told["exit_code"] == 0
+
+
+def test_the_study_is_one_of_little_cost():
+    """Half a minute for all of its runs."""
+    assert said("init", "study").stdout == "study.yaml\n"
+    done = said("plan", "study.yaml", "--json")
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert len(told["rows"]) == 6 and told["seconds"] < 30
+    assert max(map(len, Path("study.yaml").read_text().splitlines())) <= 128
 
 
 def test_a_file_that_is_there_stays(tmp_path):
@@ -50,4 +63,5 @@ def test_a_file_that_is_there_stays(tmp_path):
 
 def test_what_the_wheel_needs_is_package_data():
     project = (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text()
-    assert '"*.yaml"' in project and len(list((Path(commands.__file__).parent / "templates").glob("*.yaml"))) == 5
+    there = (Path(commands.__file__).parent / "templates").glob("*.yaml")
+    assert '"*.yaml"' in project and sorted(path.stem for path in there) == sorted(commands.TEMPLATES)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -152,6 +154,22 @@ def format_of(path: Path) -> str:
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"{path}: a picture ends in {', '.join(FORMATS)}")
     return path.suffix.lower()[1:]
+
+
+def element(draw: Callable[[Path], None]) -> str:
+    """What `draw` draws into a file as an element of a page: text that can be selected, no prolog, no metadata, and no
+    name that another one may have.
+    """
+    import matplotlib
+
+    with tempfile.TemporaryDirectory() as folder, matplotlib.rc_context({"svg.fonttype": "none"}):
+        draw(Path(folder) / "picture.svg")
+        text = (Path(folder) / "picture.svg").read_text(encoding="utf-8")
+    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
+    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
+    own = hashlib.sha256(text.encode()).hexdigest()[:8]
+    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{own}-", text)
+    return text.replace("<svg ", '<svg role="img" ', 1)
 
 
 def keep_ticks_apart(figure: Figure) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 FINE = 20  # points of a drawn curve between two rows
 MANY_RUNS = 10  # from which their colours are those of a map, in their order
+MOST_POWER = 3.0  # of a power law that a curve may follow, and one over it the least
 UNLOADING = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
 Look = Mapping[str, Any]
 
@@ -47,13 +48,32 @@ def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
 def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
     """A smooth curve through points in order of x, up or down, that rises and falls only where they do.
 
-    Piecewise cubic, its slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983) 645: no overshoot.
-    Points that do not go on in x are joined by straight lines.
+    Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as the force and the
+    radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)
+    645: no overshoot. Points that do not go on in x are joined by straight lines.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     h = np.diff(x)
     if len(x) < 3 or not (np.isfinite(x).all() and np.isfinite(y).all()) or not ((h > 0).all() or (h < 0).all()):
         return x, y
+    n = _power(x, y)
+    fine_x, straightened = _cubic(x, y ** (1 / n), h)
+    fine_y = np.maximum(straightened, 0.0) ** n if n != 1 else straightened
+    fine_y[::FINE] = y  # not to rounding only
+    return fine_x, fine_y
+
+
+def _power(x: np.ndarray, y: np.ndarray) -> float:
+    """The n of y ~ x^n between the points nearest to and farthest from x = 0; 1 where a number is negative."""
+    known = (x > 0) & (y > 0)
+    if min(x.min(), y.min()) < 0 or known.sum() < 2:
+        return 1.0
+    (near, low), (far, high) = sorted(zip(x[known], y[known], strict=True))[:: known.sum() - 1]
+    return float(np.clip(np.log(high / low) / np.log(far / near), 1 / MOST_POWER, MOST_POWER))
+
+
+def _cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The piecewise cubic of limited slopes through points whose x differ by h."""
     secant = np.diff(y) / h
     slope = _slopes(h, secant)
     t = np.linspace(0, 1, FINE, endpoint=False)

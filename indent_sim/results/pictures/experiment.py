@@ -12,6 +12,7 @@ import numpy as np
 from indent_sim.results.folder import read_report
 from indent_sim.results.pictures.axes import axis, in_print
 from indent_sim.results.pictures.canvas import COLOURS, GREY, canvas, head, legend_below, name_axes, save
+from indent_sim.results.pictures.curves import smooth
 from indent_sim.results.reader import read
 from indent_sim.results.tables import EXPERIMENT
 
@@ -25,7 +26,13 @@ LOOKS = {"approach": (COLOURS[0], "-"), "hold": (COLOURS[2], "-"), "retract": (C
 
 def plot_experiment(folder: Path | str) -> Path:
     """Draw the experiment of a result folder into it; returns the picture's path."""
-    folder = Path(folder)
+    path = Path(folder) / PICTURE
+    draw(Path(folder), path)
+    return path
+
+
+def draw(folder: Path, path: Path) -> None:
+    """Draw the experiment of a result folder."""
     results, rows = read(folder), _rows(folder / EXPERIMENT)
     has_times, has_base = bool(rows[0]["t"]), any(row["z"] != row["delta"] for row in rows)
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
@@ -41,8 +48,7 @@ def plot_experiment(folder: Path | str) -> Path:
         else:
             _draw(drawn["radius"], rows, "a", axis("a", [results]), force)
         legend_below(figure, drawn["legend"], drawn["depth"])
-        save(figure, folder / PICTURE)
-    return folder / PICTURE
+        save(figure, path)
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
@@ -66,9 +72,9 @@ def _draw(axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any,
             continue
         branch, piece = rows[begin]["branch"], rows[max(begin - 1, 0) : k]
         colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
-        across, up = _numbers(piece, name), y(_numbers(piece, "force"))
-        axes.plot(across if x is None else x(across), up, color=colour, ls=style, lw=1.5,
-                  label=None if branch in seen else branch)  # fmt: skip
+        across = _numbers(piece, name)
+        curve = smooth(across if x is None else x(across), y(_numbers(piece, "force")))
+        axes.plot(*curve, color=colour, ls=style, lw=1.5, label=None if branch in seen else branch)
         seen.add(branch)
         begin = k
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)

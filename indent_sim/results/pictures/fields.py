@@ -23,10 +23,11 @@ if TYPE_CHECKING:
     from indent_sim.results.reader import Results
 
 
-VIEW = 3.0  # contact radii or depths around the tip that are shown
+VIEW, NEAR = 3.0, 1.5  # contact radii or depths around the tip that are shown, and of a thin body at least
+THIN = 4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
 ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
 WHOLE = 1.6  # times that a body may be wider or deeper to be shown whole
-SHOWN = 99.8  # per cent of the shown values inside the colours: at an edge a stress is infinite
+SHOWN = 99.8  # per cent of the shown area inside the colours: at an edge a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
 
 
@@ -73,18 +74,24 @@ class Section:
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
         return Section(np.concatenate([self.points, image]), triangles, np.tile(self.values, 2))
 
-    def without_slivers(self, least: float) -> np.ndarray:
-        """The triangles but those lower than `least` [length], whose colours would be drawn beyond their sides."""
-        corners = self.points[self.triangles]
-        sides = np.roll(corners, -1, axis=1) - corners
-        longest = np.linalg.norm(sides, axis=2).max(axis=1)
-        area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
-        return self.triangles[area > least * longest]
+    @cached_property
+    def areas(self) -> np.ndarray:
+        """The areas (m,) of the triangles."""
+        sides = self.points[self.triangles[:, 1:]] - self.points[self.triangles[:, :1]]
+        return np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
 
-    def inside(self, frame: np.ndarray) -> np.ndarray:
-        """The values at the points inside a frame (left, right, bottom, top)."""
+    def slivers(self, least: float) -> np.ndarray:
+        """Which triangles are lower than `least` [length]: graded colours would be drawn beyond their sides."""
+        corners = self.points[self.triangles]
+        longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+        return 2 * self.areas <= least * longest
+
+    def inside(self, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The values at the points inside a frame (left, right, bottom, top), and the area of each."""
         x, z = self.points.T
-        return self.values[(frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])]
+        shown = (frame[0] <= x) & (x <= frame[1]) & (frame[2] <= z) & (z <= frame[3])
+        area = np.bincount(self.triangles.ravel(), np.repeat(self.areas / 3, 3), len(self.points))
+        return self.values[shown], area[shown]
 
 
 def field_of(name: str) -> Field:
@@ -176,7 +183,7 @@ class FieldRow:
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
         size = max(max(_at(run, step, "a"), abs(_at(run, step, "delta"))) for run, step, _ in self.shown)
-        reach, middle = VIEW * size, middle_of([self.shown[0][0]])[0]
+        reach, middle = size * np.clip(THIN * (top - bottom) / size, NEAR, VIEW), middle_of([self.shown[0][0]])[0]
         sides = (left, right) if right - left <= 2 * WHOLE * reach else (middle - reach, middle + reach)
         return np.array([*sides, bottom if -bottom <= WHOLE * reach else -reach, top + ABOVE * size])
 
@@ -190,13 +197,12 @@ class FieldRow:
         """Draw into as many panels, with one bar for the colours of all."""
         runs, frame = [run for run, *_ in self.shown], self.frame
         length = scaled("length", runs, np.ptp(frame[:2]) / 2 * np.ones(1), first_axis(runs[0]))
-        inside = np.concatenate([section.inside(frame) for section in self.sections])
+        inside, areas = map(np.concatenate, zip(*(section.inside(frame) for section in self.sections), strict=True))
         axis = self._axis(runs, inside)
-        low, high, colours = _colours(axis(inside), self.field.middle)
+        low, high, colours = _colours(axis(inside), areas, self.field.middle)
         for axes, (run, step, words), section in zip(panels, self.shown, self.sections, strict=True):
-            triangles = section.without_slivers(SLIVER * np.ptp(frame[:2]))
-            drawn = axes.tripcolor(*length(section.points).T, triangles, axis(section.values), shading="gouraud",
-                                   vmin=low, vmax=high, cmap=colours, rasterized=True)  # fmt: skip
+            look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
+            drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
             _finish(axes, run, step, words, frame, length)
         ends = [axis(inside).min() < low, axis(inside).max() > high]
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
@@ -209,6 +215,16 @@ class FieldRow:
         first = first_axis(runs[0])
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
         return Axis(name) if self.field.kind == "1" else scaled(self.field.kind, runs, values, name)
+
+
+def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least: float, look: dict[str, Any]) -> Any:
+    """The triangles of a section in graded colours, and those lower than `least` [length] in one colour each."""
+    x, z, values = *length(section.points).T, axis(section.values)
+    is_sliver = section.slivers(least)
+    if is_sliver.any():
+        small = section.triangles[is_sliver]
+        axes.tripcolor(x, z, small, facecolors=values[small].mean(axis=1), edgecolors="face", lw=0.3, **look)
+    return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
 
 def _finish(axes: Axes, results: Results, step: float, words: str, frame: np.ndarray, length: Axis) -> None:
@@ -227,10 +243,13 @@ def _at(results: Results, step: float, column: str) -> float:
     return float(results[column][results["step"] == step][0])
 
 
-def _colours(values: np.ndarray, middle: float | None) -> tuple[float, float, Any]:
-    """The limits of the colours and their map: from 0 up, or as far to both sides of the middle."""
-    if middle is None:
-        high = float(np.percentile(values, SHOWN))
-        return 0.0, high if high > 0 else 1.0, "viridis"
-    away = float(np.percentile(np.abs(values - middle), SHOWN)) or 1.0
-    return middle - away, middle + away, "RdBu_r"
+def _colours(values: np.ndarray, areas: np.ndarray, middle: float | None) -> tuple[float, float, Any]:
+    """The limits of the colours and their map: from 0 up, or as far to both sides of the middle.
+
+    A share of the area is beyond them, not of the points: at an edge, where a stress is infinite, these are many.
+    """
+    away = np.abs(values - (middle or 0.0))
+    order = np.argsort(away)
+    covered = np.cumsum(areas[order])
+    high = float(away[order[np.searchsorted(covered, SHOWN / 100 * covered[-1])]]) or 1.0
+    return (0.0, high, "viridis") if middle is None else (middle - high, middle + high, "RdBu_r")

@@ -106,9 +106,9 @@ def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] |
     depth, force = axis("delta", runs), axis("force", runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         curves.draw(axes, run["delta"], depth(run["delta"]), force(run["force"]), curves.look(i, len(runs)), name,
-                    from_origin=_begins_untouched(run))  # fmt: skip
+                    from_origin=begins_untouched(run))  # fmt: skip
     if any(goes_out for run in runs for _, goes_out in curves.branches(run["delta"])):
-        axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, **curves.UNLOADING)
+        axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, lw=1.2, **curves.UNLOADING)
     _draw_bars(axes, runs, depth, force)
     if theory:
         _draw_theory(axes, theory, depth, force)
@@ -116,7 +116,7 @@ def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] |
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
 
 
-def _begins_untouched(run: Results) -> bool:
+def begins_untouched(run: Results) -> bool:
     """Whether a run's first branch begins with no force at no depth, as without adhesion."""
     scene = scene_of(run.path)
     adhesive = getattr(scene.contact, "adhesion", None) is not None if scene else True
@@ -130,10 +130,13 @@ def _draw_bars(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) ->
         x, y, half = depth(runs[i]["delta"]), force(runs[i]["force"]), force(np.nan_to_num(runs[i]["force_error"]))
         label = f"{ESTIMATED}{_of_last(half, y) if len(runs) == 1 else ''}" if i == judged[-1] else None
         colour = curves.look(i, len(runs))["color"]
-        if len(x) > 1:
-            axes.fill_between(x, y - half, y + half, color=colour, alpha=0.2, lw=0, label=label)
-        else:  # a band needs two
+        if len(x) == 1:  # a band needs two
             axes.errorbar(x, y, half, color=colour, alpha=0.5, capsize=6, ls="", label=label)
+            continue
+        for rows, _ in curves.branches(runs[i]["delta"]):
+            (along, below), (_, above) = (curves.smooth(x[rows], (y + side * half)[rows]) for side in (-1, 1))
+            axes.fill_between(along, below, above, color=colour, alpha=0.2, lw=0, label=label)
+            label = None
 
 
 def is_judged(run: Results) -> bool:
@@ -149,10 +152,12 @@ def _draw_theory(axes: Axes, theory: Mapping[str, Any], depth: Axis, force: Axis
     if closed := theory.get("half_space"):
         label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
         at = {**theory, **closed}  # the formula's force at the run's depth, or its depth at the run's force
-        axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow("D", GREY), label=label)
-        beside = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
-        x, y = depth([0, *beside["delta"]]), force([0, *beside["force"]])
+        curve = closed.get("curve", {"delta": (), "force": ()})  # of an older result: none
+        x, y = depth([0, *curve["delta"]]), force([0, *curve["force"]])
+        if at["delta"] > 1.001 * max(curve["delta"], default=0.0):  # under a force it is deeper than the run
+            x, y = np.append(x, depth(at["delta"])), np.append(y, force(at["force"]))
         axes.plot(*curves.smooth(x, y), color=GREY, ls=":", lw=1.2, zorder=2)
+        axes.plot(depth([at["delta"]]), force([at["force"]]), **hollow("D", GREY), label=label)
 
 
 def _of_last(half: np.ndarray, y: np.ndarray) -> str:

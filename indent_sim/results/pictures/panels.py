@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import re
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -52,7 +49,6 @@ class Wish:
     width: float | None = None
     font: float = canvas.FONT
     units: Mapping[str, str] = field(default_factory=dict)
-
 
     def side_by_side(self, narrowest: float, most: int) -> int:
         """How many panels stand side by side, none narrower than so many inches at the standard font size."""
@@ -107,18 +103,6 @@ def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
         for row, part in zip(rows, parts[:, 0], strict=True):
             row.draw(part)
         canvas.save(figure, path)
-
-
-def svg(runs: Sequence[Results], wish: Wish) -> str:
-    """The picture of a wish as an element of a page: no prolog, no metadata, and no name that another one may have."""
-    with tempfile.TemporaryDirectory() as folder:
-        draw(runs, wish, Path(folder) / "picture.svg")
-        text = (Path(folder) / "picture.svg").read_text(encoding="utf-8")
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text[text.index("<svg") :], flags=re.DOTALL)
-    text = re.sub(r' xmlns(:\w+)?="[^"]*"', "", text).replace("xlink:href", "href")
-    own = hashlib.sha256(text.encode()).hexdigest()[:8]
-    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>p{own}-", text)
-    return text.replace("<svg ", '<svg role="img" ', 1)
 
 
 def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[Callable[[Axes], None]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from indent_sim.model.tips import reach
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled
 from indent_sim.results.pictures.canvas import COLOURS, GREY, from_zero, name_axes
@@ -22,7 +23,9 @@ PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a s
 VIEW = 1.5  # contact radii around the tip in which the pressure is shown
 PRESSED = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
 MARGIN = 0.1  # contact radii around what is pressed
-BESIDE = 1.5  # elements beside a place where the pressure is infinite, in which the mesh says what it is
+BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
+BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
+TOUCHED = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
 INFINITE = "∞"
 
 
@@ -89,7 +92,9 @@ def contact_of(results: Results, step: float) -> Contact:
     is_part = choice(results.report, "symmetry") != "full"
     ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
     mirrored = (is_part and ends[0], is_part and ends[1])
-    return Contact(x, y, p, center, mirrored, _contact_radius(results, step, x, y), _infinite(results, step))
+    a = _contact_radius(results, step, x, y)
+    infinite = tuple((place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED * a)
+    return Contact(x, y, p, center, mirrored, a, infinite)
 
 
 def _known(results: Results, step: float) -> np.ndarray:
@@ -106,9 +111,11 @@ def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     scene = scene_of(results.path)
     if scene is None or not len(peak) or np.isfinite(peak[0]):
         return ()
-    size = scene.mesh.h_contact if isinstance(scene.mesh.h_contact, float) else 0.0
-    own = {True: scene.mesh.h_axis, False: scene.mesh.h_edge}
-    return tuple((radius, BESIDE * (own[radius == 0] or size)) for radius, _ in scene.indenter.creases())
+    tip, mesh = scene.indenter, scene.mesh
+    size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
+    own = {True: mesh.h_axis or size, False: mesh.h_edge or size}
+    return tuple((radius, (BESIDE_END if radius >= reach(tip) else BESIDE_KINK) * own[radius == 0])
+                 for radius, _ in tip.creases())  # fmt: skip
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
@@ -162,6 +169,8 @@ def _say_infinite(axes: Axes, contacts: Sequence[Contact], middle: float, length
 
 def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     """The pressure as seen from above: centred on the tip, mirrored where a part is modelled, all that is pressed."""
+    from matplotlib.ticker import MaxNLocator
+
     length = scaled("length", [results], np.array([contact.reach]), "x")
     pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
     x, y, p = _whole(contact)
@@ -174,13 +183,13 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     low = float(pressure(p[near].min(initial=0.0)))
     filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
                               extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
-    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=np.linspace(low, top, 4))
-    bar.ax.yaxis.set_major_formatter("{x:.3g}")
+    ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
+    bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=ticks)
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
     axes.set_aspect("equal")
     for set_limits, middle in zip((axes.set_xlim, axes.set_ylim), contact.center, strict=True):
         set_limits(length(middle - contact.reach), length(middle + contact.reach))
-    axes.locator_params(nbins=4)
+    axes.locator_params(nbins=5)
     name_axes(axes, length.label, Axis("y", unit=length.unit).label)
 
 

@@ -11,11 +11,11 @@ import pytest
 
 from indent_sim.config import schema
 from indent_sim.config.key_types import core, hints, members
-from indent_sim.config.reference import DIMENSIONS, config_markdown, json_schema
+from indent_sim.config.reference import config_markdown, json_schema
 from indent_sim.config.schema import Config
 from indent_sim.model.state import COLUMNS, READINGS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
-from indent_sim.model.units import unit_of
+from indent_sim.model.units import DIMENSIONS, unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
 from indent_sim.study import file, grid, table
 

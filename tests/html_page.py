@@ -1,0 +1,37 @@
+"""A page of HTML held to what a report promises: valid, small, and alone."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+
+import html5lib
+
+MOST = 2_000_000  # bytes
+
+
+class _Outside(HTMLParser):
+    """What a page would load from elsewhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag in ("script", "link", "iframe", "object", "embed", "base", "form"):
+            self.found.append(tag)
+        for name, value in attrs:
+            if name in ("src", "href", "xlink:href", "srcset", "data") and not (value or "").startswith(("#", "data:")):
+                self.found.append(f"{tag} {name}={value}")
+
+
+def check(text: str) -> None:
+    """A page that stands alone: valid HTML 5, below 2 MB, no name twice, nothing loaded."""
+    html5lib.HTMLParser(strict=True).parse(text)
+    outside = _Outside()
+    outside.feed(text)
+    assert outside.found == [] and "http" not in re.sub(r"<pre>.*?</pre>", "", text, flags=re.DOTALL)
+    assert not re.search(r"url\((?!#)", text) and "@import" not in text
+    names = re.findall(r'\bid="([^"]*)"', text)
+    assert len(names) == len(set(names)) and {f"#{name}" for name in names} >= set(re.findall(r"url\((#[^)]*)\)", text))
+    assert len(text.encode()) < MOST
