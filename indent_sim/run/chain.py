@@ -128,7 +128,8 @@ class Run:
                 record.warn(*unjudged(scene, states, bars))
                 attempt.judge(self._resolved, states, bars)
                 if self._with_stick and attempt.following is None:
-                    record.note(stick=self._stick(scene, bars), timings=stages(self._clock.stages))
+                    stick = self._stick(Companion(1.0, states, scene), bars)
+                    record.note(stick=stick, timings=stages(self._clock.stages))
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
@@ -155,10 +156,14 @@ class Run:
             along = ways(own, self._curve) if own is not None else None
             return ErrorBars(attempt.scene, companions, soft, along)
 
-    def _stick(self, scene: Scene, bars: Bars) -> dict[str, Any] | None:
-        """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""
+    def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
+        """What no slip would change of the deepest force: as the plan knows it, or solved beside the run, in three
+        dimensions on a coarser mesh."""
+        scene = run.scene
+        assert scene is not None
         with self._clock.stage("companions"):
-            found = sticks(bars.companions[0], self._curve) if scene.is_meshed else scene.plan.stick
+            where = run if scene.physics.part.dim == 2 or not bars.companions else bars.companions[0]
+            found = sticks(where, self._curve) if scene.is_meshed else scene.plan.stick
         return asdict(found) | {"words": found.words} if found else None
 
     def _companions(self, attempt: Attempt) -> list[Companion]:

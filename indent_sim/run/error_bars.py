@@ -24,7 +24,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene.corners import POWER
 from indent_sim.scene.cost import MOST_CANDIDATES, candidates
-from indent_sim.scene.expected import Stick
+from indent_sim.scene.expected import NEARLY_STICK, Stick, pulling_rim
 from indent_sim.scene.fineness import BLUNT, EASING, RATE, STEEPEST, fading
 from indent_sim.scene.scene import Scene
 
@@ -188,15 +188,15 @@ def ways(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Ways | Non
 STICK_STEPS = {2: 10, 3: 4}  # by dim: half way through each, new contact sticks to 0.03 % and 0.15 % of the force
 
 
-def sticks(companion: Companion, follow: Callable[[Scene], Sequence[State]]) -> Stick | None:
-    """What no slip instead of no friction would change of a run's deepest force, solved on a companion's mesh: with the
-    anchor `mid`, between its two ends.
+def sticks(run: Companion, follow: Callable[[Scene], Sequence[State]]) -> Stick | None:
+    """What no slip instead of no friction would change of the deepest force of a run, or of a companion, on its mesh:
+    with the anchor `mid`, between its two ends.
 
     None where there is no such number: friction or adhesion already, no contact, a body that may slide away, or a run
     that fails.
     """
-    smooth = _smooth(companion.scene) if companion.scene else None
-    deepest = max((state.delta for state in companion.curve.values()), default=0.0)
+    smooth = _smooth(run.scene) if run.scene else None
+    deepest = max((state.delta for state in run.curve.values()), default=0.0)
     if smooth is None or deepest <= 0:
         return None
     depth = deepest / smooth.physics.scales.depth
@@ -211,7 +211,7 @@ def sticks(companion: Companion, follow: Callable[[Scene], Sequence[State]]) -> 
 
 
 ANCHORS: tuple[Anchor, ...] = ("mid", "implicit", "glue")
-SOLVED = "solved on the mesh of a companion"
+SOLVED = "solved beside this run"
 
 
 def _smooth(scene: Scene) -> Scene | None:
@@ -229,9 +229,11 @@ def _rough(scene: Scene) -> Scene:
     """A frictionless scene whose surface sticks, on the whole body where a compliance along it would be too large."""
     law, part = scene.physics.contact, scene.physics.part
     assert isinstance(law, AugmentedLagrangian)
+    would_pull = pulling_rim(scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes)
+    friction = NEARLY_STICK if would_pull else "stick"
     is_large = candidates(scene.sizes, part) * part.dim > MOST_CANDIDATES
     solver = replace(scene.solver, method="newton") if is_large else scene.solver
-    sticking = scene.with_physics(contact=replace(law, friction="stick", epsilon_t=law.epsilon_n))
+    sticking = scene.with_physics(contact=replace(law, friction=friction, epsilon_t=law.epsilon_n))
     return replace(sticking, solver=solver)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from dataclasses import dataclass
-from math import exp, log, pi
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.config.strict_yaml import key_text
@@ -20,7 +19,7 @@ from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
-from indent_sim.scene.expected import infinite_pressure
+from indent_sim.scene.expected import NEARLY_STICK, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
 from indent_sim.scene.theories import NO_INCLUSIONS, layer_theory, shape_of
@@ -160,25 +159,13 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
     return "mid", [Choice("contact.friction", law.friction, why)]
 
 
-PULLS = 6.0  # edge elements in the rim that would pull, at most: Newton goes round in a circle from 5 on, measured
-NEARLY = 5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
-
-
 def bounded(law: Any, given: Given, sizes: Sizes) -> tuple[Any, list[Choice]]:
-    """The law with so much friction in place of stick where no surface that only pushes sticks, and what to say of it.
-
-    Stuck to a punch with a sharp edge, the surface would pull within d = 2 a exp(-pi^2/ln(3 - 4 nu)) of it (2e-4 a at
-    nu = 0, 1e-7 a at 0.3): elements that see it have no equilibrium that sticks without a bound and pushes.
-    """
-    if law.friction != "stick" or sizes.edge is None or getattr(given.tip, "edge_radius", 1.0) > 0 or not sizes.h_edge:
-        return law, []
-    nu = given.material.constants.nu
-    rim = 2 * sizes.edge * exp(-(pi**2) / log(3 - 4 * nu)) if nu < 0.5 else 0.0
-    if sizes.h_edge > PULLS * rim:
+    """The law with friction for stick where no surface that only pushes sticks, and what to say of it."""
+    rim = pulling_rim(given.tip, given.material.constants.nu, sizes) if law.friction == "stick" else 0.0
+    if not rim:
         return law, []
     why = f"stands for stick: {rim * given.scales.length:.2g} beside the sharp edge a surface that sticks would pull"
-    law = dataclasses.replace(law, friction=NEARLY)
-    return law, [Choice("contact.friction", NEARLY, why)]
+    return dataclasses.replace(law, friction=NEARLY_STICK), [Choice("contact.friction", NEARLY_STICK, why)]
 
 
 COARSEST = 1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured

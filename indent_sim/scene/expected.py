@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
+from math import exp, inf, log, pi
 
 import numpy as np
 
@@ -155,6 +155,23 @@ def rubbed_words(friction: float | str, found: Rubbed) -> str:
     what = f"friction {friction:g}" if slips else "no slip"
     where = f", and the surface sticks within {found.sticks:.2g} of its radius" if slips else ""
     return f"{what} changes this force by {100 * (found.force - 1):+.1f} %{where} (half-space, exact)"
+
+
+PULLS = 6.0  # edge elements in the rim that would pull, at most: Newton goes round in a circle from 5 on, measured
+NEARLY_STICK = 5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
+
+
+def pulling_rim(tip: Indenter, nu: float, sizes: Sizes) -> float:
+    """Width d = 2 a exp(-pi^2/ln(3 - 4 nu)) of the rim under a sharp edge in which a stuck surface would pull [length].
+
+    2e-4 a at nu = 0, 1e-7 a at 0.3; 0 where the elements do not see it. Those that do have no equilibrium that both
+    sticks without a bound and pushes.
+    """
+    is_sharp = getattr(tip, "edge_radius", 1.0) == 0
+    if not is_sharp or sizes.edge is None or sizes.h_edge is None or nu >= 0.5:
+        return 0.0
+    rim = 2 * sizes.edge * exp(-(pi**2) / log(3 - 4 * nu))
+    return rim if sizes.h_edge <= PULLS * rim else 0.0
 
 
 def infinite_pressure(tip: Indenter, a: float) -> str:
