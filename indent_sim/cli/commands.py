@@ -9,10 +9,10 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -29,7 +29,7 @@ from indent_sim.process.errors import (
     printable,
 )
 from indent_sim.process.limits import require_room, spent
-from indent_sim.process.ranks import Alone
+from indent_sim.process.ranks import Alone, Meeting
 from indent_sim.process.signals import check, stoppable
 from indent_sim.process.version import VERSION
 
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
-PATIENCE = 10.0  # s that a failed rank waits for the others to fail likewise
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
@@ -231,13 +230,13 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bo
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
         require_room()
-        is_met = _starts_mesher(config, overrides)
-        comm = _world() if is_met else Alone()
-    with together(comm), stoppable(comm.rank):
         from indent_sim.config.file import load
         from indent_sim.process.ranks import on_root
 
-        settings = comm.bcast(on_root(comm, load, config, overrides))
+        read = cache(partial(load, config, overrides))
+        comm = _world() if _starts_mesher(read) else Alone()
+    with together(comm), stoppable(comm.rank):
+        settings = comm.bcast(on_root(comm, read))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
         outcome = _simulate(settings, comm, directory, quiet, **how)
     if comm.rank == 0:
@@ -280,7 +279,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         from indent_sim.results.writer import to_json
 
-        parts = ("title", "units", "choices", "prediction", "stick", "warnings")
+        parts = ("title", "units", "choices", "prediction", "stick", "adhesion", "warnings")
         say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
         return
     from indent_sim.cli import terminal
@@ -307,10 +306,10 @@ def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bo
     require_room()
     from indent_sim.config.file import load
     from indent_sim.results.writer import to_json
-    from indent_sim.run import require as requirements
+    from indent_sim.run.requirements import cheapest
 
     with _quiet_libraries(logging.ERROR), stoppable():
-        found = requirements.require(load(config, overrides), within)
+        found = cheapest.require(load(config, overrides), within)
     if as_json:
         return say(to_json(DONE | found.as_json()))
     from indent_sim.cli import terminal
@@ -461,19 +460,18 @@ def main() -> None:
 # ---- one run, on all ranks ---------------------------------------------------------------------------------
 
 
-def _starts_mesher(config: Path, overrides: tuple[str, ...]) -> bool:
+def _starts_mesher(read: Callable[[], Config]) -> bool:
     """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do.
 
     Returns whether the others are to be met: not by a process without others whose scene theory solves. What is wrong
     with the config is said later, by all ranks.
     """
-    from indent_sim.config.file import load
     from indent_sim.mesh import gmsh
     from indent_sim.process.ranks import is_first, is_one_of_several
     from indent_sim.scene.choices import needs_mesh
 
     with suppress(IndentSimError):
-        if is_first() and not needs_mesh(load(config, overrides)):
+        if is_first() and not needs_mesh(read()):
             return is_one_of_several()
     if is_first():
         gmsh.start()
@@ -497,36 +495,21 @@ def _refuse_ranks() -> None:
 
 @contextmanager
 def together(comm: Any) -> Iterator[None]:
-    """All ranks leave the block with the same exit code, and rank 0 alone says why.
+    """All ranks leave the block with the same exit code, and one says why: rank 0, or who fails where it does not.
 
     A rank that fails where the others do not (a bug, a signal) takes them all down.
     """
-    meeting = comm.Dup() if comm.size > 1 else comm
+    meeting = Meeting(comm)
     try:
         yield
     except BaseException as error:
         if comm.size == 1:
             raise
-        if comm.rank and isinstance(error, KeyboardInterrupt):
-            _all_arrive(meeting)  # rank 0 closes its files and ends all
-        expected = isinstance(error, IndentSimError)
-        speaks = comm.rank == 0 or not expected  # and before any rank ends: mpirun kills the rest then
-        code = explain(error) if speaks else getattr(error, "exit_code", 1)
-        if expected and _all_arrive(meeting):
+        stopped = isinstance(error, KeyboardInterrupt)  # rank 0 closes its files and ends all
+        code = getattr(error, "exit_code", 1) if comm.rank else explain(error)  # at once: mpirun kills
+        if (comm.rank or not stopped) and meeting.all_arrive() and not stopped:
             raise click.exceptions.Exit(code) from error
-        if not speaks:
-            explain(error)
-        comm.Abort(code)
-
-
-def _all_arrive(comm: Any) -> bool:
-    """Whether every rank gets here before patience ends."""
-    request, deadline = comm.Ibarrier(), time.monotonic() + PATIENCE
-    while not request.Test():
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(0.01)
-    return True
+        comm.Abort(explain(error) if comm.rank else code)
 
 
 def _simulate(settings: Config, comm: Any, directory: Path, quiet: bool, **how: bool) -> Outcome:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
-    from indent_sim.run.require import Effect, Requirements
+    from indent_sim.run.requirements.cheapest import Requirements
+    from indent_sim.run.requirements.effects import Effect
     from indent_sim.scene.scene import Scene
     from indent_sim.study import Plan
 
@@ -70,6 +71,7 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(_formulas(theory))
     if fit := report.get("hertz"):
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)")
+    lines += _adhesion(report.get("adhesion") or {})
     lines += _experiment(report.get("experiment") or {})
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
@@ -79,6 +81,17 @@ def conclusion(outcome: Outcome) -> list[str]:
 def warnings(outcome: Outcome) -> list[str]:
     """What a run warns of, a line each."""
     return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
+
+
+def _adhesion(report: dict[str, Any]) -> list[str]:
+    """The largest pull of the rows, and what is known of it beforehand."""
+    pulled = report.get("largest_pull")
+    if pulled is None:
+        return []
+    known = (("maugis_pull_off", "Maugis-Dugdale on a half-space"), ("jkr_pull_off", "without range (JKR)"))
+    beside = [f"{words} {report[name]:.6g}" for name, words in known if report.get(name) is not None]
+    lines = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
+    return ["; pull-off ".join([lines, ", ".join(beside)]) if beside else lines]
 
 
 def _experiment(report: dict[str, Any]) -> list[str]:
@@ -133,11 +146,12 @@ def requirements(found: Requirements, width: int = 120) -> str:
 
 def _change(effect: Effect) -> str:
     """What an effect does to the force, as a number or a range."""
-    if effect.percent is not None:
-        return f"{effect.percent:+.2g} %"
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
-    return f"{effect.low:+.2g} to {effect.high:+.2g} %"
+    between = f"{effect.low:+.2g} to {effect.high:+.2g} %"
+    if effect.percent is None:
+        return between
+    return f"{effect.percent:+.2g} %" + (f" ({between})" if effect.low < effect.high else "")
 
 
 def study_plan(planned: Plan) -> str:

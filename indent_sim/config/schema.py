@@ -347,7 +347,16 @@ def _path(config: Config) -> list[ConfigError]:
         return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
     if len(given) > 1:
         return [ConfigError(f"loading.{given[1]}", f"contradicts {given[0]}", f"give one of {', '.join(WAYS)}")]
-    if config.loading.forces is not None and not any(config.loading.forces) and not config.contact.adhesion:
+    return _forces(config.loading.forces) if config.loading.forces and not config.contact.adhesion else []
+
+
+def _forces(forces: Sequence[float]) -> list[ConfigError]:
+    """That a tip that does not adhere pushes."""
+    pulls = next((k for k, force in enumerate(forces) if force < 0), None)
+    if pulls is not None:
+        problem = f"a force of {forces[pulls]:g} pulls, and nothing holds on to the tip"
+        return [ConfigError(f"loading.forces[{pulls}]", problem, "a force >= 0, or give contact.adhesion")]
+    if not any(forces):
         return [ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")]
     return []
 

@@ -11,7 +11,9 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib import metadata
 from pathlib import Path
+from types import ModuleType
 
 from indent_sim.process.errors import BackendError
 
@@ -28,7 +30,7 @@ def load_dolfinx() -> None:
         import petsc4py
 
         petsc4py.init(["indent-sim", "-skip_petscrc"])
-        with _in_the_root_folder():
+        with _in_the_root_folder(), _light_versions():
             from indent_sim.fe import compat
 
             compat.read_settings()
@@ -36,6 +38,22 @@ def load_dolfinx() -> None:
         sys.argv = ours
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGPIPE, pipe)  # PETSc would end a run that nobody listens to
+
+
+@contextmanager
+def _light_versions() -> Iterator[None]:
+    """UFL and FFCx of dolfinx 0.5 load pkg_resources to learn their own versions, a tenth of all imports; what they ask
+    it for is answered by importlib."""
+    if "pkg_resources" in sys.modules:
+        yield
+        return
+    stand_in = ModuleType("pkg_resources")
+    stand_in.get_distribution = metadata.distribution  # type: ignore[attr-defined]
+    sys.modules["pkg_resources"] = stand_in
+    try:
+        yield
+    finally:
+        del sys.modules["pkg_resources"]
 
 
 @contextmanager

@@ -36,6 +36,7 @@ OTHERWISE = "FFCx keeps kernels in another way than is known here: runs that com
 _found: Callable[..., Any]
 _compiled: Callable[..., Any]
 _told: set[str] = set()
+_loaded: dict[tuple[Any, ...], Any] = {}  # what this process has found: to look again is to list the whole cache
 _claimed: dict[Path, int | None] = {}  # entries this process has begun, and their locks
 
 
@@ -78,8 +79,11 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
     failure has cut off: to load it would end the process.
     """
     entry = Path(cache_dir) / f"{module_name}.c"
+    wanted = entry, *object_names
+    if wanted in _loaded:
+        return _loaded[wanted]
     if _is_good(entry):
-        return _found(module_name, object_names, cache_dir, timeout)
+        return _loaded.setdefault(wanted, _found(module_name, object_names, cache_dir, timeout))
     _give_claims_back()
     with _refused_folder(entry):
         was_locked, lock = entry.with_suffix(".lock").exists(), _locked(entry)

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Gt, Le, Len
+from annotated_types import Gt, Le, Len
 
 from indent_sim.model.units import LENGTH, Coordinate, Length
 
 MOST_STEPS = 100_000
 
 Force = Annotated[float, Gt(0)]
-ForceOrZero = Annotated[float, Ge(0)]
 
 WAYS = ("delta", "deltas", "force", "forces")  # to say the path, one of them
 
@@ -43,15 +42,15 @@ class Loading:
     forces `forces` one by one.
 
     delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces are of the whole
-    body (per unit length in plane strain) and never negative: a tip without adhesion cannot pull. With a force of 0 the
-    tip just touches, delta = 0.
+    body (per unit length in plane strain); negative ones only under a tip that adheres, and no harder than it pulls
+    where it first touches. Without adhesion a force of 0 is where the tip just touches, delta = 0.
     """
 
     delta: Length | None = None
     force: Force | None = None
     steps: Annotated[int, Gt(0), Le(MOST_STEPS)] = 10
     deltas: Annotated[tuple[Coordinate, ...], Len(1, MOST_STEPS), LENGTH] | None = None
-    forces: Annotated[tuple[ForceOrZero, ...], Len(1, MOST_STEPS)] | None = None
+    forces: Annotated[tuple[float, ...], Len(1, MOST_STEPS)] | None = None
 
     @property
     def given(self) -> tuple[str, ...]:

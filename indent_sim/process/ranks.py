@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 # How many ranks there are and which one this is, as mpirun and srun tell it before MPI is up
 SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
+
+PATIENCE = 10.0  # s that a rank waits for the others to fail likewise
 
 T = TypeVar("T")
 
@@ -21,6 +24,30 @@ class Alone:
     def bcast(self, value: Any, root: int = 0) -> Any:
         """The value itself."""
         return value
+
+
+class Meeting:
+    """Where ranks that failed find out whether all did (collective): on a communicator of its own, which what the
+    others wait for does not disturb."""
+
+    def __init__(self, comm: Any):
+        self._comm = comm.Dup() if comm.size > 1 else None
+
+    def all_arrive(self) -> bool:
+        """Whether every rank gets here before patience ends; who fails alone must not wait for ever."""
+        if self._comm is None:
+            return True
+        request, deadline = self._comm.Ibarrier(), time.monotonic() + PATIENCE
+        while not request.Test():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.01)
+        return True
+
+    def free(self) -> None:
+        """Give the communicator back (collective)."""
+        if self._comm is not None:
+            self._comm.Free()
 
 
 def is_one_of_several() -> bool:

@@ -19,6 +19,7 @@ from indent_sim.results.folder import CONFIG, PROGRAM, content, write_atomically
 from indent_sim.results.pictures import canvas, experiment, panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
+from indent_sim.results.pictures.pressure import strongest_step
 from indent_sim.results.reader import Results, read_run
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.xdmf import kept_steps
@@ -26,7 +27,7 @@ from indent_sim.results.xdmf import kept_steps
 MOST_ROWS = 100  # of a table; more are thinned
 DIGITS = 6
 WIDE = 110.0  # mm: what stays readable on a screen 400 pixels wide
-CAPTIONS = {"force": "Force over depth", "pressure": "Contact pressure at the largest force",
+CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force",
             "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
 OF_EXPERIMENT = "The experiment: force over depth, over the way of the base, over time or contact radius"
 NAME = "report.html"
@@ -74,7 +75,7 @@ def of_run(folder: Path) -> str:
         subtitle=_subtitle(results),
         failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
         numbers=_numbers(results),
-        said=[*_theory(results), *_hertz(results), *_pull_off(results)],
+        said=[*_theory(results), *_hertz(results), *_largest_pull(results), *_pull_off(results)],
         pictures=[*_pictures(results), *_picture_of_experiment(folder)],
         warnings=report.get("warnings", []),
         tables=[table for table in tables if table.rows],
@@ -143,6 +144,23 @@ def _hertz(results: Results) -> list[str]:
     return [f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} %)."] if fit else []
 
 
+def _largest_pull(results: Results) -> list[str]:
+    """The largest pull of the rows of a tip that adheres with a range, and what is known of it beforehand."""
+    known = results.report.get("adhesion") or {}
+    pulled = known.get("largest_pull")
+    if not pulled:
+        return []
+    units = results.report.get("units") or {}
+    force, length = (in_print(unit_of(kind, units)) for kind in ("force", "length"))
+    names = {"maugis_pull_off": "Maugis-Dugdale on a half-space", "jkr_pull_off": "without range (JKR)"}
+    beside = [f"{words} {known[name]:.5g} {force}" for name, words in names.items() if known.get(name) is not None]
+    lines = [f"Largest pull: force {pulled['force']:.5g} {force} at delta {pulled['delta']:.5g} {length}.",
+             *([f"Pull-off: {', '.join(beside)}."] if beside else [])]  # fmt: skip
+    numbers = {"tabor": "Tabor number", "maugis_lambda": "Maugis' lambda", "elements": "elements in the cohesive zone"}
+    said = [f"{words} {known[name]:.3g}" for name, words in numbers.items() if known.get(name) is not None]
+    return [*lines, f"{', '.join(said)}."]
+
+
 def _pull_off(results: Results) -> list[str]:
     """Where a tip that adheres comes off."""
     pulled = ((results.report.get("experiment") or {}).get("adhesion") or {}).get("pull_off") or {}
@@ -171,7 +189,7 @@ def _experiment(results: Results) -> list[Table]:
 
 def _pictures(results: Results) -> list[Picture]:
     """What there is to draw of a result."""
-    touched = bool(results.surface) and results["force"].max(initial=0.0) > 0
+    touched = strongest_step(results) is not None
     there = {"force": len(results) > 0, "pressure": touched, "profile": touched,
              "fields": bool(kept_steps(results.path))}  # fmt: skip
     return [Picture(canvas.element(partial(panels.draw, [results], Wish((what,), width=WIDE))), CAPTIONS[what])

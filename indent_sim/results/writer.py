@@ -132,13 +132,13 @@ class ResultFolder:
             if sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, *mesh: Any, keep: Keep) -> None:
+    def open_fields(self, *mesh: Any, keep: Keep, friction: bool = False) -> None:
         """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`)."""
         if keep == "none":
             return
         with uninterrupted(), self._writing():
             done = self.rows if self.earlier else None
-            self._fields = FieldWriter(self.path, *mesh, keep_all=keep == "all", done=done)
+            self._fields = FieldWriter(self.path, *mesh, keep_all=keep == "all", done=done, friction=friction)
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]

@@ -31,6 +31,7 @@ ARRAYS: Kinds = {
     "J": ("Cell", "Scalar", ()),
     "energy_density": ("Cell", "Scalar", ()),
 }
+OF_FRICTION: Kinds = {"shear": ("Node", "Scalar", ())}  # where the tip drags on the surface
 LASTING: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
 OF_TIP: Kinds = {"displacement": ("Node", "Vector", (3,))}
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
@@ -59,13 +60,14 @@ class FieldWriter:
     points (n, 2) or (n, 3) [length], two columns being (x, z); cells (m, 3) or (m, 4) vertex numbers; regions (m,). All
     states are kept, or the deepest and the last. The time of a state is its step: depths may go back.
     With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
-    missing, damaged or of another mesh: then they begin anew.
+    missing, damaged or of another mesh: then they begin anew. With friction there is the shear of the contact surface.
     """
 
     def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, regions: np.ndarray, tip: Outline, *,
-                 keep_all: bool = False, done: int | None = None):  # fmt: skip
+                 keep_all: bool = False, done: int | None = None, friction: bool = False):  # fmt: skip
         self.directory = Path(directory)
         self._all = keep_all
+        self._arrays = ARRAYS | (OF_FRICTION if friction else {})
         self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions),
                       "tip_points": tip.points, "tip_cells": tip.cells}  # fmt: skip
         self._tip = tip
@@ -77,9 +79,9 @@ class FieldWriter:
         self._save()
 
     def write(self, step: int, delta: float, fields: Mapping[str, np.ndarray]) -> None:
-        """Add one state: the fields of `ARRAYS`, displacement (n, 2 or 3). OSError on a full disk."""
+        """Add one state: its fields by name, displacement (n, 2 or 3). OSError on a full disk."""
         values = {**fields, "displacement": in_space(fields["displacement"])}
-        arrays = {name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in ARRAYS}
+        arrays = {name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in self._arrays}
         arrays["tip_displacement"] = self._tip.at(delta).astype("<f8")
         write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
         state = self._state(step, delta)
@@ -117,15 +119,15 @@ class FieldWriter:
 
     def _is_whole(self, step: int) -> bool:
         arrays = _arrays(self._fields / _file(step))
-        return all(arrays[name].shape == self._shape(name) for name in ARRAYS)
+        return all(arrays[name].shape == self._shape(name) for name in self._arrays)
 
     def _shape(self, name: str) -> tuple[int, ...]:
-        center, _, components = ARRAYS[name]
+        center, _, components = self._arrays[name]
         return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
     def _state(self, step: int, delta: float) -> _Kept:
-        texts = {XDMF: self._grid(step, delta, "", ARRAYS, LASTING), TIP: self._grid(step, delta, "tip_", OF_TIP, {})}
-        return _Kept(step, delta, texts)
+        body, tip = self._grid(step, delta, "", self._arrays, LASTING), self._grid(step, delta, "tip_", OF_TIP, {})
+        return _Kept(step, delta, {XDMF: body, TIP: tip})
 
     def _grid(self, step: int, delta: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
         """A state of the mesh whose arrays begin with a prefix."""
@@ -182,7 +184,7 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
     try:
         found = _arrays(folder / FIELDS / MESH) | _arrays(folder / FIELDS / _file(step))
         counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
-        kinds = ARRAYS | LASTING
+        kinds = ARRAYS | LASTING | {name: kind for name, kind in OF_FRICTION.items() if name in found}
         if all(found[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
             return found
         raise ValueError("its arrays do not belong together")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -24,7 +24,7 @@ from indent_sim.theory.surface.punches import Punches, radius_at
 from indent_sim.theory.surface.relaxation import ElasticCurve, Modulus, OneCycle, PowerLaw, Prony
 from indent_sim.theory.surface.stepping import StepByStep, Surface, layer_surface
 
-POINTS = 200  # of an equilibrium curve, and of a history at least
+POINTS = 200  # of an equilibrium curve, and of a history at least; at most as many more
 SHALLOWEST = 1e-5  # of the deepest depth: a power law below
 SAMPLES = 80  # of an elastic curve
 FEW = 2.0  # elements that a contact must have to be one of them
@@ -106,6 +106,7 @@ class _Conduct:
         if self.points and self.points[0][1] > 0:  # at rest before
             self.points = [(self.points[0][0], 0.0), *self.points]
         self.deepest = max([scene.asked, *scene.physics.deltas])
+        self.is_stepped = experiment.is_stepped  # or found to have to be
         self.warnings: list[str] = []
 
     # ---- what is known of the body -------------------------------------------------------------------------------
@@ -187,7 +188,7 @@ class _Conduct:
         if found.adhesion:
             report |= self._adhesion()
         if found.relaxation and self.points:
-            report["relaxation"] = {"method": "time steps" if self._is_stepped else "quadrature"}
+            report["relaxation"] = {"method": "time steps" if self.is_stepped else "quadrature"}
         if found.calibration:
             force, modulus = self._uncertain()
             report["calibration"] = {"force": force, "modulus": modulus}
@@ -204,12 +205,9 @@ class _Conduct:
             return self._equilibria()
         if self.experiment.adhesion:
             return self._adhesive()
-        self._is_stepped = self.experiment.is_stepped
-        if self._is_stepped:
+        if self.is_stepped:
             return self._stepped()
         return self._cycle() if self.experiment.relaxation else self._elastic()
-
-    _is_stepped = False
 
     def _equilibria(self) -> list[Row]:
         """The whole equilibrium curve by the contact radius, without a history."""
@@ -233,29 +231,29 @@ class _Conduct:
 
     def _times(self) -> list[tuple[float, float, str]]:
         """Times, values and branches: every point of the history and, between them, enough for a curve."""
-        span = self.points[-1][0] - self.points[0][0]
         (t, value), found = self.points[0], []
         if self.points[0] == (self.experiment.points[0][0], value):
             found.append((t, value, _branch(value, self.points[1][1])))
-        for (t0, v0), (t1, v1) in pairwise(self.points):
-            pieces = max(1, round(POINTS * (t1 - t0) / span))
+        for ((t0, v0), (t1, v1)), rows in zip(pairwise(self.points), self._rows_between(), strict=True):
             branch = _branch(v0, v1)
-            found += [(t0 + (t1 - t0) * k / pieces, v0 + (v1 - v0) * k / pieces, branch) for k in range(1, pieces)]
+            found += [(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
             found.append((t1, v1, branch))
         return found
+
+    def _rows_between(self) -> list[int]:
+        """Rows of each piece of the history: its share of the time, or of the pieces if that is more; a jump: 1."""
+        spans = np.diff([t for t, _ in self.points])
+        share = np.maximum(spans / spans.sum(), 1.0 / len(spans))
+        return [max(1, round(POINTS * part)) if span > 0 else 1 for part, span in zip(share, spans, strict=True)]
 
     def _elastic(self) -> list[Row]:
         """Every point an equilibrium of the elastic curve."""
         largest = max(value for _, value in self.points)
-        if self.experiment.force_history:
-            curve = self.curve_to(self.depth_of(largest))
-            depth: Callable[[float], float] = lambda force: curve.depth(force)  # noqa: E731
-        else:
-            curve = self.curve_to(self._deepest_way(largest))
-            depth = lambda z: curve.depth(0.0, self.compliance, z)  # noqa: E731
+        of_force = bool(self.experiment.force_history)
+        curve = self.curve_to(self.depth_of(largest) if of_force else self._deepest_way(largest))
         rows = []
         for t, value, branch in self._times():
-            delta = depth(value)
+            delta = curve.depth(value) if of_force else curve.depth_behind(self.compliance, value)
             force, a = float(curve.force(np.array(delta))), float(curve.a(np.array(delta)))
             rows.append(self._row(t, delta, force, a, branch))
         return rows
@@ -271,7 +269,7 @@ class _Conduct:
         wanted = self._times()
         if cycle.regrows([t for t, *_ in wanted]):
             self.warnings.append("the contact grows again while the tip retracts or is held after it: stepped in time")
-            self._is_stepped = True
+            self.is_stepped = True
             return self._stepped()
         rows = []
         for k, (t, value, branch) in enumerate(wanted):
@@ -288,16 +286,12 @@ class _Conduct:
         span = times[-1] - times[0]
         modulus = self.modulus.prony(SHORTEST * span / len(times), span)
         stepper = StepByStep(self.surface(top), modulus, self.compliance, of_force)
-        kept = [(t, branch) for t, _, branch in self._times()]
-        found = list(stepper.responses(times, values, every=span / POINTS))
-        branches = dict(kept)
-        starts = found[1:] if len(self.points) > len(self.experiment.points) else found
-        rows = []
-        for response in starts:
-            later = [t for t in branches if t >= response.t]
-            branch = branches[min(later)] if later else kept[-1][1]
-            rows.append(self._row(response.t, response.delta, response.force, response.a, branch))
-        return rows
+        ways = [_branch(*pair) for pair in pairwise(values)]
+        branches, point, rows = [ways[0], *ways], 0, []  # of the piece that ends at each point
+        for found in stepper.responses(times, values, self._rows_between()):
+            rows.append(self._row(found.t, found.delta, found.force, found.a, branches[point]))
+            point += found.t == times[point]
+        return rows[1:] if len(self.points) > len(self.experiment.points) else rows
 
     # ---- adhesion ------------------------------------------------------------------------------------------------
 

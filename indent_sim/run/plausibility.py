@@ -100,8 +100,9 @@ def _stands_on_a_side(scene: Scene, state: State, earlier: Sequence[State]) -> s
 def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """A new depth is another solution: of no iteration, only where the one foretold was right and the force another."""
     before = earlier[-1] if earlier else None
-    is_new = before is None or abs(state.delta - before.delta) > SAME * state.delta
-    is_other = before is not None and before.force > 0 and abs(state.force - before.force) > NOISE * SAME * state.force
+    is_new = before is None or abs(state.delta - before.delta) > SAME * abs(state.delta)
+    moved = abs(state.force - before.force) if before and (before.force > 0 or scene.physics.adheres) else 0.0
+    is_other = moved > NOISE * SAME * abs(state.force)
     if state.newton_iterations > 0 or not is_new or is_other:
         return None
     return "nothing was solved for this depth, and the force is that of another"

@@ -42,9 +42,9 @@ class Record:
         self._folder.__exit__(*error)
         self.report = dict(self._folder.report)
 
-    def open_fields(self, *mesh: Any, keep: Keep) -> None:
+    def open_fields(self, *mesh: Any, keep: Keep, friction: bool) -> None:
         """Prepare the field files, from the mesh that rank 0 has."""
-        self._on_root(ResultFolder.open_fields, *mesh, keep=keep)
+        self._on_root(ResultFolder.open_fields, *mesh, keep=keep, friction=friction)
 
     def write_fields(self, state: State, fields: Any) -> None:
         """Write the fields of a state, which rank 0 has; call before its `append`."""

@@ -11,7 +11,7 @@ from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid
 from indent_sim.model.state import State
 from indent_sim.process.errors import BackendError, NotConverged, VerificationError
-from indent_sim.process.ranks import on_root
+from indent_sim.process.ranks import Meeting, on_root
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
@@ -46,6 +46,7 @@ class Simulation:
         self.output = config.output
         self.scene = scene
         self.record = record
+        self._meeting = Meeting(record.comm)
         self.clock = clock
         earlier = record.earlier
         self.states: list[State] = [self._judged(state) for state in earlier.states] if earlier else []
@@ -86,7 +87,7 @@ class Simulation:
         wanted = self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas)
         self._fields = fe.Fields(self._walk.equilibrium.observed) if wanted else None
         if self._fields is not None:
-            record.open_fields(*self._shown(grid), keep=self._keep_fields)
+            record.open_fields(*self._shown(grid), keep=self._keep_fields, friction=scene.physics.has_friction)
 
     def _shown(self, grid: Grid | None) -> tuple[Any, ...]:
         """The mesh of the fields and the tip above it, in the user's units, on the rank that has them."""
@@ -135,13 +136,14 @@ class Simulation:
             for state in self._timed(self._walk.states(self.scene.physics.path, self._wants_surface, done)):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {total}: {state.reason}")
-                state = self._readings.read(state)
+                with self.clock.stage("solve"):
+                    state = self._readings.read(state)
                 self._keep(state.in_units(self.scene.physics.scales), state.step == total)
                 if progress is not None:
                     progress(self.states[-1], state.step, total)
         except (NotConverged, KeyboardInterrupt) as end:
-            # a signal reaches the ranks one by one: only a failure is known to all of them
-            if isinstance(end, NotConverged) or self.record.comm.size == 1:
+            # a signal reaches the ranks one by one: only a failure may be known to all of them
+            if self.record.comm.size == 1 or (isinstance(end, NotConverged) and self._meeting.all_arrive()):
                 self._save_checkpoint(now=True)
                 if self.states and self._keep_fields == "last":
                     self._write_fields(self.states[-1])
@@ -166,6 +168,7 @@ class Simulation:
     def release(self) -> None:
         """Give the memory of the solution back (collective); a process may have many runs before it."""
         self._walk = self._fields = self._readings = None
+        self._meeting.free()
         if self._mesh is not None:
             backend().release(self._mesh)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import Solution
 
-POINTS = 50  # of the theory curve that is kept for the plot
+POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
 def summary(
@@ -23,10 +25,11 @@ def summary(
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     return {
         "theory": theory_comparison(scene, states),
+        **({"adhesion": adhesion(scene, states)} if scene.plan.adhesion else {}),
         "hertz": hertz_fit(scene, states),
         "audit": {
             "force_against_reaction": worst_audit,
-            "energy_by_trapezoid": energy_balance(states),
+            "energy_by_trapezoid": None if scene.physics.adheres else energy_balance(states),
             "newton_iterations": sum(state.newton_iterations for state in states),
             **_krylov(states),
             "substeps": sum(state.substeps for state in states),
@@ -49,14 +52,18 @@ def stages(seconds: Mapping[str, float]) -> dict[str, float]:
 
 
 def energy_balance(states: list[State]) -> float | None:
-    """Relative difference between int F ddelta (trapezoid rule) and the energy; reported, not judged: on a coarse
-    path the rule itself is wrong by far more than the solution. None where there is no energy."""
-    if len(states) < 2 or states[-1].energy == 0 or states[-1].energy != states[-1].energy:
+    """Relative difference between int F ddelta (trapezoid rule) and the energy with what friction took of it.
+
+    Reported, not judged: on a coarse path the rule itself is wrong by far more than the solution. None where there is
+    no energy; a tip that adheres loses some where it jumps, between two rows.
+    """
+    spent = (states[-1].energy if states else 0.0) + sum(state.dissipation or 0.0 for state in states)
+    if len(states) < 2 or spent == 0 or spent != spent:
         return None
     delta = np.array([0.0, *(state.delta for state in states)])
     force = np.array([0.0, *(state.force for state in states)])
     work = float(np.sum(np.diff(delta) * (force[1:] + force[:-1]) / 2))
-    return work / states[-1].energy - 1
+    return work / spent - 1
 
 
 def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | None:
@@ -64,7 +71,10 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
 
     Theory is asked for what the run found: for the force at its depth, or for the depth at the force prescribed.
     `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
+    Beside a tip that adheres it is that of one without range (JKR), with its stable branch.
     """
+    if scene.physics.adheres:
+        return _without_range(scene, states)
     pushed = [state for state in states if state.delta > 0]
     theory = scene.plan.theory
     if theory is None or not pushed:
@@ -74,11 +84,10 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     solution = _theory_beside(scene, theory, deepest)
     if solution is None:
         return None
-    depths = [solution.delta * n / POINTS for n in range(1, POINTS + 1)] if scene.is_meshed else []  # else: the rows
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
     if scene.physics.path.control == "force":
         found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
-    curve = theory.curve(depths) or []
+    curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     return {
         "name": theory.name,
         "exact": not scene.differences,
@@ -109,6 +118,49 @@ def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]
         for formula, value in said.items()
         if value is not None and getattr(state, name) != 0
     ]
+
+
+def adhesion(scene: Scene, states: Sequence[State]) -> dict[str, Any]:
+    """What was known of the attraction beforehand, and the row that is pulled most [user's units]."""
+    pulled = min((state for state in states if state.force < 0), key=lambda state: state.force, default=None)
+    found = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None
+    assert scene.plan.adhesion
+    return dataclasses.asdict(scene.plan.adhesion) | {"largest_pull": found}
+
+
+def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
+    """The JKR limit beside the deepest state, and its stable branch; None where it is not known or has come off."""
+    jkr, scales, is_forced = scene.plan.jkr, scene.physics.scales, scene.physics.path.control == "force"
+    deepest = max(states, key=lambda state: state.delta, default=None)
+    if jkr is None or deepest is None:
+        return None
+    L, F, D = scales.length, scales.force, scales.depth
+    asked = (deepest.force / F, inf) if is_forced else (deepest.delta / D, 0.0)
+    try:
+        beside, last = jkr.stable(*asked), jkr.pull_off()
+        if beside is None:
+            return None
+        branch = jkr.branch(beside.delta)
+        curve = [found for delta in np.linspace(last.delta, beside.delta, POINTS) if (found := branch(float(delta)))]
+    except (ValueError, ArithmeticError):
+        return None
+    name, value, here = ("delta", beside.delta * D, deepest.delta) if is_forced else ("force", beside.force * F,
+                                                                                     deepest.force)  # fmt: skip
+    return {
+        "name": "JKR",
+        "exact": False,
+        "why": "; ".join(scene.differences),
+        "delta": beside.delta * D,
+        "force": beside.force * F,
+        "a": beside.a * L,
+        **({f"{name}_deviation": here / value - 1} if value else {}),
+        "a_deviation": deepest.a / (beside.a * L) - 1,
+        "curve": {
+            "delta": [found.delta * D for found in curve],
+            "force": [found.force * F for found in curve],
+            "a": [found.a * L for found in curve],
+        },
+    }
 
 
 def _theory_beside(scene: Scene, theory: Theory, state: State) -> Solution | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from dataclasses import dataclass
+from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.config.strict_yaml import key_text
@@ -19,7 +20,7 @@ from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
-from indent_sim.scene.expected import infinite_pressure
+from indent_sim.scene.expected import Adherence, infinite_pressure
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
 from indent_sim.scene.theories import NO_INCLUSIONS, layer_theory, shape_of
@@ -162,14 +163,14 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
 COARSEST = 1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured
 
 
-def adhesion(law: ContactLaw, given: Given, sizes: Sizes) -> list[Choice]:
+def adhesion(law: ContactLaw, given: Given, sizes: Sizes) -> tuple[Adherence | None, list[Choice]]:
     """What to say of a tip that adheres, the number of elements in its cohesive zone; nothing where none does.
 
     ConfigError for a range that the elements do not resolve, and for plane strain, where it was never verified.
     """
     found = law.adhesion
     if found is None:
-        return []
+        return None, []
     if given.body.dim == 2:
         problem = "was never verified in plane strain"
         raise ConfigError("contact.adhesion", problem, "use an axisymmetric or a three-dimensional body")
@@ -184,20 +185,30 @@ def adhesion(law: ContactLaw, given: Given, sizes: Sizes) -> list[Choice]:
                    f"as those of {COARSEST:g} times its size at most do")  # fmt: skip
         remedy = f"a range of at least {smallest:.3g}, or mesh.h_contact of at most {COARSEST * zone * L:.3g}"
         raise ConfigError("contact.adhesion.range", problem, remedy)
-    why = f"cohesive zone {zone * L:.3g}, {zone / h:.3g} elements in it"
-    return [Choice("contact.adhesion", found.range * L, f"{why}{_numbers(found, given)}")]
+    expected = _adherence(found, given, zone, h)
+    return expected, [Choice("contact.adhesion", found.range * L, expected.words)]
 
 
-def _numbers(found: Cohesion, given: Given) -> str:
-    """The Tabor and Maugis numbers of a round tip, in words."""
-    R = getattr(given.relative, "R", None)
+ALIKE = 0.05  # of the largest pull without range: up to this difference a body pulls as a half-space does
+
+
+def _adherence(found: Cohesion, given: Given, zone: float, h: float) -> Adherence:
+    """What is known of this attraction beforehand; zone, h [length]: of its cohesive zone, of the elements there."""
+    from indent_sim.theory.surface.adhesion import maugis_lambda, maugis_pull_off, tabor  # with scipy's searches
+
+    L, F, R = given.scales.length, given.scales.force, getattr(given.relative, "R", None)
+    pull = None
+    with contextlib.suppress(ValueError, ArithmeticError):
+        pull = given.jkr.pull_off(inf).force if given.jkr else None
+    expected = Adherence(zone * L, zone / h, jkr_pull_off=pull and pull * F)
     if R is None:
-        return ""
-    from indent_sim.theory.surface.adhesion import maugis_lambda, tabor  # with scipy, which no other scene needs
-
+        return expected
     assert found.range is not None
-    numbers = found.work, found.range, R, given.material.E_star
-    return f"; Tabor number {tabor(*numbers):.3g}, Maugis' lambda {maugis_lambda(*numbers):.3g}"
+    numbers, unit = (found.work, found.range, R, given.material.E_star), pi * found.work * R
+    is_alike = pull is not None and abs(pull / (-1.5 * unit) - 1) <= ALIKE
+    dugdale = maugis_pull_off(maugis_lambda(*numbers)) * unit * F if is_alike else None
+    return dataclasses.replace(expected, tabor=tabor(*numbers), maugis_lambda=maugis_lambda(*numbers),
+                               maugis_pull_off=dugdale)  # fmt: skip
 
 
 def _stiffness(law: Any, given: Given, sizes: Sizes, fineness: Fineness | None) -> float:

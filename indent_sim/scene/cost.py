@@ -31,8 +31,8 @@ COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coars
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 POINTS = 50  # of an integral over a body, in each direction
-KRYLOV, KRYLOV_SECONDS = 11.0, 4e-7  # iterations of a linear system, and the time of one per unknown
-KRYLOV_BYTES = {False: 4.8e3, True: 6e3}  # per unknown of an iterative solver; with a pressure field
+KRYLOV, KRYLOV_SECONDS = 9.0, 4e-7  # iterations of a linear system, and the time of one per unknown
+KRYLOV_BYTES = {False: 6.4e3, True: 7e3}  # per unknown of an iterative solver; with a pressure field
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
@@ -164,7 +164,7 @@ def candidates(sizes: Sizes, part: Part) -> float:
 
 def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
     """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
-    body = 1e-5 * dofs if dim == 2 else 1.6e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55
+    body = 1e-5 * dofs if dim == 2 else 4e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55
     return body + work.iterations * (3e-4 + 3e-11 * n**3)
 
 
@@ -175,8 +175,8 @@ def _newton(dim: int, dofs: float, work: Work) -> float:
 
 def _iterative(dofs: float, work: Work) -> float:
     """Assembly and Krylov iterations at every iteration of Newton's method on the whole body [s]."""
-    newton = 4.5 * work.steps * max(1.0, dofs / 2e4) ** 0.13
-    return dofs * (3e-5 + newton * ((1.8e-5 if work.nonlinear else 2.5e-6) + KRYLOV * KRYLOV_SECONDS))
+    newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13  # the contact's edge crosses more elements a step
+    return dofs * (3e-5 + newton * ((8e-6 if work.nonlinear else 2.5e-6) + KRYLOV * KRYLOV_SECONDS))
 
 
 def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:

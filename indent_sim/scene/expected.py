@@ -120,6 +120,28 @@ def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: boo
     return Stick(None, low, high, "map of bonded layers at small strain")
 
 
+@dataclass(frozen=True)
+class Adherence:
+    """What is known of a tip that adheres before it does: the cohesive zone beside its contact [length], the elements
+    in it, a round tip's Tabor number and Maugis' lambda, and the largest pull [force], None where nobody knows it:
+    without range (JKR) on a linear body like this one, and by Maugis-Dugdale on a half-space, if that is alike."""
+
+    cohesive_zone: float
+    elements: float
+    tabor: float | None = None
+    maugis_lambda: float | None = None
+    jkr_pull_off: float | None = None
+    maugis_pull_off: float | None = None
+
+    @property
+    def words(self) -> str:
+        """The same as the reason of a choice."""
+        numbers = ((self.tabor, "Tabor number"), (self.maugis_lambda, "Maugis' lambda"),
+                   (self.maugis_pull_off, "pull-off by Maugis-Dugdale"), (self.jkr_pull_off, "without range (JKR)"))
+        said = [f"{name} {number:.4g}" for number, name in numbers if number is not None]
+        return "; ".join([f"cohesive zone {self.cohesive_zone:.3g}, {self.elements:.3g} elements in it", *said])
+
+
 def infinite_pressure(tip: Indenter, a: float) -> str:
     """Why the pressure of a contact of radius a [length] has no largest value; empty where it has one."""
     where = next((r for r, width in tip.creases() if width == 0 and r <= a), None)

@@ -25,12 +25,13 @@ from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.expected import depths_of
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, adhesive_radii, half_space_force, relative_tip, theory_of
+from indent_sim.scene.theories import Theory, adhesive_radii, half_space_force, relative_tip, theory_of, without_range
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
 from indent_sim.theory.solution import Solution
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
+    from indent_sim.theory.surface.adhesion import Jkr
 
 
 D = TypeVar("D")
@@ -88,11 +89,17 @@ class Given:
         """Contact radii [length] with adhesion, without range: the smallest that comes off and the deepest one's."""
         adhesion = self.experiment.adhesion if self.experiment else None
         if self.attraction and self.body.dim == 3:
-            return adhesive_radii(self.theory, self.relative, self.layers, self.attraction.work, self.deepest)
+            force = max(self.path.values) if self.path.control == "force" else None
+            return adhesive_radii(self.theory, self.relative, self.layers, self.attraction.work, self.deepest, force)
         if adhesion is None or self.part.kinematics.name != "axisymmetric":
             return ()
         work = adhesion.work / (self.scales.pressure * self.scales.length)
-        return adhesive_radii(self.theory, self.relative, self.layers, work, self.deepest)
+        return adhesive_radii(self.theory, self.relative, self.layers, work, self.deepest, None)
+
+    @cached_property
+    def jkr(self) -> Jkr | None:
+        """The contact of a tip that adheres as if its attraction had no range; None where theory does not know it."""
+        return without_range(self.theory, self.attraction.work) if self.attraction else None
 
     def solution(self, delta: float) -> Solution | None:
         """Theory's contact at a depth [length], where there is a theory."""

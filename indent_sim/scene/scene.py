@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from dataclasses import dataclass, field
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.part import Part
@@ -23,7 +25,7 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
-from indent_sim.scene.expected import Stick, peakless, prediction_of, stick
+from indent_sim.scene.expected import Adherence, Stick, peakless, prediction_of, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
 from indent_sim.scene.sizing import AT_END
@@ -31,6 +33,7 @@ from indent_sim.scene.theories import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, SolverSettings, Units
+    from indent_sim.theory.surface.adhesion import Jkr
 
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
@@ -110,6 +113,8 @@ class Plan:
     doubts: tuple[Doubt, ...]
     prediction: dict[str, float]  # in the user's units
     stick: Stick | None = None  # what no slip would change; None where there is friction, or nothing is known
+    adhesion: Adherence | None = None  # of a tip that adheres
+    jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -149,7 +154,7 @@ class Scene:
         parts = (
             (not self.physics.small_strain, "strain is finite, theory's small"),
             (self.physics.has_friction, "the surface is rough, theory's frictionless"),
-            (self.physics.adheres, "the tip adheres, theory's does not"),
+            (self.physics.adheres, "the attraction has a range, theory's none"),
             (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
         )
@@ -203,7 +208,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
     anchor, friction_choice = choices.friction(law, given)
-    adhesion_choice = choices.adhesion(law, given, sizes)
+    adherence, adhesion_choice = choices.adhesion(law, given, sizes)
     solver, linear, cost = _solver(config, given, law, gap, sizes, anchor)
     wall, wall_choice = _wall(given, sizes)
     tip, tip_choice = choices.tip(given, gap)
@@ -219,7 +224,8 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     said = None if law.friction or law.adhesion else _stick(config, given)
-    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said)
+    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, adherence,
+                given.jkr)  # fmt: skip
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
@@ -284,7 +290,18 @@ def _unaffordable(config: Config, given: Given, law: ContactLaw, sizes: Sizes, w
 
 
 def _expected(given: Given) -> dict[str, float]:
-    return prediction_of(given.path, given.theory, given.relative, given.material, given.deepest, given.a, given.scales)
+    if given.attraction is None:
+        return prediction_of(given.path, given.theory, given.relative, given.material, given.deepest, given.a,
+                             given.scales)  # fmt: skip
+    found = {"a": given.a * given.scales.length}
+    with contextlib.suppress(ValueError, ArithmeticError):
+        if given.jkr and given.path.control == "force":
+            contact = given.jkr.stable(max(given.path.values), inf)
+            found |= {"delta_JKR": contact.delta * given.scales.depth} if contact else {}
+        elif given.jkr:
+            contact = given.jkr.stable(given.deepest)
+            found |= {"force_JKR": contact.force * given.scales.force} if contact else {}
+    return found
 
 
 def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:

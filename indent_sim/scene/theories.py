@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from math import ceil, inf, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from indent_sim.theory.roots import increasing_root
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
+
+if TYPE_CHECKING:
+    from indent_sim.theory.surface.adhesion import Jkr
 
 MOST_KEPT = 100  # solutions that a theory remembers
 OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
@@ -200,24 +203,31 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 
-def adhesive_radii(
-    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, deepest: float
-) -> tuple[float, float] | tuple[()]:
-    """Contact radii [length] of a tip that adheres without range: where it comes off, and at the deepest depth.
-
-    By theory, or that of a half-space of the first layer; empty where neither knows them.
-    """
+def without_range(theory: Theory | None, work: float) -> Jkr | None:
+    """A tip that adheres without range (JKR) on a linear body; None where theory does not know the body or the tip."""
     from indent_sim.theory.surface.adhesion import Jkr  # with scipy's searches, which no other scene needs
     from indent_sim.theory.surface.punches import LayerPunches
 
     contact = theory.contact if theory else None
-    if not isinstance(contact, Layer):
-        known = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(deepest))
-        contact = known.contact if known else None
+    return Jkr(LayerPunches(contact), work) if isinstance(contact, Layer) else None
+
+
+def adhesive_radii(
+    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, deepest: float,
+    largest_force: float | None,
+) -> tuple[float, float] | tuple[()]:  # fmt: skip
+    """Contact radii [length] of a tip that adheres without range: where it comes off, and at the deepest depth, or at
+    the largest force [force] where that is prescribed.
+
+    By theory, or that of a half-space of the first layer; empty where neither knows them.
+    """
+    jkr = without_range(theory, work)
+    if jkr is None:
+        beside = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(max(deepest, 0.0)) or 1.0)
+        jkr = without_range(beside, work)
     with contextlib.suppress(ValueError, ArithmeticError):
-        if isinstance(contact, Layer):
-            jkr = Jkr(LayerPunches(contact), work)
-            deep = jkr.stable(max(deepest, 0.0))
+        if jkr is not None:
+            deep = jkr.stable(max(deepest, 0.0)) if largest_force is None else jkr.stable(max(largest_force, 0.0), inf)
             return (jkr.pull_off().a, deep.a) if deep else ()
     return ()
 

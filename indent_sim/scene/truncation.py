@@ -93,12 +93,14 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
 
 def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
     known, depth = shape_of(tip), abs(delta) or 1.0
-    # what theory does not know, or ends in, is no wider in contact than a punch of its radius
-    shapes = [*([known] if known else []), profiles.flat_punch(tip.radius_at(depth))]
     modelled = [replace(layer, material=_compressible(layer.material)) for layer in layers]
-    endless = stack_of(modelled, None, tip.radius_at(depth))
-    contacts = ((shape, _solved(LayerContact.on(shape, endless), depth)) for shape in shapes)  # type: ignore[arg-type]
-    shape, deepest = next((shape, found) for shape, found in contacts if found)
+    # what theory does not know, or ends in, is no wider in contact than a punch of its radius
+    punch = profiles.flat_punch(tip.radius_at(depth))
+    models = [*([(known, modelled)] if known else []), (punch, modelled), (punch, modelled[-1:])]  # films far too thin
+    stacks = [stack_of(matter, None, tip.radius_at(depth)) for _, matter in models]
+    contacts = (_solved(LayerContact.on(shape, stack), depth)  # type: ignore[arg-type]
+                for (shape, _), stack in zip(models, stacks, strict=True))  # fmt: skip
+    (shape, modelled), deepest = next((model, found) for model, found in zip(models, contacts, strict=True) if found)
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
     target, ratio = SHARE * ACCURACY, max(100.0, 10 * max(above, _reach(body)) / deepest.a)
     deeper = max(1.0, *(1 / decay[0] for decay in _decays(layers)))  # than isotropic layers the base is felt

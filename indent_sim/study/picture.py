@@ -17,7 +17,7 @@ from indent_sim.results.pictures import canvas
 from indent_sim.results.pictures.axes import Axis, axis, in_picture
 from indent_sim.results.pictures.curves import draw as draw_curve
 from indent_sim.results.pictures.curves import look as curve_look
-from indent_sim.results.pictures.forces import begins_untouched
+from indent_sim.results.pictures.forces import adheres, begins_untouched
 from indent_sim.study import table
 from indent_sim.study.cases import short
 from indent_sim.study.curves import Curve, Families, amount
@@ -155,7 +155,7 @@ def _curves(axes: Axes, families: Families, colours: Sequence[Any]) -> None:
     for run, name, colour in zip(runs, families.apart(), colours, strict=True):
         look = {"color": colour, "marker": ""}
         draw_curve(axes, run["delta"], depth(run["delta"]), force(run["force"]), look, in_picture(name, MOST_LETTERS),
-                   from_origin=begins_untouched(run))  # fmt: skip
+                   from_origin=begins_untouched(run), straight=adheres(run))  # fmt: skip
     canvas.name_axes(axes, depth.label, force.label)
     axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
 

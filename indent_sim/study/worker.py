@@ -5,6 +5,7 @@ It is forked before any MPI is up, so a run there is a run of its own; where it 
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -18,7 +19,7 @@ from indent_sim.process.errors import BackendError, ConfigError, IndentSimError,
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.run import chain
 
-LIFETIME = 20  # runs of one worker: PETSc and the compiled forms keep a few MB of each
+LIFETIME = 100  # runs of one worker: PETSc and the compiled forms keep half a MB of each
 # What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
 LAUNCHERS = (
     "SLURM_",
@@ -80,6 +81,7 @@ def _prepare(meshes: bool) -> None:
         del os.environ[name]
     if meshes:
         chain.warm_up()
+    gc.freeze()  # libraries stay: every run ends with a search for what it left behind
 
 
 def _ending(job: tuple[Config, Path]) -> Ending:

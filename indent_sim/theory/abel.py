@@ -36,16 +36,27 @@ def tip_pressure(g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], sha
     """
     breaks = [b for b in breaks if 0.0 < b < a]
     breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
-    g_edge, g_r = float(g(np.array([a]))[0]), g(r)
-    value = np.empty_like(r)
-    for i, radius in enumerate(r):
-        if radius < 1e-9 * a:
-            value[i] = math.inf if sharp else _on_axis(g, a, g_edge, breaks)
-            continue
-        y, w = _abel_nodes(a, radius, breaks)
-        integral = w @ ((g(radius * np.cosh(y)) - g_r[i]) * np.cosh(y) / np.sinh(y) ** 2) / radius
-        value[i] = (g_edge - g_r[i]) / math.sqrt((a - radius) * (a + radius)) + integral
+    g_edge, off_axis = float(g(np.array([a]))[0]), r >= 1e-9 * a
+    value = np.full_like(r, math.inf if sharp else _on_axis(g, a, g_edge, breaks))
+    seen = r[off_axis]
+    g_r = g(seen)
+    value[off_axis] = (g_edge - g_r) / np.sqrt((a - seen) * (a + seen)) + _by_parts(g, g_r, a, seen, breaks)
     return value
+
+
+def _by_parts(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]) -> np.ndarray:
+    """∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt; a tip without breaks has the same nodes below all radii."""
+    if not breaks:
+        s, w = gauss(0.0, 1.0, 64)
+        end = np.arccosh(a / r)[:, None]
+        return np.asarray((_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
+    nodes = [_abel_nodes(a, radius, breaks) for radius in r]
+    return np.array([w @ _integrand(g, g_r[i], r[i], y) for i, (y, w) in enumerate(nodes)])
+
+
+def _integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+    t = r * np.cosh(y)
+    return (g(t.ravel()).reshape(t.shape) - g_r) * np.cosh(y) / np.sinh(y) ** 2 / r
 
 
 def _on_axis(g: Shape, a: float, g_edge: float, breaks: Sequence[float]) -> float:
@@ -55,14 +66,12 @@ def _on_axis(g: Shape, a: float, g_edge: float, breaks: Sequence[float]) -> floa
 
 
 def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
-    """Nodes y = arcosh(t/r) on [0, arcosh(a/r)].
+    """Nodes y = arcosh(t/r) on [0, arcosh(a/r)] of a tip with breaks.
 
     Geometric panels, because the integrand nearly has a pole (1/sinh^2 y, seen from a break just above r)
     or a branch point (the root of a break just below r) next to the start of a panel.
     """
     end = math.acosh(a / r)
-    if not breaks:
-        return gauss(0.0, end, 64)
     below = max((b for b in breaks if b < r), default=0.0)
     size = math.sqrt(2.0 * (r - below) / r)
     starts = [0.0, *(math.acosh(b / r) for b in breaks if b > r), end]

@@ -96,6 +96,14 @@ class LayerContact(ABC):
                 solutions.append(self.solution(delta, a))
         return solutions
 
+    def up_to(self, deepest: Solution, count: int) -> list[Solution]:
+        """Solutions up to a known one, at even steps of the contact size, which is not sought then; of the depth under
+        an edge."""
+        steps = np.arange(1, count + 1) / count
+        if self.tip.edge is not None:
+            return self.curve(list(deepest.delta * steps))
+        return [self.solution(self.at(a).touch * self.h, a) for a in deepest.a / self.h * steps]
+
     def depth(self, force: float) -> float:
         """The depth [L] at which the force is this one [F] > 0, found by the contact's size; errors as for `curve`."""
         if self.tip.edge is not None:

@@ -99,6 +99,7 @@ def of_processes(repeat: int) -> dict[str, str]:
         "programs": side_by_side.tables(rows),
         "stages": side_by_side.stages(rows),
         "steps": steps(repeat),
+        "throughput": throughput(repeat),
         "nodes": str(nodes),
         "tip": number(1e3 * tip, 2),
         "kernels": kernels(repeat),
@@ -114,6 +115,13 @@ def steps(repeat: int) -> str:
     extra = [number(1e3 * (cpu - least) / (n - base), 2) if n > base else "" for n, cpu in found]
     lines = [[str(n), number(cpu), ms] for (n, cpu), ms in zip(found, extra, strict=True)]
     return table(["steps", "CPU s of the process", f"ms a step beyond {base}"], lines)
+
+
+def throughput(repeat: int) -> str:
+    """Scenes per minute of a study."""
+    lines = [[str(jobs), number(wall), number(cpu), number(processes.RUNS * 60 / wall)]
+             for jobs, wall, cpu in processes.throughput(repeat)]  # fmt: skip
+    return table(["runs at a time", "wall s of the study", "CPU s", "scenes a minute"], lines)
 
 
 def kernels(repeat: int) -> str:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,12 @@ MPI = {
 }
 STEPS = (10, 100, 1000, 10000)
 TIPS = 200
+RUNS = 60
+STUDY = """\
+base: {scene}
+vary: {{indenter.R: {{from: 0.8, to: 1.2, count: {runs}}}}}
+compare_to: theory
+"""
 
 
 @dataclass(frozen=True)
@@ -49,25 +56,41 @@ def measure(config: str | Path, *overrides: str, repeat: int = 1, ranks: int = 1
     words = [word for setting in (*LEAN, *overrides) for word in ("--set", setting)]
     command = [*before, *PROGRAM, "run", str(ROOT / config), *words, "--output", "run"]
     known = os.environ | MPI | {"PYTHONPATH": str(ROOT)} | environment
-    times = []
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(repeat):
-            began = time.perf_counter()
-            process = subprocess.Popen(
-                command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=known
-            )
-            _, status, usage = os.wait4(process.pid, 0)
-            if status:
-                raise SystemExit(f"failed: {' '.join(command)}")
-            times.append((usage.ru_utime + usage.ru_stime, time.perf_counter() - began))
+        times = [timed(command, folder, known) for _ in range(repeat)]
         found = read(Path(folder, "run"))
     cpu, wall = map(statistics.median, zip(*times, strict=True))
     return Measured(cpu, wall, found.report["peak_memory_MB"], found["force"], found.report)
 
 
+def timed(command: list[str], folder: str, environment: Mapping[str, str]) -> tuple[float, float]:
+    """CPU seconds, with those of what it started, and wall seconds of a command. SystemExit when it fails."""
+    began = time.perf_counter()
+    process = subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
+    )
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"failed: {' '.join(command)}")
+    return usage.ru_utime + usage.ru_stime, time.perf_counter() - began
+
+
 def steps(repeat: int) -> list[tuple[int, float]]:
     """Load steps of configs/hertz.yaml and the CPU seconds of each run."""
     return [(n, measure("configs/hertz.yaml", f"loading.steps={n}", repeat=repeat).cpu) for n in STEPS]
+
+
+def throughput(repeat: int) -> list[tuple[int, float, float]]:
+    """Runs at a time, wall seconds and CPU seconds of a study of RUNS tips on the body of configs/hertz.yaml."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "tips.yaml").write_text(STUDY.format(scene=ROOT / "configs/hertz.yaml", runs=RUNS), "utf-8")
+        for jobs in dict.fromkeys((1, os.cpu_count() or 1)):
+            command = [*PROGRAM, "study", "tips.yaml", "--jobs", str(jobs), "--output", f"of_{jobs}"]
+            times = [timed(command, folder, os.environ | {"PYTHONPATH": str(ROOT)}) for _ in range(repeat)]
+            cpu, wall = map(statistics.median, zip(*times, strict=True))
+            found.append((jobs, wall, cpu))
+    return found
 
 
 def tips() -> tuple[int, float]:

@@ -71,6 +71,23 @@ def test_another_volumetric_law_is_another_material() -> None:
     assert 0.05 < deep[1] / deep[0] - 1 < 0.15
 
 
+@pytest.mark.verify
+@pytest.mark.parametrize("nu", [0.3, 0.4999])
+def test_four_points_a_cell_are_enough_for_a_solid(nu: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against 24 points: a thirtieth of what the mesh does to the force, at a contact of 0.7 R."""
+    from indent_sim.fe import body
+
+    def force(h: float, degree: int) -> float:
+        monkeypatch.setitem(body.DEGREE, 3, degree)
+        cube = {"shape": "box", "size": [1.0, 1.0, 1.0], "base": "fixed", "sides": "roller"}
+        given = {"indenter": {"shape": "sphere", "R": 0.25}, "loading": {"delta": 0.16, "steps": 4}}
+        mesh = {"h_contact": h, "h_far": 0.2}
+        return solve(scene(cube, material=NEO_HOOKEAN | {"nu": nu}, mesh=mesh, **given))[-1].force
+
+    few, many, finer = force(0.06, 2), force(0.06, 6), force(0.04, 2)
+    assert abs(few - many) < abs(finer - few) / 10
+
+
 # ---- the linear limit ------------------------------------------------------------
 
 LAWS = {

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import replace
 from typing import Any
 
 import pytest
 from scenes import BOX, ELASTIC, meshed, scene, solve
 
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
 from indent_sim.run import chain
 from indent_sim.scene.scene import Scene
@@ -58,6 +61,27 @@ def test_the_force_is_that_of_a_factorisation(name: str) -> None:
     assert all(state.krylov_iterations is None for state in direct)
 
 
+LARGE: dict[str, dict[str, Any]] = {
+    "linear": {},
+    "nearly incompressible": {"material": ELASTIC | {"nu": 0.4999}},
+    "incompressible": {"material": ELASTIC | {"nu": 0.5}},
+    "neo-Hookean": {"body": CUBE, "material": NEO_HOOKEAN, "indenter": {"shape": "sphere", "R": 0.25}},
+}
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("shrink", [1.0, 2.1])
+@pytest.mark.parametrize("name", LARGE)
+def test_the_force_is_that_of_a_factorisation_on_large_meshes(name: str, shrink: float) -> None:
+    """Of 20 000 and of 80 000 unknowns; the linear bodies condensed, by another formulation of the contact."""
+    h = (0.02 if name == "neo-Hookean" else 0.0185) / shrink
+    mesh = {"h_contact": h, "h_far": 8 * h}
+    given = {"body": BOX, "loading": {"delta": 0.01, "steps": 1}} | LARGE[name]
+    direct, iterative = (solve(scene(**given, mesh=mesh, solver={"linear": linear}))[-1]
+                         for linear in ("direct", "iterative"))  # fmt: skip
+    assert iterative.force == pytest.approx(direct.force, rel=SAME)
+
+
 def krylov_per_newton(states: list[State]) -> float:
     """Iterations of a linear system, in the mean of a path."""
     return sum(state.krylov_iterations or 0 for state in states) / sum(state.newton_iterations for state in states)
@@ -94,3 +118,11 @@ def test_the_discretisation_does_not_know_the_linear_solver() -> None:
     assert one.physics == other.physics and one.sizes == other.sizes
     assert meshed(one).hash == meshed(other).hash
     assert replace(one.solver, linear="iterative") == other.solver
+
+
+@pytest.mark.parametrize("linear", ["direct", "iterative"])
+def test_nothing_of_a_solution_stays(linear: str) -> None:
+    """Python sees no circle of references that goes through PETSc, and a process may run a thousand scenes."""
+    solve(on(linear, {}))
+    gc.collect()
+    assert not [one for one in gc.get_objects() if isinstance(one, Problem | Iterative)]

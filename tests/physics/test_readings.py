@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
-from scenes import ELASTIC, STRIP, WALLED, scene, solve
+from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
+from indent_sim.config.file import from_mapping
 from indent_sim.run import chain
 
 SHALLOW = {"delta": 0.01, "steps": 3}
@@ -48,3 +50,13 @@ def test_a_half_space_reads_its_own_modulus() -> None:
     meshed = solve(scene(body, "solver.method=condensed"))[-1]
     assert meshed.E_hertz == pytest.approx(1.0, rel=3e-3)
     assert meshed.area == pytest.approx(math.pi * meshed.a**2)
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.5])
+def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path: Path) -> None:
+    """E_hertz is the force over an exact one: its relative error is the force's."""
+    config = from_mapping({"body": {"shape": "half_space"}, "material": ELASTIC | {"nu": nu}, "indenter": PARABOLOID,
+                           "loading": SHALLOW, "solver": {"method": "condensed"}, "output": {"plot": False}})
+    for state in chain.simulate(config, directory=tmp_path / "out", error_bars=True).states:
+        assert state.force_error and state.E_hertz
+        assert abs(state.E_hertz - 1.0) <= state.force_error / state.force

@@ -14,7 +14,9 @@ from scipy.optimize import brentq
 from indent_sim.cli import commands
 from indent_sim.config.file import from_mapping
 from indent_sim.run.chain import states
-from indent_sim.run.require import NAMES, Effect, Requirements, _Bench, _Effects, require
+from indent_sim.run.requirements.bench import Bench
+from indent_sim.run.requirements.cheapest import Requirements, require
+from indent_sim.run.requirements.effects import NAMES, Effect, Effects
 from indent_sim.scene.scene import resolve
 from indent_sim.theory import half_space
 from indent_sim.theory.films import dimitriadis_force
@@ -47,7 +49,7 @@ def row(scene: dict[str, Any], name: str) -> Effect:
 @cache
 def _row(text: str, name: str) -> Effect:
     config = from_mapping(json.loads(text))
-    effect: Effect = getattr(_Effects(_Bench(config, resolve(config)), 0.01), f"_{name}")(name)
+    effect: Effect = getattr(Effects(Bench(config, resolve(config)), 0.01), f"_{name}")(name)
     return effect
 
 

@@ -3,7 +3,7 @@
 
 sbatch runs the job before it returns: it reads the #SBATCH lines, does the tasks of an array one by one, sets the
 SLURM_* variables, and runs a job again that asked for it. STAND_IN_SLURM is the folder where jobs are kept, and
-STAND_IN_ROWS the rows of a result after which the first time limit comes.
+STAND_IN_ROWS the rows that a job or task writes before its first time limit comes.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> Non
 
 def end_of_time(process: subprocess.Popen[bytes], wanted: str, place: Path) -> None:
     """When enough rows are there: the signal of --signal, to the job file itself (B:) or to what srun started."""
-    rows = int(os.environ["STAND_IN_ROWS"])
-    while max([0, *(text.read_text().count("\n") - 1 for text in Path().rglob("force_indentation.csv"))]) < rows:
+    rows = written() + int(os.environ["STAND_IN_ROWS"])
+    while written() < rows:
         if process.poll() is not None:
             return
         time.sleep(0.01)
@@ -98,6 +98,11 @@ def end_of_time(process: subprocess.Popen[bytes], wanted: str, place: Path) -> N
     steps = [] if whom == "B" else [int(word) for word in (place / "step").read_text().split()]
     for target in steps or [process.pid]:
         os.kill(target, signal.Signals[f"SIG{name}"])
+
+
+def written() -> int:
+    """The rows of all results here."""
+    return sum(max(0, text.read_text().count("\n") - 1) for text in Path().rglob("force_indentation.csv"))
 
 
 def srun(words: list[str]) -> int:

@@ -68,6 +68,13 @@ SCENES: dict[str, dict[str, Any]] = {
         "mesh": {"h_contact": 0.2},
         "loading": {"delta": 0.04, "steps": 2},
     },
+    "sticky": {
+        "body": CYLINDER,
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        "contact": {"method": "auto", "adhesion": {"work": 1e-2, "range": 2.5e-2}},
+        "mesh": {"h_contact": 0.05},
+        "loading": {"deltas": [-0.15, 0.03, -0.05, -0.2]},  # snaps in, and lets go
+    },
     "ball": {
         "body": {"shape": "ball", "radius": 1.0},
         "indenter": {"shape": "plate"},
@@ -163,11 +170,36 @@ def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.verify)])
-def test_same_curves_on_several_ranks(ranks: int, mpirun: Mpirun) -> None:
-    together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(SCENES)))
+def test_same_curves_on_two_ranks(mpirun: Mpirun) -> None:
+    together = parsed(mpirun(2, "-c", PROGRAM, mappings(SCENES)))
     for name in SCENES:
         assert_same_curves(alone(*SCENES)[name], together[name], name)
+
+
+TOGETHER = """
+from indent_sim.fe.condensed import compliance
+compliance._fits_every_rank = lambda body: False
+"""
+FEW = ("axisymmetric", "newton", "iterative", "rough_box", "sticky", "box")  # one of a kind
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("ranks", [3, 4])
+def test_same_curves_on_ranks_that_share_little(ranks: int, mpirun: Mpirun) -> None:
+    """With four ranks some have no facet of the contact surface."""
+    together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(FEW)))
+    for name in FEW:
+        assert_same_curves(alone(*FEW)[name], together[name], name)
+
+
+@pytest.mark.verify
+def test_same_curves_where_ranks_factor_a_body_together(mpirun: Mpirun) -> None:
+    """As where there is no memory for the whole body on every rank."""
+    names = ("axisymmetric", "box", "rough")
+    program = f"from indent_sim.run.simulation import backend\nbackend()\n{TOGETHER}{PROGRAM}"
+    together = parsed(mpirun(2, "-c", program, mappings(names)))
+    for name in names:
+        assert_same_curves(alone(*names)[name], together[name], name)
 
 
 @pytest.mark.verify
@@ -275,6 +307,47 @@ def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path)
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("beyond the body's thickness") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
+
+
+# Every rank of a set fails at the second row, which the others then wait for; argv: the ranks, and how
+FAILING = """
+import os, signal, sys
+from mpi4py import MPI
+from indent_sim.cli import commands
+from indent_sim.process import ranks as process
+from indent_sim.process.errors import NotConverged
+from indent_sim.run.readings import Readings
+read, ranks, how = Readings.read, sys.argv.pop(1), sys.argv.pop(1)
+def fail(readings, state, *more):
+    if state.step == 2 and str(MPI.COMM_WORLD.rank) in ranks:
+        if how == "killed":
+            os.kill(os.getpid(), signal.SIGKILL)
+        raise {"expected": NotConverged, "bug": RuntimeError}[how]("injected")
+    return read(readings, state, *more)
+Readings.read, process.PATIENCE = fail, 2.0
+commands.main()
+"""
+
+
+@pytest.mark.parametrize(("ranks", "how", "code", "said"), [
+    ("1", "expected", 5, "error: injected"),
+    ("1", "bug", 1, "RuntimeError: injected"),
+    ("0", "bug", 1, "RuntimeError: injected"),
+    ("012", "bug", 1, "RuntimeError: injected"),
+    ("012", "expected", 5, "error: injected"),
+    ("1", "killed", 137, "signal 9"),
+])  # fmt: skip
+def test_an_error_on_any_rank_ends_all(
+    ranks: str, how: str, code: int, said: str, mpirun: Mpirun, tmp_path: Path
+) -> None:
+    """One message and the exit code of the error, whether one rank fails or all; to hang would take minutes."""
+    config = tmp_path / "scene.yaml"
+    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
+    finished = mpirun(3, "-c", FAILING, ranks, how, "run", config, "--output", tmp_path / "out")
+    assert finished.returncode == code, finished.stderr
+    assert finished.stderr.count(said) == 1, finished.stderr
+    rows = (tmp_path / "out" / "force_indentation.csv").read_text().splitlines()
+    assert [row.split(",")[0] for row in rows] == ["step", "1"]  # what was there stays
 
 
 # Rank 0 is stopped while it writes the second row: the others wait for it there

@@ -42,6 +42,7 @@ output: {{fields: all, surface: all, plot: false}}
 DOWN = "delta: 0.15, steps: 15"
 FORCES = "forces: [0.01, 0.03, 0.06, 0.02, 0, 0.04, 0.05]"
 UP_AND_DOWN = "deltas: [0.03, 0.06, 0.09, 0.12, 0.05, -0.01, 0.04, 0.08]"
+STICKY = "deltas: [-0.15, 0.05, -0.06, -0.09, -0.2, 0.0]"  # snaps in, holds on, lets go and snaps in again
 HYPERELASTIC = SCENE.format(material="model: neo_hookean", method="augmented_lagrangian", loading=DOWN)
 CONDENSED = SCENE.format(material="model: linear_elastic", method="augmented_lagrangian", loading=DOWN)
 SOME = 7  # rows of a run that was stopped
@@ -170,6 +171,22 @@ class TestKilled:
         """What the surface remembers is in the checkpoint, or found again on the same path from rest."""
         method = "augmented_lagrangian, friction: 0.3"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
+        (tmp_path / "scene.yaml").write_text(scene)
+        interrupt(tmp_path, rows)
+        if forget:
+            (tmp_path / "out" / "checkpoint.h5").unlink()
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(scene))
+
+    @pytest.mark.parametrize(("material", "loading", "rows", "forget"), [
+        ("neo_hookean", STICKY, 3, False), ("neo_hookean", STICKY, 4, True), ("linear_elastic", STICKY, 3, False),
+        ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False)
+    ])  # fmt: skip
+    def test_a_path_with_adhesion(self, indent_sim, undisturbed, tmp_path, material, loading, rows, forget):
+        """Which of two stable states holds is in the checkpoint, or found again on the same path from far away."""
+        method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
+        scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
+        scene = scene.replace("h_contact: 0.12", "h_contact: 0.08")
         (tmp_path / "scene.yaml").write_text(scene)
         interrupt(tmp_path, rows)
         if forget:

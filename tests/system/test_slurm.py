@@ -76,19 +76,25 @@ def ends(place: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for path in files for line in path.read_text().splitlines()]
 
 
-def numbers(folder: Path) -> list[list[Any]]:
-    """The rows of study.csv: its words, and its numbers other than times and memory."""
+def numbers(folder: Path, *varied: str) -> list[list[Any]]:
+    """The rows of study.csv: its numbers other than times and memory, then its words."""
     with open(folder / "study.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    kept = ("index", "run", "contact.method", "mesh.h_contact", "status", "steps_done", "dofs", "force", "a", "p_max")
-    return [[float(row[k]) if k in ("force", "a", "p_max") else row[k] for k in kept] for row in rows]
+    measured, kept = ("force", "a", "p_max"), ("index", "run", *varied, "status", "steps_done", "dofs")
+    return [[*(float(row[k]) for k in measured), *(row[k] for k in kept)] for row in rows]
 
 
-def assert_same_table(found: Path, expected: Path) -> None:
+def assert_same_table(found: Path, expected: Path, *varied: str) -> None:
     """Word for word, number for number to rounding."""
-    for row, other in zip(numbers(found), numbers(expected), strict=True):
-        assert row[:7] == other[:7]
-        assert row[7:] == pytest.approx(other[7:], rel=SAME)
+    for row, other in zip(numbers(found, *varied), numbers(expected, *varied), strict=True):
+        assert row[3:] == other[3:]
+        assert row[:3] == pytest.approx(other[:3], rel=SAME)
+
+
+def block(language: str) -> str:
+    """What docs/cluster.md shows in a language, every block of it."""
+    text = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
+    return "".join(re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL))
 
 
 def test_a_run_on_two_ranks(call: Call, tmp_path: Path) -> None:
@@ -118,55 +124,39 @@ def test_exit_codes_come_through(call: Call, tmp_path: Path) -> None:
     assert [end["code"] for end in ends(tmp_path)] == [3] and "beyond the body's thickness" in logs(tmp_path)
 
 
-def test_a_study_in_shards(call: Call, tmp_path: Path) -> None:
-    """An array of three and the last job give the table of the undivided study; the last job finds all runs there."""
-    told = call(SLURM / "submit_study", "study.yaml", "3", "--time=01:00:00").stdout
+def test_the_worked_example_of_the_page(call: Call, tmp_path: Path) -> None:
+    """An array of three, each stopped at its time limit once, and the last job: the table of the undivided study.
+
+    SIGUSR1 goes to the job file, SIGTERM from there to the study: what it was at goes on from its last row.
+    """
+    (tmp_path / "tips.yaml").write_text(block("yaml"))
+    told = call(SLURM / "submit_study", "tips.yaml", "3", "--time=00:10:00", STAND_IN_ROWS="30").stdout
     assert "3 shards" in told
-    assert [(end["code"], end["options"]["time"]) for end in ends(tmp_path)] == [(0, "01:00:00")] * 4
-    *shards, last = sorted(tmp_path.glob("slurm-*.out"))
-    assert [log.read_text().count("force 0.00") for log in shards] == [2, 2, 2]
-    assert "6 of 6 runs are there already" in last.read_text()
-    call("indent-sim", "study", "study.yaml", "--output", "whole")
-    assert_same_table(tmp_path / "results" / "study", tmp_path / "whole")
-
-
-@pytest.mark.stress  # as the run above, and slow
-def test_a_shard_at_its_time_limit_goes_on(call: Call, tmp_path: Path) -> None:
-    """SIGUSR1 to the job file, SIGTERM to the study: the run it was at continues from its last row, none is lost."""
-    (tmp_path / "study.yaml").write_text(
-        STUDY.replace("penalty, active_set", "penalty") + "set: {loading.steps: 1000}\n"
-    )
-    call("sbatch", "--array=1-1", SLURM / "study.sbatch", "study.yaml", STAND_IN_ROWS="100")
-    call("sbatch", SLURM / "study.sbatch", "study.yaml")
-    assert [end["code"] for end in ends(tmp_path)] == [143, 0, 0]
-    runs = [read(folder).report for folder in (tmp_path / "results" / "study" / "runs").iterdir()]
-    assert [report["status"] for report in runs] == ["done"] * 3
-    assert sum(bool(report.get("resumed_after")) for report in runs) == 1
-    call("indent-sim", "study", "study.yaml", "--output", "whole")
-    assert_same_table(tmp_path / "results" / "study", tmp_path / "whole")
+    assert [end["code"] for end in ends(tmp_path)] == [143, 0] * 3 + [0]
+    assert {end["options"]["time"] for end in ends(tmp_path)} == {"00:10:00"}
+    assert "6 of 6 runs are there already" in sorted(tmp_path.glob("slurm-*.out"))[-1].read_text()
+    found = tmp_path / "results" / "tips"
+    assert [read(folder).report["status"] for folder in (found / "runs").iterdir()] == ["done"] * 6
+    call("indent-sim", "study", "tips.yaml", "--output", "whole")
+    assert_same_table(found, tmp_path / "whole", "indenter.R")
 
 
 def test_a_study_under_srun_takes_no_part_in_mpi(call: Call, tmp_path: Path) -> None:
     """Its runs must not look for the PMI server that the variables of srun promise."""
     step = {f"SLURM_{name}": "0" for name in ("NODELIST", "STEP_ID", "STEPID", "PROCID", "LOCALID")}
     call("indent-sim", "study", "study.yaml", **step)
-    assert {row[4] for row in numbers(tmp_path / "results" / "study")} == {"done"}
+    assert {row[5] for row in numbers(tmp_path / "results" / "study")} == {"done"}
 
 
 def test_the_commands_of_the_page_work(call: Call, tmp_path: Path) -> None:
     """Every line of docs/cluster.md that calls sbatch, submit_study or the program, in order."""
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     (tmp_path / "study.yaml").write_text(STUDY.replace("0.06, 0.05, 0.04", "0.06"))
-    text = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
-    lines = [
-        line
-        for block in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-        for line in block.splitlines()
-    ]
-    ours = [line for line in lines if re.match(r"export|sbatch|scripts/|indent-sim", line)]
-    assert len(ours) == 7
+    (tmp_path / "tips.yaml").write_text(block("yaml").replace("count: 6", "count: 2"))
+    ours = [line for line in block("sh").splitlines() if re.match(r"export|sbatch|scripts/|indent-sim", line)]
+    assert len(ours) == 9
     call("bash", "-ec", "\n".join(ours))
-    assert [end["code"] for end in ends(tmp_path)] == [0] * 7
+    assert [end["code"] for end in ends(tmp_path)] == [0] * 11
     assert numbers(tmp_path / "results" / "study") and read(tmp_path / "results" / "cold").report["ranks"] == 4
 
 

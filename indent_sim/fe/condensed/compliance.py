@@ -7,6 +7,7 @@ With friction C has rows and columns for the horizontal axes too, after those of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
@@ -17,14 +18,16 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe.body import Body
 from indent_sim.fe.observe.surface import Trace
 from indent_sim.fe.terms.matter import matter, strains_of
 from indent_sim.process.errors import NotConverged
+from indent_sim.process.usage import machine_memory
 
-BLOCK = 256  # right-hand sides solved at once
+BLOCK = 128  # right-hand sides solved at once; MUMPS takes 32, a seventh slower, unless told
 PIVOTING = 200  # per cent more room than foreseen for pivots that wait: layers far apart in stiffness have many
 
 Own = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -60,25 +63,34 @@ class Compliance:
 
 
 class Condenser:
-    """Factors a linear body once and condenses it to as much of its surface as is asked for."""
+    """Factors a linear body once and condenses it to as much of its surface as is asked for.
+
+    Of several ranks each factors the whole body and solves for its share of the unit forces; where there is no memory
+    for that, all ranks factor it together and solve for every one.
+    """
 
     def __init__(self, body: Body):
         self.body = body
         terms = matter(body)
         self.strains = strains_of(terms)
+        self._is_whole = body.comm.size > 1 and _fits_every_rank(body)
+        self._comm = MPI.COMM_SELF if self._is_whole else body.comm  # of the ranks that solve together
         matrix = _stiffness(body, terms)
         self._support_rows = self._row_sum(matrix, body.z_supports)
         self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
         matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
+        if self._is_whole:
+            matrix = _gathered(matrix)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if not body.pressures:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
-        self._pc = PETSc.PC().create(body.comm)
+        self._pc = PETSc.PC().create(self._comm)
         self._pc.setOperators(matrix)
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
         self._pc.setFactorSetUpSolverType()
-        self._pc.getFactorMatrix().setMumpsIcntl(14, PIVOTING)
+        for option, value in ((14, PIVOTING), (27, BLOCK)):
+            self._pc.getFactorMatrix().setMumpsIcntl(option, value)
         self._pc.setUp()
         self._refuse_singular()
         self._owned_nodes, self._owned_rows, self._rows = self._number_surface_nodes()
@@ -100,11 +112,11 @@ class Condenser:
         ]
 
     def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray) -> np.ndarray:
-        """The sum of rows of a symmetric matrix, this rank's columns."""
+        """The sum of rows of a symmetric matrix, those columns that this rank solves for."""
         marks, total = matrix.createVecs()
         marks.array[rows[rows >= 0]] = 1.0
         matrix.mult(marks, total)
-        return total.array.copy()
+        return np.concatenate(self.body.comm.allgather(total.array)) if self._is_whole else total.array.copy()
 
     def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """This rank's own surface nodes, their rows among those of all ranks, and the rows of its facets' nodes.
@@ -174,8 +186,7 @@ class Condenser:
         Nodes condensed to before are not solved for again.
         """
         n, known = len(places) * len(axes), self._last
-        own = self._own(places, axes)
-        dofs, is_free = self._numbers(*own, n)
+        own, dofs, is_free = self._solved(places, axes)
         up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
         C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         old = np.zeros(n, dtype=bool)
@@ -184,12 +195,26 @@ class Condenser:
             there = np.tile(np.isin(known.places, places), len(axes))
             C[np.ix_(old, old)] = known.whole[np.ix_(there, there)]
             support[old], stray[old] = known.support[there], known.stray[there]
-        for block in _blocks(np.flatnonzero(~old)):
+        for block in _blocks(self._share(np.flatnonzero(~old))):
             found, support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
             C[:, block] = up[:, None] * found * up[block]
             support[block] = up[block] * support[block] + (up[block] < 0) * ~is_free[block]
+        if self._is_whole:
+            C[:, ~old], support[~old], stray[~old] = (
+                _summed(self.body.comm, part) for part in (C[:, ~old], support[~old], stray[~old])
+            )
         C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
         return {"whole": (C + C.T) / 2, "support": support, "stray": stray}
+
+    def _share(self, columns: np.ndarray) -> np.ndarray:
+        """Those columns that this rank solves for."""
+        return np.array_split(columns, self.body.comm.size)[self.body.comm.rank] if self._is_whole else columns
+
+    def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:
+        """What this rank solves for at the candidates, as `_own`; the number and freedom of all of them."""
+        n, own = len(places) * len(axes), self._own(places, axes)
+        dofs, is_free = self._numbers(*own, n)
+        return ((dofs, np.arange(n), is_free) if self._is_whole else own), dofs, is_free
 
     def _own(self, places: np.ndarray, axes: Sequence[int]) -> Own:
         """This rank's own nodes among the candidates, one axis after the other: dofs in its local array, columns, which
@@ -210,8 +235,9 @@ class Condenser:
     def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
         """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs."""
-        comm, owned, (local, columns, _) = self.body.comm, self.body.unknowns.owned, own
-        X = PETSc.Mat().createDense(((owned, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
+        comm, (local, columns, _) = self._comm, own
+        rows = self._pc.getOperators()[0].getLocalSize()[0]
+        X = PETSc.Mat().createDense(((rows, PETSc.DETERMINE), (PETSc.DECIDE, len(dofs))), comm=comm)
         X.setUp()
         X.assemble()
         self._pc.getFactorMatrix().matSolve(_unit_forces(comm, dofs, is_free, self.body.unknowns.total), X)
@@ -224,14 +250,27 @@ class Condenser:
     def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
         """Put the whole body's response to forces at the nodes of a compliance into the body's solution."""
         vertical = compliance.surface.dim - 1
-        axes = [vertical, *range(len(compliance.held))]
-        dofs, columns, free = self._own(compliance.places, axes)
-        load, response = self.body.x.duplicate(), self.body.x.duplicate()
-        load.set(0.0)
+        (dofs, columns, free), _, _ = self._solved(compliance.places, [vertical, *range(len(compliance.held))])
+        load, response = self._pc.getOperators()[0].createVecs()
         up = np.where(columns < len(compliance.places), -1.0, 1.0)
         load.array[dofs[free]] = (up * nodal_forces[columns])[free]
         self._pc.apply(load, response)
-        self.body.set_solution(response)
+        solution = self.body.x.duplicate()
+        solution.array = response.array[slice(*self.body.x.getOwnershipRange()) if self._is_whole else slice(None)]
+        self.body.set_solution(solution)
+
+
+def _fits_every_rank(body: Body) -> bool:
+    """Whether the machine has the memory for the whole body on every rank."""
+    predicted = body.scene.plan.prediction.get("memory_MB", math.inf)
+    smallest = body.comm.allreduce(machine_memory(), MPI.MIN)  # on several nodes
+    return bool(predicted * 1e6 * body.comm.size <= smallest)
+
+
+def _gathered(matrix: PETSc.Mat) -> PETSc.Mat:
+    """The whole of a distributed matrix, on every rank."""
+    everything = PETSc.IS().createStride(matrix.getSize()[0], 0, 1, MPI.COMM_SELF)
+    return matrix.createSubMatrices([everything], [everything])[0]
 
 
 def _stiffness(body: Body, terms: list[Any]) -> PETSc.Mat:

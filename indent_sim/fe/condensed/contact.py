@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from scipy.linalg import cholesky, solve_triangular
-from scipy.optimize import nnls
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
@@ -311,6 +310,8 @@ def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tu
         if np.array_equal(now, active):
             return p, len(seen)
         active = now
+    from scipy.optimize import nnls  # with all of scipy's searches, which few contacts need
+
     L = cholesky(A, lower=True)
     p, _ = nnls(L.T, -solve_triangular(L, open_gap, lower=True), maxiter=50 * len(A))
     return p, len(seen) + 1

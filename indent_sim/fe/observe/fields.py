@@ -28,10 +28,10 @@ class ObservedBody(measure.Observed, Protocol):
 class Fields:
     """The fields of a solution by name.
 
-    At the vertices displacement (points, dim) [length] and pressure (points,), the mean of the facets that meet, as in
-    the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises, principal_stresses (cells, 3)
-    from the largest, energy_density per undeformed volume [pressure], and J = det(I + grad u). A quadratic
-    displacement is shown by its values at the vertices.
+    At the vertices displacement (points, dim) [length], pressure and with friction shear (points,), the mean of the
+    facets that meet, as in the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises,
+    principal_stresses (cells, 3) from the largest, energy_density per undeformed volume [pressure], and
+    J = det(I + grad u). A quadratic displacement is shown by its values at the vertices.
     """
 
     def __init__(self, body: ObservedBody):
@@ -47,14 +47,15 @@ class Fields:
         """The fields on rank 0, None on the others."""
         mesh = self.body.mesh
         nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
-        mine = (nodes, self._displacement(), *self._pressure(), cells, self._in_cells())
+        mine = (nodes, self._displacement(), *self._tractions(), cells, self._in_cells())
         parts: Any = self.body.comm.gather(mine, root=0)
         if parts is None:
             return None
-        nodes, u, touched, pressure, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
+        nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
         stress, J, psi = np.split(_in_order(cells, inside), [9, 10], axis=1)
         displacement = _in_order(nodes, u)
-        return {"displacement": displacement, "pressure": _means(touched, pressure, len(displacement)),
+        tractions = [_means(touched, column, len(displacement)) for column in acting.T]
+        return {"displacement": displacement, **dict(zip(("pressure", "shear"), tractions, strict=False)),
                 **_stresses(stress.reshape(-1, 3, 3)), "J": J[:, 0], "energy_density": psi[:, 0]}  # fmt: skip
 
     @property
@@ -70,13 +71,15 @@ class Fields:
         values[compat.geometry_dofs(body.mesh)] = body.local_array()[body.unknowns.displacement_places(self._vertices)]
         return values
 
-    def _pressure(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points of the grid that are corners of this rank's contact facets, and the pressure of each facet there."""
+    def _tractions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n,) of the grid that are corners of this rank's contact facets, and what acts on each facet there:
+        pressure, with friction shear too (n, 1 or 2)."""
         body, dim = self.body, self.body.body_mesh.dim
         corners = body.trace.node_points()[:dim]
         node = np.zeros(self._vertices.max(initial=0) + 1, dtype=np.int64)
         node[self._vertices] = np.asarray(body.mesh.geometry.input_global_indices)[compat.geometry_dofs(body.mesh)]
-        return node[body.trace.nodes[:, :dim]].ravel(), measure.sample(body, corners).pressure.ravel()
+        acting = measure.tractions(body, corners)
+        return node[body.trace.nodes[:, :dim]].ravel(), acting.reshape(-1, acting.shape[-1])
 
     def _in_cells(self) -> np.ndarray:
         """Stress, J and psi (cells, 11) of this rank's cells."""

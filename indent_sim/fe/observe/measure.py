@@ -237,9 +237,9 @@ def surface(body: Observed) -> Surface | None:
     """The surface table at the nodes, sorted by (x, y), gathered on rank 0; None on the others."""
     s = sample(body, body.trace.node_points())
     dim = body.trace.dim
-    tractions = [s.pressure, *([_shear(body, s)] if body.scene.physics.has_friction else [])]
-    columns = np.concatenate([s.X, s.u, s.gap[..., None], np.stack(tractions, axis=-1)], axis=-1)
-    columns = columns.reshape(-1, 2 * dim + 1 + len(tractions))
+    traction = _tractions(body, s, body.trace.node_points())
+    columns = np.concatenate([s.X, s.u, s.gap[..., None], traction], axis=-1)
+    columns = columns.reshape(-1, columns.shape[-1])
     parts: Any = body.comm.gather(columns, root=0)
     if parts is None:
         return None
@@ -258,8 +258,17 @@ def surface(body: Observed) -> Surface | None:
     return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear)
 
 
-def _shear(body: Observed, s: Sample) -> np.ndarray:
-    """tau (facets, nodes) as it is written: in three dimensions its size; true with a current gap; 0 out of contact."""
-    tau = body.shear_at(body.trace.node_points())
+def tractions(body: Observed, points: np.ndarray) -> np.ndarray:
+    """Pressure, and with friction shear, at points of every contact facet: (facets, points, 1 or 2) [pressure]."""
+    return _tractions(body, sample(body, points), points)
+
+
+def _tractions(body: Observed, s: Sample, points: np.ndarray) -> np.ndarray:
+    return np.stack([s.pressure, *([_shear(body, s, points)] if body.scene.physics.has_friction else [])], axis=-1)
+
+
+def _shear(body: Observed, s: Sample, points: np.ndarray) -> np.ndarray:
+    """tau (facets, points) as written: in three dimensions its size; true with a current gap; 0 out of contact."""
+    tau = body.shear_at(points)
     size = tau[..., 0] if body.trace.dim == 2 else np.linalg.norm(tau, axis=-1)
     return np.where(s.p_hat > 0, size, 0.0) / s.area

@@ -51,6 +51,9 @@ class LoadControl:
     def press(self, force: float, expected: float) -> bool:
         """Stand at the depth of a force, near `expected` if nothing better is known; 0 where the tip just touches."""
         if self._pull is not None:
+            if force < -self._pull:
+                self.failure = "the tip pulls with less where it first touches, and harder pulls are not sought"
+                return False
             force += self._pull
         elif force == 0:
             return self._reach(0.0)[1] == 0.0

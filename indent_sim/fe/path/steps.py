@@ -14,16 +14,17 @@ class StepRule:
     The length is kept from one target to the next: where one has failed, the next target does not begin with it.
     """
 
-    def __init__(self, limit: float = inf, free: float = 0.0):
-        """limit: no step is longer; free: nothing is felt below this depth, and no step needed [length]."""
-        self._free = free
+    def __init__(self, limit: float = inf, free: float = 0.0, fine: float = inf):
+        """limit: no step is longer; free: nothing is felt below this depth, and no step needed; fine: steps of this
+        length are tried, however long the requested one [length]."""
+        self._free, self._fine = free, fine
         self.limit = self.longest = limit  # that is tried now
         self._smallest = self._step = 0.0
         self._failures = self._successes = 0  # successes at this length
 
     def begin(self, distance: float) -> None:
         """Set out for a target at this distance [length]."""
-        self._smallest, self._failures = SMALLEST_CUT * abs(distance), 0
+        self._smallest, self._failures = min(SMALLEST_CUT * abs(distance), self._fine), 0
         self.longest = max(self.longest, self._smallest)
 
     def goal(self, at: float, target: float) -> float | None:
@@ -33,6 +34,8 @@ class StepRule:
         """
         if self._failures >= PATIENCE or self.longest <= self._smallest / 2:
             return None
+        if max(at, target) <= self._free:
+            return target
         start = max(at, min(target, self._free))
         parts = max(1, ceil(abs(target - start) / self.longest - 1e-9))
         self._step = abs(target - start) / parts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -19,6 +19,10 @@ from indent_sim.model.state import State
 from indent_sim.scene.scene import Scene
 
 NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
+# Ranges of an attraction: how far away a tip that adheres sets out (6e-6 of what it feels at first touch); its longest
+# step; and the longest one over which it may snap in or let go. Over a longer one Newton may end in the other of two
+# stable states: measured at Maugis' lambda 2, it let go too early in a step of five ranges.
+FAR, LONG, JUMP = 12.0, 4.0, 0.25
 LONGEST = 0.25  # of the deepest contact's radius: a longer step into a gap at the deformed point may end elsewhere
 
 
@@ -29,6 +33,7 @@ class Point:
     delta: float
     state: Any
     dissipated: float = 0.0  # on the path to it [energy]
+    touches: bool = False  # asked for only where the tip adheres
 
 
 class Walk:
@@ -38,8 +43,9 @@ class Walk:
         self.equilibrium = equilibrium
         physics = equilibrium.scene.physics
         self._adheres, self._drags = physics.adheres, physics.has_friction
+        self._range = (physics.contact.adhesion.range or 0.0) if physics.contact.adhesion else 0.0
         self.started = time.perf_counter() if started is None else started
-        self._points = [Point(0.0, equilibrium.snapshot())]  # the untouched body at rest
+        self._points = [Point(0.0 - FAR * self._range, equilibrium.snapshot())]  # the untouched body at rest
         self._row = self._untouched = self._points[0]
         self._before = self._points  # the search for a force
         self._steps = self._step_rule()
@@ -48,7 +54,10 @@ class Walk:
 
     def _step_rule(self) -> StepRule:
         """Of a path on which nothing has failed yet; a tip that adheres is felt before it touches."""
-        return StepRule(_longest(self.equilibrium.scene), -inf if self._adheres else 0.0)
+        longest = _longest(self.equilibrium.scene)
+        if not self._adheres:
+            return StepRule(longest)
+        return StepRule(min(longest, LONG * self._range), self._untouched.delta, JUMP / 4 * self._range)
 
     @property
     def _last(self) -> Point:
@@ -70,6 +79,7 @@ class Walk:
         kept = [Point(delta, state) for delta, arrays in points if (state := self.equilibrium.unpack(arrays))]
         self._points = kept if kept and self._adheres else [*self._points, *kept][-3:]
         self.return_to_last()
+        self._points[-1] = replace(self._last, touches=self._touches)
         self._control.know(*self._pair)
         start, has_memory = self._points, self.equilibrium.has_memory
         if not has_memory and all(self._reach(delta) for delta in deltas[-3:]):
@@ -145,12 +155,13 @@ class Walk:
         """Step to the target; the number of steps, 0 when it cannot be reached.
 
         With memory each row has steps of its own, whatever those before needed: a resumed path is the same path. And
-        the way in stops where it begins, for nothing sticks before.
+        the way in stops where it begins, for nothing sticks before; the way out of a tip that adheres where it ends.
         """
         if self.equilibrium.has_memory:
             self._steps = self._step_rule()
-            if self._last.delta < 0 < target and not self._adheres:
-                return (first := self._reach(0.0)) and (rest := self._reach(target)) and first + rest
+            felt = self._untouched.delta  # from here on inwards
+            if (target < felt < self._last.delta) if self._adheres else (self._last.delta < 0 < target):
+                return (first := self._reach(felt)) and (rest := self._reach(target)) and first + rest
         substeps = 0
         self._steps.begin(target - self._last.delta)
         while (goal := self._steps.goal(self._last.delta, target)) is not None:
@@ -161,30 +172,49 @@ class Walk:
                     return substeps
             else:
                 self._steps.failed()
-        return substeps + 1 if self._adheres and target < self._last.delta and self._comes_off(target) else 0
-
-    def _comes_off(self, delta: float) -> bool:
-        """Solve at delta from the untouched body: where a contact that pulls has no equilibrium any more."""
-        self.equilibrium.restore(self._untouched.state, delta)
-        if not self.equilibrium.solve(delta):
-            self.return_to_last()
-            return False
-        self._points = [Point(delta, self.equilibrium.snapshot(), self._last.dissipated)]
-        return True
+        return 0
 
     def _attempt(self, delta: float) -> bool:
-        """Solve at delta, first from the predicted state, then from the last one."""
+        """Solve at delta, first from the predicted state, then from the last one, then as a tip that lets go.
+
+        Where it snaps in or lets go only a short step counts, and no prediction leads on from the states before.
+        """
         self.equilibrium.depart()
-        if not (self._extrapolate(delta) and self.equilibrium.solve(delta)):
+        found = self._solve(delta)
+        touches = found and self._touches
+        jumps = touches != self._last.touches
+        if not found or (jumps and self._is_long(delta)):
             self.return_to_last()
-            if not self.equilibrium.solve(delta):
-                self.return_to_last()
-                return False
+            return False
         dissipated = self._last.dissipated + self.equilibrium.dissipation
-        is_at_rest = self._last is self._untouched and self._adheres
-        before = [] if is_at_rest else self._points[-2:]  # which is no equilibrium under a tip that adheres
-        self._points = [*before, Point(delta, self.equilibrium.snapshot(), dissipated)]
+        before = [] if jumps else self._points[-2:]
+        self._points = [*before, Point(delta, self.equilibrium.snapshot(), dissipated, touches)]
         return True
+
+    def _solve(self, delta: float) -> bool:
+        is_led = self._extrapolate(delta)
+        if is_led and self.equilibrium.solve(delta):
+            return True
+        self.return_to_last()
+        if is_led and self._adheres and self._is_long(delta):  # a shorter step costs less than another fifty iterations
+            return False
+        return self.equilibrium.solve(delta) or self._lets_go(delta)
+
+    def _lets_go(self, delta: float) -> bool:
+        """Solve at delta from the untouched body: where a contact that pulls has no equilibrium any more."""
+        if not self._last.touches or delta > self._last.delta or self._is_long(delta):
+            return False
+        self.equilibrium.restore(self._untouched.state, delta)
+        return self.equilibrium.solve(delta)
+
+    @property
+    def _touches(self) -> bool:
+        """Whether a tip that adheres touches the body in the present state."""
+        return self._adheres and bool(self.equilibrium.numbers()["a"] > 0)
+
+    def _is_long(self, delta: float) -> bool:
+        """Whether the step to delta is longer than one over which a tip that adheres may snap in or let go."""
+        return abs(delta - self._last.delta) > JUMP * self._range
 
     def _extrapolate(self, delta: float) -> bool:
         """Predict by the line or parabola through the last states; False where it leads nowhere."""

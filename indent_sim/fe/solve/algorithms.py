@@ -10,15 +10,17 @@ from collections.abc import Callable
 
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.anchor import anchored
-from indent_sim.fe.solve.newton import Newton, finest
+from indent_sim.fe.solve.newton import Newton, finest, stages
 from indent_sim.fe.terms.traction import Traction
 
 
 def _approaching(newton: Newton) -> Callable[[], bool]:
     """Penalty, augmented Lagrangian: one semismooth Newton, which comes to a stiff contact through softer ones.
 
-    Or at once where those mislead.
+    Or at once where those mislead. A second try without them would be the first: of a tip that adheres many fail.
     """
+    if newton.problem.law.adhesion and not stages(newton.problem.law, newton.problem.scene):
+        return newton.solve
 
     def solve() -> bool:
         before = newton.problem.snapshot()

@@ -23,9 +23,8 @@ from petsc4py import PETSc
 from indent_sim.fe import compat
 from indent_sim.fe.body import held, zero
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.terms.strain import Strain
 
-SURFACE = 3.0  # E*/h_contact: how stiff the body itself is to the shortest waves of its surface
+SURFACE = 10.0  # E*/h_contact: stiffness of the body to the shortest waves of its surface; 6 and 30 are worse, measured
 
 
 class Stiffness:
@@ -63,14 +62,20 @@ class Stiffness:
 class Beside:
     """A field beside the displacement: its free dofs, its blocks B and C, and S that stands for C - B' A^-1 B.
 
-    S = share C - factor M, with the mass M of the field. A pressure has C - M/(2 mu). For the multiplier, whose C is
-    -1/eps times the mass of the open surface, what is in contact has -M/(eps + s), with the stiffness s that the body
-    itself shows to waves as short as an element.
+    With the mass M of the field, a pressure has S = C - M/(2 mu).
+
+    The multiplier, whose C is -(M - M_A)/eps with the mass M_A of the surface in contact, has
+    S = C - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 that a half-space shows to waves k of its surface.
+    In place of 1/(eps + E* |k|/2) there is
+
+        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE E*/h_contact,
+
+    right for long waves and half way to those with K = s. A constant instead takes half as many iterations again.
     """
 
     def __init__(self, problem: Problem, name: str):
         self.problem, self.name = problem, name
-        self._term, self._mass = _origin(problem, name)
+        self._term, self._over = _origin(problem, name)
         unknowns = problem.unknowns
         space, displacements = unknowns.own_space(name), unknowns.own_space("u")
         first, last = space.dofmap.index_map.local_range
@@ -84,15 +89,29 @@ class Beside:
         self._forms = [_form(problem, [self._term], *way) for way in
                        ((("u", u), (name, trial)), ((name, test), (name, trial)))]  # fmt: skip
         self._whole = [fem_petsc.create_matrix(form) for form in self._forms]
-        mass = fem_petsc.assemble_matrix(fem.form(self._mass(test * trial)))
-        mass.assemble()
-        self._M = mass.createSubMatrix(self._free, self._free)
+        self._M = self._product(test * trial)
+        self._L = self._product(ufl.dot(self._slope(test), self._slope(trial))) if name == "lam" else None
         low, high = self._whole[0].getOwnershipRange()
         self._all = PETSc.IS().createStride(high - low, low, 1, problem.comm)
         self.B: Any = None
         self.C: Any = None
         self.assemble()
-        self._S = self._M.copy()
+        self._S = self._schur()
+        self._ksp = _factorisation(problem.comm)
+        self._known, self._found = self._S.createVecs()
+        self._known.set(0.0)
+
+    def _slope(self, field: Any) -> Any:
+        """The gradient along the surface."""
+        slope, n = ufl.grad(field), ufl.FacetNormal(self.problem.mesh)
+        return slope - ufl.dot(slope, n) * n
+
+    def _product(self, density: Any) -> PETSc.Mat:
+        """The integral of a density, in units of the scaled rows, between the free dofs."""
+        matrix = fem_petsc.assemble_matrix(fem.form(self._over(density)))
+        matrix.assemble()
+        matrix.scale(self.weight**2)
+        return matrix.createSubMatrix(self._free, self._free)
 
     def assemble(self) -> None:
         """Fill B and C at the present solution."""
@@ -106,21 +125,67 @@ class Beside:
         self.B.scale(self.weight)
         self.C.scale(self.weight**2)
 
-    def schur(self) -> PETSc.Mat:
-        """S at the present solution, negative definite."""
-        share, factor = self._coefficients()
-        self._M.copy(self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        self._S.scale(-factor * self.weight**2)
-        self._S.axpy(share, self.C, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        return self._S
+    def factor(self) -> None:
+        """Factor S at the present solution."""
+        before, self._S = self._S, self._schur()
+        self._ksp.setOperators(self._S)
+        _discard(before)
 
-    def _coefficients(self) -> tuple[float, float]:
-        if isinstance(self._term, Strain):
-            E, nu = self._term.region.material.constants
-            return 1.0, (1 + nu) / E
-        scene = self.problem.scene
-        own = SURFACE * scene.physics.material.E_star / scene.sizes.h_contact
-        return own / (self._term.stiffness + own), 1 / (self._term.stiffness + own)
+    def solve(self, known: PETSc.Vec, found: PETSc.Vec) -> None:
+        """S^-1 known; what stands in S after the field is its own affair."""
+        self._known.array[: len(self.places)] = known.array_r
+        self._ksp.solve(self._known, self._found)
+        found.array[:] = self._found.array_r[: len(self.places)]
+
+    def _schur(self) -> PETSc.Mat:
+        S = self._of_multiplier() if self._L else self._of_pressure()
+        S.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return S
+
+    def _of_pressure(self) -> PETSc.Mat:
+        E, nu = self._term.region.material.constants
+        S = self._M.copy()
+        S.scale(-(1 + nu) / E)
+        S.axpy(1.0, self.C, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        return S
+
+    def _of_multiplier(self) -> PETSc.Mat:
+        """S as the Schur complement of two sparse blocks in
+
+            | C - alpha M_A/eps    M_A                           |
+            | M_A                  eps/(1 - alpha) (M + gamma L) |   with the surface's own stiffness L.
+        """
+        eps, scene = self._term.stiffness, self.problem.scene
+        E_star = scene.physics.material.E_star
+        s = SURFACE * E_star / scene.sizes.h_contact
+        q, same = np.sqrt(1 + s / eps), PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+        gamma = q * (q + 1) ** 2 * (E_star / (2 * s)) ** 2
+        M_A, own, waves = self._M.copy(), self._M.copy(), self._M.copy()
+        M_A.axpy(eps, self.C, same)
+        own.scale(-1 / eps)
+        own.axpy((1 - 1 / q**2) / eps, M_A, same)  # C - alpha M_A/eps, with M_A = M + eps C
+        waves.axpy(gamma, self._L, same)
+        waves.scale(eps / (1 - 1 / q**2))
+        blocks = PETSc.Mat().createNest([[own, M_A], [M_A, waves]], comm=M_A.comm)
+        S = PETSc.Mat()
+        blocks.convert("aij", S)
+        _discard(blocks, own, M_A, waves)
+        return S
+
+
+def _discard(*matrices: PETSc.Mat) -> None:
+    """Free matrices now: left to Python, those of several ranks stay until the end."""
+    for matrix in matrices:
+        matrix.destroy()
+
+
+def _factorisation(comm: Any) -> PETSc.KSP:
+    """A factorisation of a small symmetric matrix."""
+    ksp = PETSc.KSP().create(comm)
+    ksp.setType("preonly")
+    ksp.getPC().setType("cholesky")
+    ksp.getPC().setFactorSolverType("mumps")
+    return ksp
 
 
 def _origin(problem: Problem, name: str) -> tuple[Any, Any]:

@@ -6,9 +6,10 @@ displacement, one cycle of multigrid for the displacement. It is kept while the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import log10
 from typing import Any
+from weakref import WeakMethod
 
 import numpy as np
 from petsc4py import PETSc
@@ -38,16 +39,15 @@ class Iterative:
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._held = np.flatnonzero(np.isin(self._places[0], problem.body.constrained))
         self._multigrid = Multigrid(problem, self._A)
-        self._schur = [_factor(problem.comm) for _ in self._beside]
         self._fresh = self._rate = 0.0
         self._ksp = self._create()
-        self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, self, problem.comm)
+        self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
 
     def attach(self, ksp: PETSc.KSP) -> None:
         """Solve the systems of Newton's method."""
         ksp.setType("preonly")
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(self)
+        ksp.getPC().setPythonContext(_Weakly(self.apply))
 
     def _create(self) -> PETSc.KSP:
         tangent = _nested(self._A.matrix, self._beside)
@@ -59,22 +59,22 @@ class Iterative:
         ksp.setType("fgmres")
         ksp.setGMRESRestart(RESTART)
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(_UpperFactor(self))
+        ksp.getPC().setPythonContext(_Weakly(self.precondition))
         return ksp
 
     def assemble(self, rtol: float) -> None:
         """The tangent at the present solution, which will be solved to `rtol`; the preconditioner where it is worn."""
         self.rtol = rtol
         self._A.assemble()
-        for field, factor in zip(self._beside, self._schur, strict=True):
+        for field in self._beside:
             field.assemble()
-            factor.setOperators(field.schur())
+            field.factor()
         self._ksp.getOperators()[0].assemble()
         if self._rate >= WORN * self._fresh:
             self._multigrid.renew()
             self._fresh = 0.0
 
-    def apply(self, pc: PETSc.PC, residual: PETSc.Vec, step: PETSc.Vec) -> None:
+    def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """Solve for a step to the tolerance; what is held and idle stays."""
         blocks = self._b.getNestSubVecs(), self._x.getNestSubVecs()
         weights = [1.0, *(field.weight for field in self._beside)]
@@ -104,22 +104,24 @@ class Iterative:
         u, *fields = step.getNestSubVecs()
         load, push = self._work
         r.copy(load)
-        for field, solver, known, found in zip(self._beside, self._schur, others, fields, strict=True):
-            solver.solve(known, found)
+        for field, known, found in zip(self._beside, others, fields, strict=True):
+            field.solve(known, found)
             field.B.mult(found, push)
             load.axpy(-1.0, push)
         self._multigrid.apply(load, u)
         u.array[self._held] = 0.0  # interpolated from linear elements it is not
 
 
-class _UpperFactor:
-    """`Iterative.precondition` as PETSc calls it."""
+class _Weakly:
+    """A method as PETSc calls a preconditioner; held weakly, for Python finds no circle that goes through PETSc."""
 
-    def __init__(self, owner: Iterative):
-        self._owner = owner
+    def __init__(self, method: Callable[[PETSc.Vec, PETSc.Vec], None]):
+        self._method = WeakMethod(method)
 
     def apply(self, pc: PETSc.PC, residual: PETSc.Vec, step: PETSc.Vec) -> None:
-        self._owner.precondition(residual, step)
+        """Apply it to a residual."""
+        if method := self._method():
+            method(residual, step)
 
 
 def _nested(A: PETSc.Mat, beside: Sequence[Beside]) -> PETSc.Mat:
@@ -129,12 +131,3 @@ def _nested(A: PETSc.Mat, beside: Sequence[Beside]) -> PETSc.Mat:
         own = [field.C if k == other else None for other in range(len(beside))]
         rows.append([PETSc.Mat().createTranspose(field.B), *own])
     return PETSc.Mat().createNest(rows, comm=A.comm)
-
-
-def _factor(comm: Any) -> PETSc.KSP:
-    """A factorisation of a small symmetric matrix."""
-    ksp = PETSc.KSP().create(comm)
-    ksp.setType("preonly")
-    ksp.getPC().setType("cholesky")
-    ksp.getPC().setFactorSolverType("mumps")
-    return ksp

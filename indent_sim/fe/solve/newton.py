@@ -24,6 +24,7 @@ LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
 PROBE = 1e-6  # of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits left
 CORRECTIONS, SETTLED = 6, 1e-5  # of a derivative by an old factor, and the share of the residual that ends them
+ENOUGH = 1e-4  # the same of a symmetric tangent, where what is left counts twice over
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
 
 
@@ -83,11 +84,15 @@ class Newton:
         problem.b.copy(f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
+        self._assemble(P, self._forcing() if self._iterative else 0.0)
+
+    def _assemble(self, tangent: PETSc.Mat, rtol: float) -> None:
+        """The tangent at the present solution; `rtol` of its systems where they are solved by iterations."""
         self._has_tangent = True
         if self._iterative:
-            self._iterative.assemble(self._forcing())
+            self._iterative.assemble(rtol)
         else:
-            self.problem.assemble_tangent(P)
+            self.problem.assemble_tangent(tangent)
 
     def _forcing(self) -> float:
         """How far the residual is to be reduced by a step that is solved for inexactly.
@@ -177,8 +182,8 @@ class Newton:
         problem, failure = self.problem, self.failure
         reason, reasons = self.snes.getConvergedReason(), PETSc.SNES.ConvergedReason
         is_thrown_out = reason == reasons.DIVERGED_FNORM_NAN and is_stiff(problem.law, problem.scene)
-        if reason != reasons.DIVERGED_MAX_IT and not is_thrown_out:
-            return False
+        if self.problem.law.adhesion or (reason != reasons.DIVERGED_MAX_IT and not is_thrown_out):
+            return False  # where a tip snaps in or lets go, no softer contact leads to the other state
         start, solved = problem.x.copy(), False
         for factor in softening(problem.law, problem.scene):
             problem.soften(factor)
@@ -195,16 +200,17 @@ class Newton:
     def stiffness(self) -> float:
         """dF/ddelta [force/length] of the equilibrium just found, NaN where its factor does not tell (collective).
 
-        The way of the solution per depth, by the last factored tangent and what its residual then leaves; an assembly
-        of the residual each, no new factor.
+        The way w of the solution per depth, by the last tangent and what its residual r then leaves; an assembly of the
+        residual each, no new tangent. Where the tangent is symmetric, r is worth w . r of force, up to its square.
         """
         problem = self.problem
         if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
             return nan
-        self._provide_tangent()
+        self._provide_tangent(ENOUGH)
         start, depth, force = problem.x.copy(), problem.depth, problem.force()
         acting = (problem.law.adhesion.range or 0.0) if problem.law.adhesion else 0.0
         step, settled, first, way = PROBE * max(abs(depth), acting), False, 0.0, problem.x.duplicate()
+        share = ENOUGH if problem.has_symmetric_tangent else SETTLED
         way.set(0.0)
         begin, left, correction = (problem.b.duplicate() for _ in range(3))
         self._function(self.snes, start, begin)
@@ -214,24 +220,26 @@ class Newton:
             left.axpy(-1.0, begin)
             size = left.norm()
             first = first or size
-            settled = size <= SETTLED * first
+            settled = size <= share * first
             if settled or not np.isfinite(size):
                 break
             self.snes.getKSP().solve(left, correction)
             way.axpy(-1.0 / step, correction)
         problem.body.set_solution(start + step * way)
         found = (problem.force() - force) / step if settled else nan
+        if problem.has_symmetric_tangent:
+            found += problem.scene.physics.part.copies * way.dot(left) / step
         problem.delta.value = depth
         problem.body.set_solution(start)
         return found
 
-    def _provide_tangent(self) -> None:
-        """A tangent to solve with: the last one, or the first, where a state taken up again needed no iteration."""
+    def _provide_tangent(self, rtol: float) -> None:
+        """A tangent to solve with, to `rtol` where iterations do: the last one, or the first, where a state taken up
+        again needed no iteration."""
         if self._iterative:
-            self._iterative.assemble(SETTLED)
-        elif not self._has_tangent:
-            self.problem.assemble_tangent(self._tangent)
-            self._has_tangent = True
+            self._iterative.rtol = rtol / 2
+        if not self._has_tangent:
+            self._assemble(self._tangent, rtol / 2)
         self.snes.getKSP().setOperators(self._tangent, self._tangent)
 
     def _why_not(self) -> str:

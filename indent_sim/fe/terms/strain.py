@@ -68,7 +68,7 @@ class Strain:
         if self.region.material.small_strain:
             return None
         dim = body.body_mesh.dim
-        points, _ = compat.quadrature(compat.CELLS[dim], DEGREE)
+        points, _ = compat.quadrature(compat.CELLS[dim], DEGREE[dim])
         values = ufl.as_vector([self.J, *(body.X[k] for k in range(dim))])
         cells = self.cells
         table = compat.evaluate(fem.Expression(values, points), body.mesh, cells).reshape(-1, 1 + dim)

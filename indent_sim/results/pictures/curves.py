@@ -98,16 +98,18 @@ def _slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
 
 
 def draw(axes: Axes, delta: np.ndarray, x: np.ndarray, y: np.ndarray, look: Look, label: str | None = None, *,
-         from_origin: bool = False) -> None:  # fmt: skip
+         from_origin: bool = False, straight: bool = False) -> None:  # fmt: skip
     """Draw rows (x, y) of a path of depths: smooth lines, and marks where the rows are unless there are very many.
 
     Unloading is dashed and its marks are hollow. from_origin: the first branch begins at (0, 0), where no row is.
+    straight: rows are joined by lines, between which the curve may jump.
     """
     marks, colour = look["marker"] if len(x) <= MANY else "", look["color"]
     for rows, goes_out in branches(delta):
         begin = [0.0] if from_origin and rows.start == 0 and not goes_out else []
         line = {"ls": UNLOADING["ls"]} if goes_out else {}
-        axes.plot(*smooth([*begin, *x[rows]], [*begin, *y[rows]]), color=colour, lw=1.2 if marks else 1.6, zorder=2,
+        joined = np.array([[*begin, *x[rows]], [*begin, *y[rows]]])
+        axes.plot(*(joined if straight else smooth(*joined)), color=colour, lw=1.2 if marks else 1.6, zorder=2,
                   label=None if marks else label, **line)  # fmt: skip
         if marks:
             own = slice(rows.start + goes_out, rows.stop)  # the turning point is one of loading

@@ -106,7 +106,7 @@ def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] |
     depth, force = axis("delta", runs), axis("force", runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         curves.draw(axes, run["delta"], depth(run["delta"]), force(run["force"]), curves.look(i, len(runs)), name,
-                    from_origin=begins_untouched(run))  # fmt: skip
+                    from_origin=begins_untouched(run), straight=adheres(run))  # fmt: skip
     if any(goes_out for run in runs for _, goes_out in curves.branches(run["delta"])):
         axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, lw=1.2, **curves.UNLOADING)
     _draw_bars(axes, runs, depth, force)
@@ -118,9 +118,13 @@ def draw_forces(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] |
 
 def begins_untouched(run: Results) -> bool:
     """Whether a run's first branch begins with no force at no depth, as without adhesion."""
+    return len(run) > 0 and bool(run["delta"][0] > 0) and not adheres(run, unknown=True)
+
+
+def adheres(run: Results, unknown: bool = False) -> bool:
+    """Whether the tip of a run adheres over a range: between two rows it may snap in or let go."""
     scene = scene_of(run.path)
-    adhesive = getattr(scene.contact, "adhesion", None) is not None if scene else True
-    return len(run) > 0 and bool(run["delta"][0] > 0) and not adhesive
+    return getattr(scene.contact, "adhesion", None) is not None if scene else unknown
 
 
 def _draw_bars(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
@@ -147,7 +151,8 @@ def is_judged(run: Results) -> bool:
 def _draw_theory(axes: Axes, theory: Mapping[str, Any], depth: Axis, force: Axis) -> None:
     if theory.get("curve", {}).get("delta"):
         curve = theory["curve"]
-        axes.plot(*curves.smooth(depth([0, *curve["delta"]]), force([0, *curve["force"]])), **THEORY,
+        begin = [0.0] if curve["delta"][0] > 0 else []  # with adhesion a stable branch begins elsewhere
+        axes.plot(*curves.smooth(depth([*begin, *curve["delta"]]), force([*begin, *curve["force"]])), **THEORY,
                   label=_theory_label(theory))  # fmt: skip
     if closed := theory.get("half_space"):
         label = in_picture(f"{closed['name'].split(' (')[0]}, half-space{_against_run(closed.get('deviation'))}", LABEL)
@@ -172,7 +177,8 @@ def _of_last(half: np.ndarray, y: np.ndarray) -> str:
 def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Mapping[str, Any] | None) -> None:
     depth, radius = axis("delta", runs), axis("a", runs)
     for i, run in enumerate(runs):
-        curves.draw(axes, run["delta"], depth(run["delta"]), radius(run["a"]), curves.look(i, len(runs)))
+        curves.draw(axes, run["delta"], depth(run["delta"]), radius(run["a"]), curves.look(i, len(runs)),
+                    straight=adheres(run))  # fmt: skip
     curve = (theory or {}).get("curve", {})
     if curve.get("a"):
         axes.plot(*curves.smooth(depth(curve["delta"]), radius(curve["a"])), **THEORY)

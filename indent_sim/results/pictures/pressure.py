@@ -35,7 +35,7 @@ class Contact:
 
     mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length] of the contact;
     infinite: distances from the axis at which the pressure has no bound, and how far from there a mesh finds what its
-    own size makes it.
+    own size makes it. With friction the shear (n,) and the radius [length] of what sticks.
     """
 
     x: np.ndarray
@@ -45,6 +45,8 @@ class Contact:
     mirrored: tuple[bool, bool]
     a: float
     infinite: tuple[tuple[float, float], ...]
+    shear: np.ndarray | None = None
+    sticks: float = 0.0
 
     @property
     def is_map(self) -> bool:
@@ -53,17 +55,17 @@ class Contact:
 
     @property
     def typical(self) -> float:
-        """The median pressure inside the contact."""
-        inside = np.hypot(self.x, self.y) <= self.a
-        return float(np.median(self.p[inside])) if inside.any() else float(self.p.max(initial=0.0))
+        """The median of the pressure's size inside the contact."""
+        inside, size = np.hypot(self.x, self.y) <= self.a, np.abs(self.p)
+        return float(np.median(size[inside])) if inside.any() else float(size.max(initial=0.0))
 
     @property
     def reach(self) -> float:
-        """The half width of the frame around the tip [length]: VIEW radii, and all that is pressed.
+        """The half width of the frame around the tip [length]: VIEW radii, and all that is pressed or pulled.
 
         The corners of a contact with few sides are farther from the tip than VIEW radii of a circle with its area.
         """
-        pressed = self.p > max(PRESSED * self.typical, 0.0)
+        pressed = np.abs(self.p) > PRESSED * self.typical
         farthest = max(np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0))
         return max(VIEW * self.a, farthest + MARGIN * self.a)
 
@@ -75,7 +77,22 @@ class Contact:
     def profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
         """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an infinite one."""
         order = np.argsort(self.x)
-        x, p = self.x[order], np.where(self.bounded(), self.p, np.nan)[order]
+        return self._along_line(self.x[order], np.where(self.bounded(), self.p, np.nan)[order], is_half, middle)
+
+    def shear_profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
+        """Places along a line [length], the tip at `middle`, and the size of the shear's means over the elements there.
+
+        Between the nodes of an element it says in which step each came into contact: under a tip that sticks it goes
+        up and down by as much as its mean.
+        """
+        assert self.shear is not None
+        order = np.argsort(self.x)
+        x, tau = self.x[order], self.shear[order]
+        if len(x) % 2 and np.allclose(x[1::2], (x[:-2:2] + x[2::2]) / 2, rtol=0, atol=1e-6 * np.ptp(x)):
+            x, tau = x[1::2], (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
+        return self._along_line(x, np.abs(tau), is_half, middle)
+
+    def _along_line(self, x: np.ndarray, p: np.ndarray, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
         if self.mirrored[0] and not is_half:
             x, p = np.concatenate([-x[::-1], x]), np.concatenate([p[::-1], p])
         return x + middle, p
@@ -92,9 +109,13 @@ def contact_of(results: Results, step: float) -> Contact:
     is_part = choice(results.report, "symmetry") != "full"
     ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
     mirrored = (is_part and ends[0], is_part and ends[1])
-    a = _contact_radius(results, step, x, y)
+    a = _contact_radius(results, step, x, y, p)
     infinite = tuple((place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED * a)
-    return Contact(x, y, p, center, mirrored, a, infinite)
+    found = Contact(x, y, p, center, mirrored, a, infinite)
+    if "shear" not in surface:
+        return found
+    sticks = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
+    return replace(found, shear=surface["shear"][known], sticks=float(sticks[0]) if len(sticks) else 0.0)
 
 
 def _known(results: Results, step: float) -> np.ndarray:
@@ -126,8 +147,8 @@ def draw_pressure(axes: Axes, results: Results, step: float) -> None:
         draw_map(axes, results, contact)
     else:
         draw_profiles(axes, [(results, contact, "", COLOURS[0])])
-        if "shear" in results.surface:
-            _draw_shear(axes, results, step, contact)
+        if contact.shear is not None:
+            axes.legend(loc="upper right")
 
 
 def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, object]]) -> None:
@@ -141,6 +162,13 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, objec
     is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
     tops = [_draw_profile(axes, contact.profile(is_half, middle), length, pressure, contact.typical, name, colour)
             for _, contact, name, colour in shown]  # fmt: skip
+    rubbed = [(contact, name, colour) for _, contact, name, colour in shown if contact.shear is not None]
+    for contact, name, colour in rubbed:
+        x, shear = contact.shear_profile(is_half, middle)
+        own = colour if name else COLOURS[1]
+        axes.plot(length(x), pressure(shear), color=own, ls="--", label=", ".join(filter(None, [name, "shear"])))
+        for end in [contact.sticks] if is_half else [-contact.sticks, contact.sticks]:
+            axes.axvline(length(middle + end), color=own if name else GREY, lw=0.8, ls=":")
     name_axes(axes, length.label, pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
     from_zero(axes, np.array(tops))
@@ -178,11 +206,12 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
         near[:] = True
     largest = float(contact.p[contact.bounded()].max(initial=0.0))
-    top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or 1.0
-    places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
     low = float(pressure(p[near].min(initial=0.0)))
+    top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or float(low == 0.0)
+    places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
     filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
                               extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
+    _draw_rubbed(axes, contact, length)
     ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
     bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=ticks)
     bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
@@ -204,24 +233,31 @@ def _whole(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x[first], y[first], p[first]
 
 
-def _draw_shear(axes: Axes, results: Results, step: float, contact: Contact) -> None:
-    """The size of the tangential traction in the pressure's unit, and dotted lines where the contact begins to slip."""
-    (middle, name), is_half = middle_of([results]), first_axis(results) == "r"
-    length = scaled("length", [results], np.array([contact.reach]), name)
-    pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
-    x, shear = replace(contact, p=np.abs(results.surface["shear"][_known(results, step)])).profile(is_half, middle)
-    axes.plot(length(x), pressure(shear), color=COLOURS[1], ls="--", label="shear")
-    axes.legend(loc="upper right")
-    radius = float(results["stick_radius"][results["step"] == step][0])
-    for end in [radius] if is_half else [-radius, radius]:
-        axes.axvline(length(middle + end), color=GREY, lw=0.8, ls=":")
+def _draw_rubbed(axes: Axes, contact: Contact, length: Axis) -> None:
+    """Lines of equal shear, and a dotted circle as large as what sticks; nothing without friction."""
+    if contact.shear is None or not contact.shear.any():
+        return
+    x, y, shear = _whole(replace(contact, p=contact.shear))
+    places = (length(along + middle) for along, middle in zip((x, y), contact.center, strict=True))
+    axes.tricontour(*places, shear, levels=3, colors="white", linewidths=0.5, alpha=0.7)
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    around = contact.sticks * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
+    axes.plot(*map(length, around), color="black", lw=1.4, ls=":")
+    axes.annotate("lines: equal shear, dots: what sticks", (0.03, 0.03), xycoords="axes fraction", color="white",
+                  fontsize="x-small")  # fmt: skip
 
 
 def strongest_step(results: Results) -> float | None:
-    """The step of the largest force among those whose surface is known; None without any force."""
+    """The step of the largest force among those whose surface is known, of the widest contact or else of the largest
+    pull where none pushes; None without any force."""
     shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
-    forces = np.where(shown, results["force"], 0.0) if shown.any() else np.zeros(1)
-    return float(results["step"][np.argmax(forces)]) if forces.max() > 0 else None
+    if not shown.any():
+        return None
+    for size in (results["force"], results["a"], -results["force"]):
+        sizes = np.where(shown, size, 0.0)
+        if sizes.max() > 0:
+            return float(results["step"][np.argmax(sizes)])
+    return None
 
 
 def depth_text(results: Results, step: float) -> str:
@@ -236,7 +272,9 @@ def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.nd
     return np.array([*center, 0.0][:2]) if center else np.array([x[p.argmax()], y[p.argmax()]])
 
 
-def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray) -> float:
-    """The contact radius of a step; the size of the surface where the table has none."""
-    a = results["a"][results["step"] == step]
-    return float(a[0]) if a.size and a[0] > 0 else float(np.hypot(np.ptp(x), np.ptp(y)))
+def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> float:
+    """The contact radius of a step; without contact how far it is pulled, or else the size of the surface."""
+    a, pulled = results["a"][results["step"] == step], p < -PRESSED * np.abs(p).max(initial=0.0)
+    if a.size and a[0] > 0:
+        return float(a[0])
+    return float(np.hypot(x, y)[pulled].max()) if pulled.any() else float(np.hypot(np.ptp(x), np.ptp(y)))

@@ -29,6 +29,7 @@ LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
 NARROW, POINTS = 0.05, 13  # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
 SAMPLES = 120  # of a stable branch
 SMALLEST = 1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
+NEARER = 1.25  # steps of a radius from the largest one down
 CLOSEST = 1e-9  # relative distance from the largest radius that is looked at
 
 
@@ -78,8 +79,11 @@ class Jkr:
         low = max(low, 1e-9 * high)
         if self.at(low).force > 0.0:
             raise ValueError(f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known")
-        if self.at(high).force < 0.0:
-            raise ValueError(f"adhesion is strong: contacts pull beyond {high:g}, of which nothing is known")
+        widest = high
+        while self.at(high).force < 0.0:  # beside a wall, where no edge gives way, every contact pulls
+            high /= NEARER
+            if high <= low:
+                raise ValueError(f"adhesion is strong: contacts pull beyond {widest:g}, of which nothing is known")
         return math.exp(brentq(lambda x: self.at(math.exp(x)).force, math.log(low), math.log(high), xtol=1e-10))
 
     def _extremum(self, value: Callable[[float], float], low: float, high: float) -> float:

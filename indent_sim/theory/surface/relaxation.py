@@ -15,7 +15,7 @@ Sources: Lee & Radok (1960), J. Appl. Mech. 27, 438; Ting (1966), J. Appl. Mech.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -151,22 +151,22 @@ class ElasticCurve:
         """Contact radius [L] at depths [L]."""
         return self._power(self._a, delta)[0]
 
-    def depth(self, force: float, compliance: float = 0.0, z: float | None = None) -> float:
-        """The depth [L] of a force [F] > 0, or, where z [L] is given, of delta + compliance force = z.
+    def depth(self, force: float) -> float:
+        """The depth [L] of a force [F] >= 0; ValueError where it is beyond the deepest sample."""
+        if not 0.0 <= force <= float(self.force(np.array(self.deepest))):
+            raise ValueError(f"the force {force:g} is beyond the deepest point known")
+        return self._root(lambda x: float(self.force(np.array(x))) - force, self.deepest)
 
-        ValueError where it is beyond the deepest sample.
-        """
-        if z is None:
-            low, high = 0.0, self.deepest
-            if not 0.0 <= force <= float(self.force(np.array(high))):
-                raise ValueError(f"the force {force:g} is beyond the deepest point known")
-            return float(brentq(lambda x: float(self.force(np.array(x))) - force, low, high, xtol=1e-15 * high))
+    def depth_behind(self, compliance: float, z: float) -> float:
+        """The depth [L] at which delta + compliance force = z [L]; ValueError where it is beyond the deepest sample."""
         if z <= 0.0 or compliance == 0.0:
             return z
         high = min(z, self.deepest)
         if high + compliance * float(self.force(np.array(high))) < z:
             raise ValueError(f"the depth at z = {z:g} is beyond the deepest point known")
-        equation = lambda x: x + compliance * float(self.force(np.array(x))) - z  # noqa: E731
+        return self._root(lambda x: x + compliance * float(self.force(np.array(x))) - z, high)
+
+    def _root(self, equation: Callable[[float], float], high: float) -> float:
         return float(brentq(equation, 0.0, high, xtol=1e-15 * high))
 
 
@@ -223,8 +223,8 @@ class OneCycle:
             d0, d1, t0, t1 = self._d[k], self._d[k + 1], self._t[k], self._t[k + 1]
             begin, end = max(d0, low, 0.0), min(d1, high)
             if end > begin:
-                at = lambda d, d0=d0, d1=d1, t0=t0, t1=t1: t0 + (t1 - t0) * (d - d0) / (d1 - d0)  # noqa: E731
-                pieces.append((begin, end, at(begin), at(end)))
+                slowness = (t1 - t0) / (d1 - d0)
+                pieces.append((begin, end, t0 + slowness * (begin - d0), t0 + slowness * (end - d0)))
         return pieces
 
     def _force(self, t: float, elastic: float) -> float:

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from math import inf
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -32,6 +31,7 @@ FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that 
 MOST = 2000  # steps of a history, about, but for one in each of its pieces
 RESOLVED = 20.0  # first steps in the shortest relaxation time
 TOUCHES = 60  # corrections of a contact that is no disc
+SLACK = 1e-12  # of the largest pressure, or gap, by which a contact may pull, or overlap
 SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
 
 
@@ -42,13 +42,17 @@ class Outgrown(ValueError):
         super().__init__("the contact outgrows the surface that is known: the tip comes deeper than its history says")
 
 
+class Unsettled(ArithmeticError):
+    """A search that did not come to its end: what it has is no contact."""
+
+
 @dataclass(frozen=True)
 class Surface:
     """A: (n, n) compliance between weighted places, symmetric and positive definite; heights and areas (n,).
 
     `places` (n,): the radii [L] of places in their order on an axisymmetric body; its contact ends by `shift` of their
     distance beyond where their edge pressure vanishes. Empty otherwise, where the contact's area is the sum of areas,
-    or its width in plane strain (`is_plane`).
+    or its width in plane strain (`is_plane`). `only_discs`: what stands for pressure and gap does so for discs alone.
     """
 
     A: np.ndarray
@@ -57,6 +61,7 @@ class Surface:
     places: np.ndarray = field(default_factory=lambda: np.zeros(0))
     shift: float = 0.0
     is_plane: bool = False
+    only_discs: bool = False
 
     @property
     def is_ordered(self) -> bool:
@@ -93,25 +98,32 @@ def layer_surface(contact: Layer, a: float) -> Surface:
     K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
     areas = np.full(n, 2.0 * np.pi * width)
     A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
-    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h)
+    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h, only_discs=True)
 
 
 class SurfaceContact:
-    """One compliance M of a surface and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0."""
+    """One compliance M of a surface and its contacts: p >= 0, o + M p >= 0, p (o + M p) = 0.
+
+    Of the last contact found: its `radius` [L], and the force per depth `stiffness` [F/L] of what touches.
+    """
 
     def __init__(self, surface: Surface, M: np.ndarray):
         self.surface, self.M = surface, M
-        self.L = cholesky(M, lower=True) if surface.is_ordered else None
-        self._active = np.zeros(len(M), dtype=bool)
-        self.radius = 0.0  # of the last contact found [L]
+        if surface.is_ordered:
+            self.L = cholesky(M, lower=True)
+            self.one = solve_triangular(self.L, surface.areas, lower=True)
+        self._touching = np.zeros(len(M), dtype=bool)
+        self.radius, self.stiffness = 0.0, 0.0
 
     def pressures(self, o: np.ndarray) -> np.ndarray:
-        """The pressures of open gaps o (n,)."""
-        if self.L is not None:
-            p = self._disc(o)
-            if p is not None:
-                return p
-        return self._any(o)
+        """The pressures of open gaps o (n,).
+
+        Outgrown where all places touch, Unsettled where no contact was found.
+        """
+        p = self._disc(o) if self.surface.is_ordered else None
+        if p is None and self.surface.only_discs:
+            raise Unsettled("the contact is no disc, and theory knows no other (solver.method: condensed does)")
+        return self._any(o) if p is None else p
 
     def _disc(self, o: np.ndarray) -> np.ndarray | None:
         """Those of a contact on the first places: the last of n pressures has the sign of y_n, L y = -o."""
@@ -121,27 +133,39 @@ class SurfaceContact:
             raise Outgrown
         n = int(outside[0])
         p = np.zeros(len(o))
-        p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0  # type: ignore[index]
+        p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0
         gap = o[n:] + self.M[n:, :n] @ p[:n]
-        self.radius = self.surface.edge(y)
-        return p if np.all(p >= 0.0) and np.all(gap >= -1e-12 * np.abs(o).max()) else None
+        self.radius, self.stiffness = self.surface.edge(y), float(self.one[:n] @ self.one[:n])
+        return p if np.all(p >= 0.0) and np.all(gap >= -SLACK * np.abs(o).max()) else None
 
     def _any(self, o: np.ndarray) -> np.ndarray:
         """Those of any contact, by primal-dual active sets; from the last one."""
-        seen: set[bytes] = set()
-        active = self._active if self._active.any() else o < 0.0
-        p = np.zeros(len(o))
-        while active.tobytes() not in seen and len(seen) < TOUCHES:
-            seen.add(active.tobytes())
-            on = np.flatnonzero(active)
-            p = np.zeros(len(o))
-            p[on] = np.linalg.solve(self.M[np.ix_(on, on)], -o[on])
-            active = np.where(active, p, -(o + self.M @ p)) > 0.0
-        self._active, p = active, np.maximum(p, 0.0)
-        if active.all():
+        touching = self._touching if self._touching.any() else o < 0.0
+        for _ in range(TOUCHES):
+            p, gap = self._held(o, touching)
+            if p.min() >= -SLACK * p.max() and gap.min() >= -SLACK * np.abs(o).max():
+                break
+            touching = np.where(touching, p, -gap) > 0.0
+        else:
+            raise Unsettled(f"the contact of a step did not settle in {TOUCHES} corrections")
+        if touching.all():
             raise Outgrown
+        self._touching, p = touching, np.maximum(p, 0.0)
         self.radius = self.surface.radius(p)
+        on = np.flatnonzero(touching)
+        self.stiffness = float(self.surface.areas[on] @ self._solved(on, self.surface.areas))
         return p
+
+    def _held(self, o: np.ndarray, touching: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The pressures that close some gaps, whatever their sign, and all gaps."""
+        on, p = np.flatnonzero(touching), np.zeros(len(o))
+        p[on] = self._solved(on, -o)
+        gap = o + self.M @ p
+        gap[on] = 0.0
+        return p, gap
+
+    def _solved(self, on: np.ndarray, right: np.ndarray) -> np.ndarray:
+        return np.linalg.solve(self.M[np.ix_(on, on)], right[on])
 
 
 class StepByStep:
@@ -157,16 +181,19 @@ class StepByStep:
         self._longest = 0.0
         self._contacts: dict[float, SurfaceContact] = {}
 
-    def responses(self, times: Sequence[float], values: Sequence[float], every: float = inf) -> Iterator[Response]:
-        """One Response at every time, straight lines between them, and one about `every` so long between; two equal
-        times are a jump."""
+    def responses(
+        self, times: Sequence[float], values: Sequence[float], rows: Sequence[int] = ()
+    ) -> Iterator[Response]:
+        """One Response at every time, straight lines between them, or about so many `rows` in each; two equal times are
+        a jump."""
         self._longest = (times[-1] - times[0]) / MOST
         yield self._step(times[0], 0.0, values[0])
-        for (t0, v0), (t1, v1) in pairwise(zip(times, values, strict=True)):
+        pieces = pairwise(zip(times, values, strict=True))
+        for ((t0, v0), (t1, v1)), parts in zip(pieces, rows or [1] * (len(times) - 1), strict=True):
             if t1 == t0:
                 yield self._step(t1, 0.0, v1)
                 continue
-            said = t0
+            said, every = t0, (t1 - t0) / parts
             for begin, end in self._ladder(t0, t1):
                 response = self._step(end, end - begin, v0 + (v1 - v0) * (end - t0) / (t1 - t0))
                 if end == t1 or end - said >= every:
@@ -230,11 +257,9 @@ class StepByStep:
             except Outgrown:  # far too deep
                 delta = 0.5 * (low + delta)
                 continue
-            on = np.flatnonzero(p > 0.0)
-            slope = float(areas[on] @ np.linalg.solve(contact.M[np.ix_(on, on)], areas[on]))
             missing = force - float(areas @ p)
-            low = delta if missing > 0.0 else low
-            delta += missing / slope
             if abs(missing) <= SAME_FORCE * force:
-                return delta, contact.pressures(o - delta * areas)
-        raise Outgrown
+                return delta, p
+            low = delta if missing > 0.0 else low
+            delta += missing / contact.stiffness
+        raise Unsettled(f"the depth of a force of {force:g} was not found in {SEARCH} steps")

@@ -13,7 +13,9 @@ from indent_sim.model.contact import Cohesion
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.scene import resolve
+from indent_sim.theory.surface.adhesion import maugis_pull_off
 
+THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
 WORK, RANGE = 1e-3, 1e-2
 ZONE = pi / 4 * E_STAR * RANGE**2 / WORK
 
@@ -69,6 +71,46 @@ def test_two_elements_or_more_in_the_cohesive_zone(reach: float) -> None:
     found = sticky(reach)
     assert found.sizes.h_contact <= ZONE * (reach / RANGE) ** 2 / 2 * (1 + 1e-9)
     assert "cohesive zone" in next(choice.why for choice in found.plan.choices if choice.key == "contact.adhesion")
+
+
+def test_a_sharp_cone_has_elements_for_its_wider_contact() -> None:
+    """It pulls the body up around it: JKR's contact is twice that of a tip that does not adhere."""
+    tip, loading = {"shape": "cone", "half_angle": 70.0}, {"delta": 0.02}
+    plain = scene(WALLED, indenter=tip, loading=loading)
+    found = sticky(indenter=tip, loading=loading)
+    assert found.sizes.a > 1.3 * plain.sizes.a
+    assert found.plan.adhesion and found.plan.adhesion.tabor is None and found.plan.adhesion.jkr_pull_off
+
+
+def test_forces_size_the_mesh_for_the_contact_that_they_hold() -> None:
+    """Without force JKR's contact has (6 pi work R^2/K)^(1/3), K = 4 E*/3: the half-space's, on a thick body."""
+    found = sticky(body=THICK, loading={"forces": [0.0]})
+    a = found.sizes.a * found.physics.scales.length
+    assert a == pytest.approx((6 * pi * WORK / (4 / 3 * E_STAR)) ** (1 / 3), rel=1e-3)
+
+
+def test_what_is_known_of_the_pull_beforehand() -> None:
+    """Maugis-Dugdale on a body that pulls as a half-space does, JKR's -3/2 pi work R there, neither elsewhere."""
+    thick, thin = sticky(body=THICK).plan.adhesion, sticky(body=THICK | {"height": 0.05}).plan.adhesion
+    assert thick and thin
+    assert thick.jkr_pull_off == pytest.approx(-1.5 * pi * WORK, rel=1e-3)
+    assert thick.maugis_lambda and thick.maugis_pull_off
+    assert thick.maugis_pull_off == pytest.approx(maugis_pull_off(thick.maugis_lambda) * pi * WORK, rel=1e-12)
+    assert thick.cohesive_zone == pytest.approx(ZONE, rel=1e-12)
+    assert thin.maugis_pull_off is None and thin.jkr_pull_off and thin.jkr_pull_off < -1.6 * pi * WORK
+
+
+def test_forces_below_zero_need_adhesion() -> None:
+    assert sticky(loading={"forces": [1e-3, -1e-3]}).physics.path.values[1] < 0
+    with pytest.raises(ConfigError, match="nothing holds on to the tip") as refusal:
+        scene(WALLED, loading={"forces": [1e-3, -1e-3]})
+    assert refusal.value.key == "loading.forces[1]" and "contact.adhesion" in (refusal.value.remedy or "")
+
+
+def test_the_condensed_body_is_refused() -> None:
+    with pytest.raises(ConfigError, match="adheres is solved on the whole body") as refusal:
+        sticky(solver={"method": "condensed"})
+    assert refusal.value.key == "solver.method"
 
 
 def test_plane_strain_is_refused() -> None:

@@ -200,6 +200,16 @@ def test_a_tip_without_theory_has_a_wall_too() -> None:
     assert wide.body.rim_distance((0.0, 0.0)) > 1.0 and wide.error < 1e-3
 
 
+def test_a_film_far_thinner_than_its_contact_is_cut_off_with_what_lies_below() -> None:
+    """Beyond the contacts that theory of layers knows; at least as wide as without it, where the contact is known."""
+    film = [{"thickness": 1e-4, "material": STIFF}, {}]
+    blunt = {"shape": "cone", "half_angle": 70.3, "tip_radius": 2.0}
+    coated, bare = (scene(HALF_SPACE | layers, "solver.method=newton", indenter=blunt, loading={"delta": 0.4})
+                    for layers in ({"layers": film}, {}))  # fmt: skip
+    wide, least = (found.physics.part.extent[0][1] * found.physics.scales.length for found in (coated, bare))
+    assert least <= wide <= 2 * least and coated.plan.prediction["truncation_error"] < 1e-3
+
+
 def test_layers_of_a_layer_are_those_of_its_body() -> None:
     layers = [{"thickness": 0.1, "material": STIFF}, {"thickness": 0.4}]
     found = scene(LAYER | {"layers": layers}, "solver.method=condensed")

@@ -78,6 +78,14 @@ def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
     assert branch(1.001 * lowest) is None
 
 
+def test_beside_a_wall_every_contact_pulls() -> None:
+    """K' vanishes where the contact fills a cylinder with rollers: of the pull-off, at a tenth of it, that is no news;
+    against a wall a hundred times further away it changes by (a/W)^3, about."""
+    near, far = (Layer.of(profiles.paraboloid(1.0), E=1.0, nu=0.3, h=10.0, wall=W) for W in (0.5, 50.0))
+    found = [Jkr(LayerPunches(layer), 1e-6).pull_off(math.inf).force for layer in (near, far)]
+    assert found[0] == pytest.approx(found[1], rel=2e-3)
+
+
 def test_a_stiff_spring_is_depth_control_and_a_soft_one_force_control(jkr: Jkr) -> None:
     assert jkr.pull_off(1e-8).force == pytest.approx(jkr.pull_off(0.0).force, rel=1e-6)
     assert jkr.pull_off(1e8).force == pytest.approx(jkr.pull_off(math.inf).force, rel=1e-6)

@@ -11,8 +11,9 @@ from scipy.special import beta
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.surface import stepping
 from indent_sim.theory.surface.relaxation import ElasticCurve, OneCycle, PowerLaw, Prony
-from indent_sim.theory.surface.stepping import StepByStep, Surface, layer_surface
+from indent_sim.theory.surface.stepping import StepByStep, Surface, SurfaceContact, Unsettled, layer_surface
 
 SOLID = Prony((0.5,), (1.0,))  # E = 2 instantaneous, 1 in the end
 DEPTHS = np.geomspace(1e-4, 1.3, 60)
@@ -133,3 +134,25 @@ def test_a_contact_that_is_no_disc() -> None:
     times, z = [0.0, 1.0, 1.5, 2.0], [0.0, 0.01, 0.002, 0.006]
     found = [[r.force for r in StepByStep(surface, SOLID).responses(times, z)] for surface in (disc, other)]
     assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def test_what_does_not_settle_is_no_pressure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is returned by a search that was cut off, nor by theory where the contact is a ring."""
+    layer, _, a = layer_of(0.05)
+    disc = layer_surface(layer, a)
+    with pytest.raises(Unsettled, match="no disc"):
+        SurfaceContact(disc, disc.A).pressures(disc.heights[::-1] - 0.001 * disc.areas)
+    monkeypatch.setattr(stepping, "TOUCHES", 1)
+    other = Surface(disc.A, disc.heights, disc.areas)
+    with pytest.raises(Unsettled, match="1 corrections"):
+        SurfaceContact(other, other.A).pressures(disc.heights - 0.01 * disc.areas)
+    monkeypatch.setattr(stepping, "SEARCH", 1)
+    with pytest.raises(Unsettled, match="was not found"):
+        list(StepByStep(disc, SOLID, of_force=True).responses([0.0, 1.0], [0.0, 1e-3]))
+
+
+def test_pressures_at_round_off_settle() -> None:
+    """A place that neither pulls nor is open flips at every correction: that is a contact."""
+    surface = Surface(np.eye(3) + 0.1, np.array([0.0, 0.0, 1.0]), np.ones(3))
+    p = SurfaceContact(surface, surface.A).pressures(np.array([-1.0, -1.0 / 11, 1.0]))
+    assert p == pytest.approx([1 / 1.1, 0.0, 0.0], abs=1e-12)
