@@ -324,12 +324,11 @@ class Effects:
         if len(tried) < len(FRICTIONS):
             return Effect(name, None, None, None, "a contact with friction was not solved")
         wider = (max(tried) - min(tried)) / 2 + MARGIN
-        said = self.bench.scene.plan.stick
-        is_exact = said is not None and said.percent is not None
-        words = f"{said.source}" if said and is_exact else f"on one mesh{self._how}"
-        percent = said.percent if said and is_exact else tried[-1]
+        said, percent, source = self.bench.scene.plan.stick, tried[-1], f"on one mesh{self._how}"
+        if said is not None and said.percent is not None:  # exact
+            percent, source = said.percent, said.source
         return Effect(name, percent, min(tried) - wider, max(tried) + wider,
-                      f"no slip: {words}; the range holds friction from {FRICTIONS[0]:g} on")  # fmt: skip
+                      f"no slip: {source}; the range holds friction from {FRICTIONS[0]:g} on")  # fmt: skip
 
     def _rough(self, friction: float | str) -> float | None:
         """Force with friction over that without, on one mesh."""
