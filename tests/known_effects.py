@@ -82,7 +82,6 @@ SCENES: dict[str, Document] = {
     "block, off centre": scene({"shape": "box", "size": [2.0, 2.0, 1.0]}, PARABOLOID | {"center": [1.2, 1.1]}, 0.03,
                                mesh={"h_contact": 0.05}),
 }  # fmt: skip
-IN_3D = {"block, off centre"}
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ class _Reference:
         x = float(value.split()[0])
         E_nu = {"E": x, "nu": 0.3}
         match key:
-            case "work":
+            case "work" if self.plain["body"]["shape"] != "box":
                 return self._by_experiment({"adhesion": {"work": x}})
             case "stiffness":
                 return self._by_experiment({"cantilever": {"stiffness": x}, "history": [[0, 0], [1, self.delta]]})
@@ -176,7 +175,7 @@ class _Reference:
                 return self._change({"body": self.plain["body"] | {"shape": "cylinder", "radius": x,
                                                                    "sides": "roller"}})  # fmt: skip
             case "a substrate of E":
-                layers = film(self.plain["body"]["height"], self.plain["material"], SOLID | E_nu)
+                layers = film(self._layer()["height"], self.plain["material"], SOLID | E_nu)
                 return self._change({"body": layers}, {"body": self._layer()})
             case "indenter.tip_radius":
                 return self._change({"indenter": self.plain["indenter"] | {"tip_radius": x}})
@@ -228,11 +227,12 @@ class _Reference:
         return {"loading": {"delta": self.delta, "steps": steps}}
 
     def _layer(self) -> Document:
-        return {"shape": "layer", "height": self.plain["body"]["height"]}
+        body = self.plain["body"]
+        return {"shape": "layer", "height": body["size"][2] if body["shape"] == "box" else body["height"]}
 
     def _change(self, with_it: Document, without: Document | None = None) -> float:
         above, below = (self.plain | part for part in (with_it, without or {}))
-        return 100 * (force(_of_layers(above)) / force(_of_layers(below)) - 1)
+        return 100 * (force(_runnable(above)) / force(_runnable(below)) - 1)
 
     def _power(self, key: str) -> float:
         """d ln F/d ln of a length of the tip."""
@@ -273,10 +273,14 @@ def _force(text: str, size: float) -> float:
     return last.force
 
 
-def _of_layers(document: Document) -> Document:
-    """The scene without the material that all of its layers have of their own."""
-    layers = document["body"].get("layers")
-    return {key: part for key, part in document.items() if not (key == "material" and layers)}
+def _runnable(document: Document) -> Document:
+    """The scene without what a changed body has no use for: the place of the tip, the material of layers."""
+    body = document["body"]
+    left_out = {"material"} if body.get("layers") else set()
+    if body["shape"] != "box" and "center" in document["indenter"]:
+        left_out.add("mesh")
+        document = document | {"indenter": {k: v for k, v in document["indenter"].items() if k != "center"}}
+    return {key: part for key, part in document.items() if key not in left_out}
 
 
 def _meshed(document: Document) -> Scene:

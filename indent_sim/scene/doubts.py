@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import pi
+from math import inf, pi
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, RegularPyramid, Sphere, reach
-from indent_sim.scene.given import Given
+from indent_sim.scene.given import FELT, Given
 from indent_sim.scene.theories import Theory, half_space_force
 
 PER_DEPTH = 1.5  # per cent of force for a per cent of depth, of a paraboloid
@@ -63,8 +63,8 @@ def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt
 def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     """All that speaks against the model, whatever solves it."""
     if given.deepest <= 0:
-        return () if given.attraction else (NO_CONTACT,)
-    return (*_of_model(given), *_of_tip(given, gap), *_of_adhesion(given))
+        return tuple(_of_reach(given)) if given.attraction else (NO_CONTACT,)
+    return (*_of_model(given), *_of_tip(given, gap), *_of_reach(given), *_of_adhesion(given))
 
 
 def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
@@ -117,6 +117,18 @@ def _of_tip(given: Given, gap: str) -> Iterator[Doubt]:
     if delta > ABSURD * end:
         times = f"the depth is {delta / end:.3g} times the radius at which the tip ends"
         yield Doubt("units", f"{times}: are both in one unit?")
+
+
+def _of_reach(given: Given) -> Iterator[Doubt]:
+    """That an attraction is felt where the body ends."""
+    if given.attraction is None or not given.attraction.range:
+        return
+    rim = given.body.rim_distance(given.center)
+    gaps = float(given.tip.height(rim, 0.0)) / given.attraction.range if rim < reach(given.tip) else inf
+    if gaps < FELT:
+        words = (f"adhesion: the body ends where the tip's gap is {gaps:.2g} ranges of the attraction: what a wider "
+                 "one would feel there is left out")  # fmt: skip
+        yield Doubt("adhesion_rim", words)
 
 
 def _of_adhesion(given: Given) -> Iterator[Doubt]:

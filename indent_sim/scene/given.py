@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 D = TypeVar("D")
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
+FELT = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
@@ -126,6 +127,8 @@ def on_finite_body(config: Config, given: Given) -> Given:
     deepest = given.deepest
     if given.adhesive:  # as deep as a tip that does not adhere has this contact
         deepest = max(deepest, 2 * float(given.tip.height(given.a, 0.0)))
+    if given.attraction:  # or as far as it is felt
+        deepest = max(deepest, 2 * FELT * (given.attraction.range or 0.0))
     found = truncate(config.body, config.indenter, _layers(config), deepest * given.scales.length)
     return _given(config, found.body, found.layers, found)
 

@@ -1,13 +1,18 @@
-"""scripts/bench: what it makes of rows that are known; the rows themselves are measured by `make bench`."""
+"""scripts/bench and scripts/make_scaling_page: what they make of rows that are known; measuring them takes an hour."""
 
 from __future__ import annotations
 
 import re
+import sys
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-BENCH = Path(__file__).resolve().parents[2] / "scripts" / "bench"
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+BENCH = SCRIPTS / "bench"
 
 
 @pytest.fixture(autouse=True)
@@ -45,3 +50,33 @@ def test_every_slot_of_the_page_has_its_filler():
     slots = set(re.findall(r"\$(\w+)", (BENCH / "page.md").read_text(encoding="utf-8")))
     program = (BENCH / "__main__.py").read_text(encoding="utf-8")
     assert slots and [slot for slot in slots if f'"{slot}"' not in program] == []
+
+
+def test_the_scaling_page_measures_what_it_has_not_kept(tmp_path, monkeypatch):
+    loader = SourceFileLoader("make_scaling_page", str(SCRIPTS / "make_scaling_page"))
+    page = module_from_spec(spec_from_loader(loader.name, loader))
+    monkeypatch.setitem(sys.modules, loader.name, page)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    loader.exec_module(page)
+    runs = []
+
+    def measured(config, *settings, ranks):
+        runs.append((config, *settings, ranks))
+        audit = {"newton_iterations": 40} | ({"krylov_iterations": 300} if settings[-1].endswith("iterative") else {})
+        report = {"dofs": 20000, "audit": audit, "timings": {"mesh": 1.0, "assemble": 2.0, "solve": 9.0 / ranks}}
+        return SimpleNamespace(cpu=12.0, wall=13.0, memory=500.0, force=[1.0, 2.0], report=report)
+
+    monkeypatch.setattr(page, "measure", measured)
+    monkeypatch.setattr(page, "ROOT", tmp_path)
+    monkeypatch.setattr(page, "prediction", lambda row: {"dofs": 2e4 * row.shrink, "seconds": 10.0, "memory_MB": 400.0})
+    for name, place in (("PAGE", "scaling.md"), ("KEPT", "kept")):
+        monkeypatch.setattr(page, name, tmp_path / place)
+    page.main(1e6)
+    assert len(runs) == len(set(runs)) == len(page.ROWS)
+    text = (tmp_path / "scaling.md").read_text("utf-8")
+    assert "$" not in text and "| 20000 | iterative | 2 | 12 |" in text
+    next((tmp_path / "kept").glob("*-2.json")).unlink()
+    page.main(1e6, is_kept=True)
+    assert len(runs) == len(page.ROWS)
+    page.main(1e6)
+    assert len(runs) == len(page.ROWS) + 1

@@ -20,6 +20,7 @@ from indent_sim.fe.solve.multigrid import Multigrid
 
 RESTART = 40
 MOST = 200  # iterations of one system
+LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more, Newton needs no fewer steps
 WORN = 1.4  # times the iterations a digit cost when the preconditioner was new: it is built anew
 
 
@@ -92,7 +93,7 @@ class Iterative:
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations
         self.failed = self._ksp.getConvergedReason() < 0
-        self._rate = iterations / max(1.0, -log10(self.rtol))
+        self._rate = iterations / -log10(min(self.rtol, LEAST))  # of few digits the first costs most
         self._fresh = self._fresh or self._rate
         if self.failed:
             self._rate = np.inf

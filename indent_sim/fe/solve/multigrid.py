@@ -63,6 +63,7 @@ class Multigrid:
     def renew(self) -> None:
         """Build the levels for the present solution."""
         self._coarse.assemble()
+        self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)  # or it is not factored again
         self._keep(False)
         self._pc.setUp()
         self._keep(True)

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
-from indent_sim.fe.solve.iterative import MOST, Iterative
+from indent_sim.fe.solve.iterative import LEAST, MOST, Iterative
 
 SOFT = 0.1  # E*/h_contact: from here every contact has been found
 STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
@@ -20,7 +20,6 @@ CLOSE = 0.01  # of the depth: a step up to this leaves the contact as it is
 ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiffer
 BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
-LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more, Newton needs no fewer steps
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
 PROBE = 1e-6  # of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits left
 CORRECTIONS, SETTLED = 6, 1e-5  # of a derivative by an old factor, and the share of the residual that ends them

@@ -1,4 +1,5 @@
-"""The experiment in a picture: force over depth, or over the way of the base and time, as experiment.csv says."""
+"""The experiment in a picture: force over depth and the way of the base, force or depth over time, as experiment.csv
+says."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from indent_sim.results.folder import read_report
 from indent_sim.results.pictures.axes import axis, in_print
 from indent_sim.results.pictures.canvas import COLOURS, GREY, canvas, head, legend_below, name_axes, save
 from indent_sim.results.pictures.curves import smooth
+from indent_sim.results.pictures.names import config_of
 from indent_sim.results.reader import read
 from indent_sim.results.tables import EXPERIMENT
 
@@ -35,6 +37,7 @@ def draw(folder: Path, path: Path) -> None:
     """Draw the experiment of a result folder."""
     results, rows = read(folder), _rows(folder / EXPERIMENT)
     has_times, has_base = bool(rows[0]["t"]), any(row["z"] != row["delta"] for row in rows)
+    has_forces = bool(config_of(folder).get("experiment.force_history"))  # then time tells the depth
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
         drawn: dict[str, Any] = figure.subplot_mosaic([panels, ["legend"] * len(panels)])
@@ -43,7 +46,9 @@ def draw(folder: Path, path: Path) -> None:
         _draw(drawn["depth"], rows, "delta", depth, force)
         if has_base:
             _draw(drawn["base"], rows, "z", depth, force, "way of the base z")
-        if has_times:
+        if has_times and has_forces:
+            _draw(drawn["time"], rows, "t", None, depth, "time t", "delta")
+        elif has_times:
             _draw(drawn["time"], rows, "t", None, force, "time t")
         else:
             _draw(drawn["radius"], rows, "a", axis("a", [results]), force)
@@ -63,8 +68,10 @@ def _subtitle(folder: Path) -> str:
     return "  \N{MIDDLE DOT}  ".join(parts)
 
 
-def _draw(axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any, label: str = "") -> None:
-    """Force over a column, a line for each branch that is one piece of the table."""
+def _draw(
+    axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any, label: str = "", of: str = "force"
+) -> None:
+    """A column over another, a line for each branch that is one piece of the table."""
     seen: set[str] = set()
     begin = 0
     for k in range(1, len(rows) + 1):
@@ -73,7 +80,7 @@ def _draw(axes: Axes, rows: Sequence[dict[str, str]], name: str, x: Any, y: Any,
         branch, piece = rows[begin]["branch"], rows[max(begin - 1, 0) : k]
         colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
         across = _numbers(piece, name)
-        curve = smooth(across if x is None else x(across), y(_numbers(piece, "force")))
+        curve = smooth(across if x is None else x(across), y(_numbers(piece, of)))
         axes.plot(*curve, color=colour, ls=style, lw=1.5, label=None if branch in seen else branch)
         seen.add(branch)
         begin = k

@@ -28,7 +28,7 @@ from indent_sim.run.requirements.sections import (
 from indent_sim.scene.scene import Scene, resolve
 
 NEAR = 0.9  # of the deepest depth: where a second force says how steep the curve is
-FEW_STEPS = 4  # of a path with friction or adhesion: good for the ratio of two, and adhesion does not remember
+FEW_STEPS = 2  # of a path with friction or adhesion: good for the ratio of two, and adhesion does not remember
 
 
 class Bench:
