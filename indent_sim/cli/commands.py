@@ -279,7 +279,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     if as_json:
         from indent_sim.results.writer import to_json
 
-        parts = ("title", "units", "choices", "prediction", "stick", "adhesion", "warnings")
+        parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
         say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
         return
     from indent_sim.cli import terminal
@@ -287,6 +287,10 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
     say(terminal.plan(scene, _width()))
     if scene.plan.stick and scene.plan.stick.is_telling:
         say(scene.plan.stick.words)
+    if scene.plan.friction:
+        from indent_sim.scene.expected import rubbed_words
+
+        say(rubbed_words(scene.physics.contact.friction, scene.plan.friction))
     for warning in scene.plan.warnings:
         tell(f"warning: {warning}")
 

@@ -71,6 +71,8 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(_formulas(theory))
     if fit := report.get("hertz"):
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)")
+    if stick := report.get("stick"):
+        lines.append(stick["words"])
     lines += _adhesion(report.get("adhesion") or {})
     lines += _experiment(report.get("experiment") or {})
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))

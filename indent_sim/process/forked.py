@@ -23,7 +23,14 @@ STANDARD = 3  # stdin, stdout, stderr
 
 
 class Crash(Exception):
-    """The forked process ended before its answer; the message says how, and what its last error message was."""
+    """The forked process ended before its answer; the message says how, and what its last error message was.
+
+    exit_code: as a shell says it, 128 + n for signal n.
+    """
+
+    def __init__(self, words: str, exit_code: int = 1):
+        super().__init__(words)
+        self.exit_code = exit_code
 
 
 class Forked:
@@ -31,10 +38,11 @@ class Forked:
 
     Argument, answer and exception travel pickled through a pipe; what the process prints is kept for `Crash`. The
     process leaves SIGINT, SIGTERM and SIGHUP to this one, is killed with it, and is forked anew where it has ended.
+    It keeps the open files of this one only where it uses MPI, which waits for ever on those that it had here.
     """
 
-    def __init__(self, function: Callable[[Any], Any], prepare: Callable[[], object]):
-        self._function, self._prepare = function, prepare
+    def __init__(self, function: Callable[[Any], Any], prepare: Callable[[], object], *, uses_mpi: bool = False):
+        self._function, self._prepare, self._uses_mpi = function, prepare, uses_mpi
         self._child: _Child | None = None
 
     @property
@@ -70,6 +78,11 @@ class Forked:
             child.pipe.send(argument)
         return lambda: self._answer(child)
 
+    def fileno(self) -> int:
+        """What can be read once a call that was begun has its answer."""
+        assert self._child is not None
+        return self._child.pipe.fileno()
+
     def stop(self) -> None:
         """End the process."""
         if self._child is not None and self._child.is_ours:
@@ -82,7 +95,7 @@ class Forked:
         try:
             answer, failure, cpu, memory = child.pipe.recv()
         except (EOFError, OSError):
-            crash = Crash(child.last_words())
+            crash = child.crash()
             self.stop()
             raise crash from None
         except BaseException:  # a signal: nobody will wait for this answer
@@ -99,9 +112,13 @@ class Forked:
         gc.freeze()  # the owner's garbage is not ours: to destroy its meshes and matrices would be a call of its MPI
         try:
             shared = usage.memory()
-            _detach(pipe, printed, parent)
+            _detach(printed, parent)
+            if not self._uses_mpi:  # the lock of a result folder must not live on in here
+                os.closerange(STANDARD, pipe.fileno())
+                os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
             with suppress(Exception):  # the first call will say what is wrong
                 self._prepare()
+            _let_crash()
             while True:
                 usage.forget_peak_memory()
                 pipe.send(self._call(pipe.recv(), shared))
@@ -147,14 +164,15 @@ class _Child:
         self.pipe.close()
         os.close(self.printed)
 
-    def last_words(self) -> str:
+    def crash(self) -> Crash:
         """How a process ended whose pipe is closed, and the last error message it printed."""
         self._wait(0)
-        status = self.ended or 0
-        how = f"died of {_name_of(os.WTERMSIG(status))}" if os.WIFSIGNALED(status) else "ended"
+        code = os.waitstatus_to_exitcode(self.ended or 0)
+        how = f"died of {_name_of(-code)}" if code < 0 else f"ended with exit code {code}" if code else "ended"
         printed = os.pread(self.printed, MOST_WORDS, max(0, os.fstat(self.printed).st_size - MOST_WORDS))
         errors = [line for line in printed.decode("utf-8", "replace").splitlines() if line.startswith("Error")]
-        return f"{how} ({errors[-1].partition(':')[2].strip()})" if errors else how
+        words = f"{how} ({errors[-1].partition(':')[2].strip()})" if errors else how
+        return Crash(words, 128 - code if code < 0 else code or 1)
 
     def _wait(self, how: int) -> None:
         if self.ended is None:
@@ -165,18 +183,21 @@ class _Child:
             self.ended = status if pid else None
 
 
-def _detach(pipe: Connection, printed: int, parent: int) -> None:
-    """Leave signals, files, locks and the terminal to the parent; no core file where this process crashes."""
+def _detach(printed: int, parent: int) -> None:
+    """Leave signals and the terminal to the parent; no core file where this process crashes."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    for number in CRASHES:  # PETSc would have MPI end all ranks
-        signal.signal(number, signal.SIG_DFL)
+    _let_crash()
     die_with(parent)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for standard, file in enumerate((os.open(os.devnull, os.O_RDONLY), printed, printed)):
         os.dup2(file, standard)
-    os.closerange(STANDARD, pipe.fileno())  # the lock of a result folder must not live on in here
-    os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
+
+
+def _let_crash() -> None:
+    """A crash ends this process alone; PETSc, where it is loaded, would have MPI end all ranks."""
+    for number in CRASHES:
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _name_of(number: int) -> str:

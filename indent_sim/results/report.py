@@ -75,7 +75,7 @@ def of_run(folder: Path) -> str:
         subtitle=_subtitle(results),
         failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
         numbers=_numbers(results),
-        said=[*_theory(results), *_hertz(results), *_largest_pull(results), *_pull_off(results)],
+        said=[*_theory(results), *_hertz(results), *_stick(report), *_largest_pull(results), *_pull_off(results)],
         pictures=[*_pictures(results), *_picture_of_experiment(folder)],
         warnings=report.get("warnings", []),
         tables=[table for table in tables if table.rows],
@@ -159,6 +159,12 @@ def _largest_pull(results: Results) -> list[str]:
     numbers = {"tabor": "Tabor number", "maugis_lambda": "Maugis' lambda", "elements": "elements in the cohesive zone"}
     said = [f"{words} {known[name]:.3g}" for name, words in numbers.items() if known.get(name) is not None]
     return [*lines, f"{', '.join(said)}."]
+
+
+def _stick(report: Mapping[str, Any]) -> list[str]:
+    """What no slip would change."""
+    stick = report.get("stick")
+    return [f"{stick['words'][:1].upper()}{stick['words'][1:]}."] if stick else []
 
 
 def _pull_off(results: Results) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +21,12 @@ from indent_sim.results.reader import checked_report, earlier_run, lost_files
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
 from indent_sim.run.by_theory import TheoryWalk
-from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer, ways
+from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer, sticks, ways
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
+from indent_sim.run.summary import stages
 from indent_sim.scene.scene import Scene, resolve
 
 if TYPE_CHECKING:
@@ -79,6 +80,8 @@ class Run:
         self._resume, self._clock = resume, Clock()
         self._before = comm.bcast(on_root(comm, checked_report, target)) if resume else {}
         self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
+        asked = bars or ("error_budget" in self._before and config.accuracy is None)
+        self._with_stick = asked or "stick" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
 
     def outcome(self) -> Outcome:
@@ -124,6 +127,9 @@ class Run:
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))
                 attempt.judge(self._resolved, states, bars)
+                if self._with_stick and attempt.following is None:
+                    stick = self._stick(Companion(1.0, states, scene), bars)
+                    record.note(stick=stick, timings=stages(self._clock.stages))
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
@@ -149,6 +155,16 @@ class Run:
             soft = self._curve(softer(own)) if own is not None and isinstance(own.physics.contact, Penalty) else None
             along = ways(own, self._curve) if own is not None else None
             return ErrorBars(attempt.scene, companions, soft, along)
+
+    def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
+        """What no slip would change of the deepest force: as the plan knows it, or solved beside the run, in three
+        dimensions on a coarser mesh."""
+        scene = run.scene
+        assert scene is not None
+        with self._clock.stage("companions"):
+            where = run if scene.physics.part.dim == 2 or not bars.companions else bars.companions[0]
+            found = sticks(where, self._curve) if scene.is_meshed else scene.plan.stick
+        return asdict(found) | {"words": found.words} if found else None
 
     def _companions(self, attempt: Attempt) -> list[Companion]:
         """Runs beside the first attempt; those of a resumed one begin with its earlier attempts, as before."""

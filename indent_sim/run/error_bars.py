@@ -1,4 +1,6 @@
-"""Error bars of the force, from companion runs on a coarser mesh and with a softer penalty.
+"""Error bars of the force, and what no slip would change, from companion runs.
+
+The bars come from coarser meshes and a softer penalty.
 
 Two meshes in the ratio q, whose sizes near and far, growth and edge sizes go together, give forces F_c and F that are
 off by about q^rate to one (`accuracy.fading`), so F is off by |F_c - F| / (q^rate - 1). Which elements touch changes
@@ -17,10 +19,12 @@ from math import isnan
 import numpy as np
 
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.contact import Nitsche, Penalty
+from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction, Nitsche, Penalty
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.scene.corners import POWER
+from indent_sim.scene.cost import MOST_CANDIDATES, candidates
+from indent_sim.scene.expected import NEARLY_STICK, Stick, pulling_rim
 from indent_sim.scene.fineness import BLUNT, EASING, RATE, STEEPEST, fading
 from indent_sim.scene.scene import Scene
 
@@ -179,6 +183,69 @@ def ways(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Ways | Non
     finer = follow(scene.with_physics(path=path, deltas=_halved(physics.deltas)))
     kept = [replace(state, step=state.step // 2) for state in finer if state.step % 2 == 0]
     return Ways(follow(scene), kept, 1 / (1 - 2**-STEPPING))
+
+
+STICK_STEPS = {2: 10, 3: 4}  # by dim: half way through each, new contact sticks to 0.03 % and 0.15 % of the force
+
+
+def sticks(run: Companion, follow: Callable[[Scene], Sequence[State]]) -> Stick | None:
+    """What no slip instead of no friction would change of the deepest force of a run, or of a companion, on its mesh:
+    with the anchor `mid`, between its two ends.
+
+    None where there is no such number: friction or adhesion already, no contact, a body that may slide away, or a run
+    that fails.
+    """
+    smooth = _smooth(run.scene) if run.scene else None
+    deepest = max((state.delta for state in run.curve.values()), default=0.0)
+    if smooth is None or deepest <= 0:
+        return None
+    depth = deepest / smooth.physics.scales.depth
+    forces = [_last_force(follow(_to(smooth, depth, 1)))]
+    rough = _rough(smooth)
+    for anchor in ANCHORS:
+        forces.append(_last_force(follow(_to(rough, depth, STICK_STEPS[rough.physics.part.dim], anchor))))
+    if not forces[0] > 0 or any(map(isnan, forces)):
+        return None
+    changes = [100 * (force / forces[0] - 1) for force in forces[1:]]
+    return Stick(changes[0], min(changes), max(changes), SOLVED)
+
+
+ANCHORS: tuple[Anchor, ...] = ("mid", "implicit", "glue")
+SOLVED = "solved beside this run"
+
+
+def _smooth(scene: Scene) -> Scene | None:
+    """The same frictionless scene with a law that may have friction; None for one that may not."""
+    physics = scene.physics
+    if physics.has_memory or physics.part.pins or scene.solver.linear == "iterative":
+        return None
+    law = physics.contact
+    if not isinstance(law, AugmentedLagrangian):
+        law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical)
+    return scene.with_physics(contact=law)
+
+
+def _rough(scene: Scene) -> Scene:
+    """A frictionless scene whose surface sticks, on the whole body where a compliance along it would be too large."""
+    law, part = scene.physics.contact, scene.physics.part
+    assert isinstance(law, AugmentedLagrangian)
+    would_pull = pulling_rim(scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes)
+    friction: Friction = NEARLY_STICK if would_pull else "stick"
+    is_large = candidates(scene.sizes, part) * part.dim > MOST_CANDIDATES
+    solver = replace(scene.solver, method="newton") if is_large else scene.solver
+    sticking = scene.with_physics(contact=replace(law, friction=friction, epsilon_t=law.epsilon_n))
+    return replace(sticking, solver=solver)
+
+
+def _to(scene: Scene, depth: float, steps: int, anchor: Anchor = "implicit") -> Scene:
+    """The same scene on its way to a depth in equal steps."""
+    depths = tuple(float(part) for part in np.linspace(0.0, depth, steps + 1)[1:])
+    return scene.with_physics(path=LoadPath("depth", depths), deltas=depths, anchor=anchor)
+
+
+def _last_force(states: Sequence[State]) -> float:
+    """The force of the last state; NaN where it was not reached."""
+    return states[-1].force if states and states[-1].converged else float("nan")
 
 
 def _halved(values: Sequence[float]) -> tuple[float, ...]:

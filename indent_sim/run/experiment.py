@@ -21,7 +21,7 @@ from indent_sim.scene.theories import relative_tip
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.surface.adhesion import Contact, Jkr, maugis_lambda, maugis_pull_off, tabor
 from indent_sim.theory.surface.punches import Punches, radius_at
-from indent_sim.theory.surface.relaxation import ElasticCurve, Modulus, OneCycle, PowerLaw, Prony
+from indent_sim.theory.surface.relaxation import LEAST_SAMPLES, ElasticCurve, Modulus, OneCycle, PowerLaw, Prony
 from indent_sim.theory.surface.stepping import StepByStep, Surface, layer_surface
 
 POINTS = 200  # of an equilibrium curve, and of a history at least; at most as many more
@@ -152,7 +152,10 @@ class _Conduct:
             if numbers["a"] < FEW * h:
                 break
             found.append((float(delta), numbers["force"], numbers["a"]))
-        return _curve(*map(list, zip(*reversed(found), strict=True))) if found else _curve([], [], [])
+        if len(found) < LEAST_SAMPLES:
+            few = f"the contact has {FEW:g} elements at {len(found)} of {SAMPLES} depths"
+            raise ValueError(f"{few}: give a smaller mesh.h_contact")
+        return _curve(*map(list, zip(*reversed(found), strict=True)))
 
     def depth_of(self, force: float) -> float:
         """A depth with this force at least, from the deepest one on."""

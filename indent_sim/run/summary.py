@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.state import State
+from indent_sim.model.tips import Sphere
 from indent_sim.process.usage import peak_memory
 from indent_sim.run.readings import hertz_fit, hertz_force
-from indent_sim.scene.scene import Scene
+from indent_sim.scene.scene import ROUGH, Scene
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.surface.no_slip import FRICTIONLESS
 
+PARABOLIC = "its friction is that of a paraboloid"
 POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
@@ -69,7 +72,8 @@ def energy_balance(states: list[State]) -> float | None:
 def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | None:
     """Small-strain theory beside the deepest state, and its curve over the depths walked; None without theory.
 
-    Theory is asked for what the run found: for the force at its depth, or for the depth at the force prescribed.
+    Theory is asked for what the run found: for the force at its depth, or for the depth at the force prescribed, with
+    the friction of the scene where that is known.
     `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
     Beside a tip that adheres it is that of one without range (JKR), with its stable branch.
     """
@@ -80,8 +84,10 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     if theory is None or not pushed:
         return None
     deepest = max(pushed, key=lambda state: state.delta)
-    L, F, D = scene.physics.scales.length, scene.physics.scales.force, scene.physics.scales.depth
-    solution = _theory_beside(scene, theory, deepest)
+    rough, unlike = scene.plan.friction or FRICTIONLESS, _unlike(scene)
+    D, L = scene.physics.scales.depth, scene.physics.scales.length * rough.radius
+    F = scene.physics.scales.force * rough.force
+    solution = _theory_beside(scene, theory, deepest, F)
     if solution is None:
         return None
     found = {"force_deviation": deepest.force / (solution.force * F) - 1}
@@ -89,9 +95,9 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
         found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
     curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     return {
-        "name": theory.name,
-        "exact": not scene.differences,
-        "why": "; ".join(scene.differences) or theory.why,
+        "name": f"{theory.name} with friction" if scene.plan.friction else theory.name,
+        "exact": not unlike,
+        "why": "; ".join(unlike) or theory.why,
         "delta": solution.delta * D,
         "force": solution.force * F,
         "a": solution.a * L,
@@ -163,12 +169,20 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
     }
 
 
-def _theory_beside(scene: Scene, theory: Theory, state: State) -> Solution | None:
-    """Theory at the state's depth, or, where forces are prescribed, at its force."""
+def _unlike(scene: Scene) -> tuple[str, ...]:
+    """What the problem has that theory, with friction where that is known, has not."""
+    if scene.plan.friction is None:
+        return scene.differences
+    is_round = (PARABOLIC,) if isinstance(scene.physics.indenter, Sphere) else ()
+    return (*(why for why in scene.differences if why != ROUGH), *is_round)
+
+
+def _theory_beside(scene: Scene, theory: Theory, state: State, F: float) -> Solution | None:
+    """Theory at the state's depth, or, where forces are prescribed, at its force; F: that of theory's 1."""
     delta, height = state.delta / scene.physics.scales.depth, scene.physics.body.height
     if scene.physics.path.control == "depth":
         return theory.at(delta)
-    found = theory.depth(state.force / scene.physics.scales.force, height)
+    found = theory.depth(state.force / F, height)
     return theory.at(found) if found is not None and found < height else None
 
 

@@ -20,7 +20,7 @@ from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
-from indent_sim.scene.expected import Adherence, infinite_pressure
+from indent_sim.scene.expected import NEARLY_STICK, Adherence, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
 from indent_sim.scene.theories import NO_INCLUSIONS, layer_theory, shape_of
@@ -158,6 +158,15 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
         return "implicit", [Choice("contact.friction", law.friction, "new contact sticks where its step began")]
     why = "new contact sticks half way through its step, found in a pass without friction for it"
     return "mid", [Choice("contact.friction", law.friction, why)]
+
+
+def bounded(law: Any, given: Given, sizes: Sizes) -> tuple[Any, list[Choice]]:
+    """The law with friction for stick where no surface that only pushes sticks, and what to say of it."""
+    rim = pulling_rim(given.tip, given.material.constants.nu, sizes) if law.friction == "stick" else 0.0
+    if not rim:
+        return law, []
+    why = f"stands for stick: {rim * given.scales.length:.2g} beside the sharp edge a surface that sticks would pull"
+    return dataclasses.replace(law, friction=NEARLY_STICK), [Choice("contact.friction", NEARLY_STICK, why)]
 
 
 COARSEST = 1.5  # elements over the cohesive zone: coarser ones jump from node to node, measured

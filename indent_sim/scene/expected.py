@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from itertools import pairwise
+from math import exp, inf, log, pi
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, section_depth
 from indent_sim.theory.surface import no_slip
+from indent_sim.theory.surface.no_slip import Rubbed
 
 DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
 MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
@@ -96,16 +98,21 @@ class Stick:
     @property
     def words(self) -> str:
         """The same as a sentence."""
-        change = f"between {self.low:+.1f} and {self.high:+.1f} %" if self.percent is None else f"{self.percent:+.1f} %"
-        return f"no slip instead of no friction would change this force by {change} ({self.source})"
+        between = f"between {self.low:+.1f} and {self.high:+.1f}"
+        if self.percent is None:
+            change = f"{between} % ({self.source})"
+        elif self.low == self.high:
+            change = f"{self.percent:+.1f} % ({self.source})"
+        else:
+            change = f"{self.percent:+.1f} % ({between}; {self.source})"
+        return f"no slip instead of no friction would change this force by {change}"
 
 
 def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool) -> Stick | None:
     """What no slip would change at a contact of radius a, `rim` away from the side walls [length]: exactly on a
     half-space, a range of the map of bonded layers elsewhere; None where neither knows the scene."""
-    power = POWERS.get(type(tip))
-    rounding = max(getattr(tip, name, 0.0) for name in ("tip_radius", "edge_radius"))
-    if power is None or rounding > 0 or len(part.regions) > 1 or part.kinematics.name == "plane_strain" or a <= 0:
+    power = power_of(tip)
+    if power is None or len(part.regions) > 1 or part.kinematics.name == "plane_strain" or a <= 0:
         return None
     nu = part.regions[0].material.constants.nu
     if is_half_space:
@@ -140,6 +147,53 @@ class Adherence:
                    (self.maugis_pull_off, "pull-off by Maugis-Dugdale"), (self.jkr_pull_off, "without range (JKR)"))
         said = [f"{name} {number:.4g}" for number, name in numbers if number is not None]
         return "; ".join([f"cohesive zone {self.cohesive_zone:.3g}, {self.elements:.3g} elements in it", *said])
+
+
+def power_of(tip: Indenter) -> float | None:
+    """n of a profile f = B r^n, infinite for a punch; None for a tip that has another, or a rounded apex or edge."""
+    is_sharp = not any(getattr(tip, name, 0.0) > 0 for name in ("tip_radius", "edge_radius"))
+    return POWERS.get(type(tip)) if is_sharp else None
+
+
+def rubbed(part: Part, tip: Indenter, friction: float | str, path: LoadPath) -> Rubbed | None:
+    """What friction makes of the deepest contact of a half-space; None where that is not known: for other tips, other
+    matter, a path that turns back on its way there, or more friction than the theory bears."""
+    power, nu = power_of(tip), part.regions[0].material.constants.nu
+    way_in = path.values[: path.values.index(max(path.values)) + 1]
+    turns_back = any(later < earlier for earlier, later in pairwise(way_in))
+    if power is None or len(part.regions) > 1 or not part.regions[0].material.is_isotropic or turns_back:
+        return None
+    from indent_sim.theory.surface import coulomb  # with scipy's functions, which no other scene needs
+
+    try:
+        return coulomb.rubbed(nu, friction, power)  # type: ignore[arg-type]
+    except ValueError:
+        return None
+
+
+def rubbed_words(friction: float | str, found: Rubbed) -> str:
+    """The same as a sentence."""
+    slips = found.sticks < 1.0
+    what = f"friction {friction:g}" if slips else "no slip"
+    where = f", and the surface sticks within {found.sticks:.2g} of its radius" if slips else ""
+    return f"{what} changes this force by {100 * (found.force - 1):+.1f} %{where} (half-space, exact)"
+
+
+PULLS = 6.0  # edge elements in the rim that would pull, at most: Newton goes round in a circle from 5 on, measured
+NEARLY_STICK = 5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
+
+
+def pulling_rim(tip: Indenter, nu: float, sizes: Sizes) -> float:
+    """Width d = 2 a exp(-pi^2/ln(3 - 4 nu)) of the rim under a sharp edge in which a stuck surface would pull [length].
+
+    2e-4 a at nu = 0, 1e-7 a at 0.3; 0 where the elements do not see it. Those that do have no equilibrium that both
+    sticks without a bound and pushes.
+    """
+    is_sharp = getattr(tip, "edge_radius", 1.0) == 0
+    if not is_sharp or sizes.edge is None or sizes.h_edge is None or nu >= 0.5:
+        return 0.0
+    rim = 2 * sizes.edge * exp(-(pi**2) / log(3 - 4 * nu))
+    return rim if sizes.h_edge <= PULLS * rim else 0.0
 
 
 def infinite_pressure(tip: Indenter, a: float) -> str:

@@ -25,11 +25,12 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
-from indent_sim.scene.expected import Adherence, Stick, peakless, prediction_of, stick
+from indent_sim.scene.expected import Adherence, Stick, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, given_by, on_finite_body
 from indent_sim.scene.sizing import AT_END
 from indent_sim.scene.theories import Theory
+from indent_sim.theory.surface.no_slip import Rubbed
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config, SolverSettings, Units
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 WALL_STIFFNESS = 1e3  # of E/h_far: a curved roller wall gives way by less than 1e-3 of an element under the pressure E
 WALL_WHY = f"u.n = 0 with the cylinder's own normal, weakly, by {WALL_STIFFNESS:g} E/h_far"
+ROUGH = "the surface is rough, theory's frictionless"
 MIRROR = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 SEARCH = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
 
@@ -113,6 +115,7 @@ class Plan:
     doubts: tuple[Doubt, ...]
     prediction: dict[str, float]  # in the user's units
     stick: Stick | None = None  # what no slip would change; None where there is friction, or nothing is known
+    friction: Rubbed | None = None  # what it changes of theory's contact, where that is known
     adhesion: Adherence | None = None  # of a tip that adheres
     jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
 
@@ -153,7 +156,7 @@ class Scene:
         theory = self.plan.theory
         parts = (
             (not self.physics.small_strain, "strain is finite, theory's small"),
-            (self.physics.has_friction, "the surface is rough, theory's frictionless"),
+            (self.physics.has_friction, ROUGH),
             (self.physics.adheres, "the attraction has a range, theory's none"),
             (self.physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
@@ -207,6 +210,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     gap, gap_choice = choices.gap(config.contact, given)
     sizes = sizing.sizes(config, given, fineness, gap)
     law, law_choice = choices.contact(config.contact, given, sizes, fineness)
+    law, bound_choice = choices.bounded(law, given, sizes)
     anchor, friction_choice = choices.friction(law, given)
     adherence, adhesion_choice = choices.adhesion(law, given, sizes)
     solver, linear, cost = _solver(config, given, law, gap, sizes, anchor)
@@ -219,12 +223,14 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
                       given.deltas, anchor)  # fmt: skip
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
-              *friction_choice, *adhesion_choice,
+              *(bound_choice or friction_choice), *adhesion_choice,
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
     said = None if law.friction or law.adhesion else _stick(config, given)
-    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, adherence,
+    plan_for = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0
+    rough = rubbed(given.part, given.tip, config.contact.friction, given.path) if plan_for else None
+    plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, rough, adherence,
                 given.jkr)  # fmt: skip
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)

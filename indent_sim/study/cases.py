@@ -52,7 +52,8 @@ class Case:
         """What is asked for, however it is solved: cases with equal problems have one answer."""
         asked = {key: value for key, value in self.values.items() if not _is_discrete(key)}
         physics = self.scene.physics
-        return inline(asked | {"gap": physics.gap, "depth": self.depth, "control": physics.path.control})
+        surface = {"gap": physics.gap, "friction": physics.contact.friction, "adhesion": str(physics.contact.adhesion)}
+        return inline(asked | surface | {"depth": self.depth, "control": physics.path.control})
 
     @property
     def depth(self) -> float:

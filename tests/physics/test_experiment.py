@@ -299,3 +299,10 @@ def test_a_step_that_finds_no_contact_ends_the_run(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(stepping, "TOUCHES", 1)
     with pytest.raises(NotConverged, match="did not settle"):
         conduct(base, body)
+
+
+def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
+    given = {"relaxation": SLOW, "force_history": [[0, 0], [1, 1e-3]]}
+    base = scene_of(BOX, given, "mesh.h_contact=0.2", indenter={"shape": "cone", "half_angle": 70.0})
+    with pytest.raises(NotConverged, match="give a smaller mesh"):
+        conduct(base, chain.condense(base).equilibrium)

@@ -206,6 +206,24 @@ def test_friction_stays_where_it_tells() -> None:
     assert stick.percent is not None and stick.percent > 20  # a factor 1.34 at a/h = 3
 
 
+def test_adhesion_of_the_contact_law_stays_where_it_tells() -> None:
+    """A row of its own, no threshold; the model that is recommended runs with it, as no endless body does."""
+    sticky = CYLINDER | {"contact": {"adhesion": {"work": 2e-3, "range": 0.05}}}
+    found = of(sticky)
+    pulled = next(effect for effect in found.effects if effect.name == "adhesion")
+    assert pulled.percent is not None and -60 < pulled.percent < -5 and not pulled.needs
+    assert found.config["contact"]["adhesion"] == {"work": 2e-3, "range": 0.05}
+    assert found.config["body"]["shape"] == "cylinder" and "with its adhesion" in found.words
+
+
+def test_friction_of_a_scene_without() -> None:
+    """No slip has a number, and its range holds any friction: that of 0.2 lies in it."""
+    stick = row(CYLINDER, "stick")
+    given = row(CYLINDER | {"contact": {"friction": 0.2}}, "stick").percent
+    assert stick.percent and stick.low is not None and stick.high is not None and given is not None
+    assert 0 < given <= stick.percent + 0.1 and stick.low <= given <= stick.high
+
+
 def test_an_experiment_stays_with_the_curve_that_determines_it() -> None:
     found = of(HALF_SPACE | {"experiment": EXPERIMENT})
     assert found.config["experiment"]["adhesion"]["work"] == 2e-3

@@ -33,3 +33,13 @@ def test_reading_a_config_stays_cheap() -> None:
 
 def test_matplotlib_waits_until_it_is_needed() -> None:
     ran("import sys, indent_sim.results.pictures.forces; assert 'matplotlib' not in sys.modules")
+
+
+def test_the_solver_loads_no_more_than_it_needs() -> None:
+    """A tenth of a second each: pkg_resources only tells UFL its own version, scipy's searches are for few contacts."""
+    ran("""
+import sys
+from indent_sim.run.simulation import backend
+backend()
+assert not {"pkg_resources", "scipy.optimize", "scipy.integrate", "matplotlib"} & {*sys.modules}
+""")

@@ -498,8 +498,9 @@ class TestRuns:
         with Worker() as worker:
             case = case_list.of(study.read(written(METHODS)))[0]
             assert worker(case.config, tmp_path / "run") == (0, "")
-            process = worker._process
-        assert not process.is_alive()
+            pid = worker._process._child.pid
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
 
 
 class TestAnotherKindOfFile:

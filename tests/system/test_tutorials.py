@@ -89,6 +89,7 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "make check ": "the tests themselves",
     "mpirun -n 4": "tests/system/test_parallel.py, on 2 and 3 ranks",
     "sbatch --ntasks=2": "tests/system/test_slurm.py, every line, with a stand-in for Slurm",
+    "scripts/slurm/submit_study tips.yaml": "tests/system/test_slurm.py",
     "indent-sim plan scene.yaml     #": "tests/system/test_slurm.py",
     "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
     "module load": "an installation on a cluster",

@@ -313,20 +313,22 @@ class Effects:
     def _stick(self, name: str) -> Effect:
         """No slip, and what may come of any friction: the least and the most of some, wider by half of their spread."""
         friction = getattr(self.bench.config.contact, "friction", 0.0)
+        if known := self.bench.scene.plan.friction:
+            change = 100 * (known.force - 1)
+            return Effect(name, change, change, change, f"friction {friction} over none: half-space, exact")
         if friction:
             return self._by(name, self._rough(friction), f"friction {friction} over none, on one mesh{self._how}")
         if not self.bench.is_solvable:
             return Effect(name, None, None, None, "nothing solved in the plane stands for it")
-        known = [100 * (ratio - 1) for f in FRICTIONS if (ratio := self._rough(f)) is not None]
-        if len(known) < len(FRICTIONS):
+        tried = [100 * (ratio - 1) for f in FRICTIONS if (ratio := self._rough(f)) is not None]
+        if len(tried) < len(FRICTIONS):
             return Effect(name, None, None, None, "a contact with friction was not solved")
-        wider = (max(known) - min(known)) / 2 + MARGIN
-        said = self.bench.scene.plan.stick
-        is_exact = said is not None and said.percent is not None
-        words = f"{said.source}" if said and is_exact else f"on one mesh{self._how}"
-        percent = said.percent if said and is_exact else known[-1]
-        return Effect(name, percent, min(known) - wider, max(known) + wider,
-                      f"no slip: {words}; the range holds friction from {FRICTIONS[0]:g} on")  # fmt: skip
+        wider = (max(tried) - min(tried)) / 2 + MARGIN
+        said, percent, source = self.bench.scene.plan.stick, tried[-1], f"on one mesh{self._how}"
+        if said is not None and said.percent is not None:  # exact
+            percent, source = said.percent, said.source
+        return Effect(name, percent, min(tried) - wider, max(tried) + wider,
+                      f"no slip: {source}; the range holds friction from {FRICTIONS[0]:g} on")  # fmt: skip
 
     def _rough(self, friction: float | str) -> float | None:
         """Force with friction over that without, on one mesh."""

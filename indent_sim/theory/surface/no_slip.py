@@ -15,6 +15,7 @@ Sources: Mossakovskii (1963), J. Appl. Math. Mech. 27, 627; Spence (1968), Proc.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,6 +38,24 @@ MAP_ERROR = 0.005  # of the force
 
 FAR = 20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
 PANEL, POINTS = 2.0, 24  # the integrands are analytic to pi/2 beside the angle: rounding remains
+
+
+@dataclass(frozen=True)
+class Rubbed:
+    """What friction makes of a frictionless contact at the same depth: factors of force and contact radius, and the
+    stick radius over the contact radius."""
+
+    force: float
+    radius: float
+    sticks: float
+
+
+FRICTIONLESS = Rubbed(1.0, 1.0, 0.0)
+
+
+def stuck(nu: float, power: float = math.inf) -> Rubbed:
+    """What no slip makes of it, under f = B r^power; ValueError as `force_ratio`."""
+    return Rubbed(force_ratio(nu, power), 1.0 if math.isinf(power) else radius_ratio(nu, power), 1.0)
 
 
 def force_ratio(nu: float, power: float = math.inf) -> float:

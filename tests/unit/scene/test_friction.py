@@ -96,3 +96,41 @@ def test_what_stick_would_change() -> None:
     assert "%" in thin.words and thin.is_telling
     assert scene({"friction": 0.3}).plan.stick is None
     assert scene({}, body=CYLINDER | {"base": "roller"}).plan.stick is None
+
+
+HALF_SPACE = {"shape": "half_space"}
+
+
+@pytest.mark.parametrize(("friction", "force"), [("stick", 1.016213), (0.3, 1.01446)])
+def test_what_friction_changes_on_a_half_space(friction: float | str, force: float) -> None:
+    """By superposed punches, to their last digit; said where theory has the very problem, and nowhere else."""
+    known = scene({"friction": friction}, body=HALF_SPACE).plan.friction
+    assert known and known.force == pytest.approx(force, abs=2e-5)
+    assert 0.8 < known.sticks <= 1.0
+    forced = scene({"friction": friction}, body=HALF_SPACE, loading={"forces": [1e-3, 2e-3, 1e-3]}).plan.friction
+    assert forced == known
+
+
+@pytest.mark.parametrize("unknown", [
+    {"body": CYLINDER}, {"loading": {"deltas": [0.01, 0.005, 0.02]}}, {"contact": {"friction": 5.0}},
+    {"contact": {}}, {"indenter": {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.1}},
+    {"body": HALF_SPACE | {"layers": [{"thickness": 1.0, "material": SOFT | {"E": 2.0}}, {}]}}],
+    ids=["layer", "turns back", "much", "none", "rounded", "layers"])  # fmt: skip
+def test_where_nobody_knows_what_friction_changes(unknown: dict[str, Any]) -> None:
+    sections = {"contact": {"friction": 0.3}, "body": HALF_SPACE} | unknown
+    contact = sections.pop("contact")
+    assert scene(contact, **sections).plan.friction is None
+
+
+@pytest.mark.parametrize(("nu", "h", "friction"), [(0.0, 0.004, "stick"), (0.0, 0.002, 5.0), (0.3, 1e-4, "stick"),
+                                                   (0.5, 1e-4, "stick")])  # fmt: skip
+def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction: float | str) -> None:
+    """Elements that see how a surface stuck beside a sharp edge would pull have no equilibrium without a bound."""
+    punch = {"shape": "flat_punch", "radius": 0.1}
+    found = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch, mesh={"h_contact": h})
+    assert found.physics.contact.friction == friction
+    said = next(choice for choice in found.plan.choices if choice.key == "contact.friction")
+    assert ("stands for stick" in said.why) == (friction == 5.0)
+    rounded = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01},
+                    mesh={"h_contact": h})  # fmt: skip
+    assert rounded.physics.contact.friction == "stick"

@@ -276,3 +276,14 @@ def test_curvatures_of_tip_and_body_add():
         assert (found.force, found.a) == pytest.approx((known.force, known.a), rel=1e-12)
     with pytest.raises(ValueError):
         layer.Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
+
+
+@pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.cone(70.0), profiles.flat_punch(0.2)])
+def test_solutions_up_to_a_known_one_lie_on_the_curve(tip: profiles.Tip) -> None:
+    """What is found by the contact's size is what is found by the depth, to the 1e-11 of its search."""
+    contact = layer.Layer.of(tip, E=1.0, nu=0.3, h=0.5)
+    (deepest,) = contact.curve([0.02])
+    found = contact.up_to(deepest, 5)
+    again = contact.curve([s.delta for s in found])
+    assert found[-1].delta == pytest.approx(0.02, rel=1e-10)
+    assert [s.force for s in found] == pytest.approx([s.force for s in again], rel=1e-10)

@@ -1,0 +1,30 @@
+"""Which runs of a study answer the same question."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from indent_sim.study import cases, file
+
+SCENE = """
+base:
+  body: {shape: cylinder, radius: 4.0, height: 1.0, base: fixed, sides: roller}
+  material: {model: linear_elastic, E: 1.0, nu: 0.3}
+  indenter: {shape: paraboloid, R: 1.0}
+  loading: {delta: 0.01, steps: 1}
+vary:
+"""
+
+
+@pytest.mark.parametrize(("varied", "questions"), [
+    ("contact: [{method: penalty}, {method: nitsche}]", 1), ("mesh.h_contact: [0.1, 0.05]", 1),
+    ("contact.friction: [0, 0.3, stick]", 3), ("contact: [{method: auto}, {method: auto, friction: stick}]", 2),
+    ("contact.gap: [reference, current]", 2)])  # fmt: skip
+def test_another_surface_is_another_question(varied: str, questions: int, tmp_path: Path) -> None:
+    """A method or a mesh is another answer to the same one; friction changes what is asked."""
+    study = tmp_path / "study.yaml"
+    study.write_text(f"{SCENE}  {varied}\n")
+    found = cases.of(file.read(study))
+    assert len({case.problem for case in found}) == questions
