@@ -251,7 +251,7 @@ def strongest_step(results: Results) -> float | None:
     """The step of the largest force among those whose surface is known, of the widest contact or else of the largest
     pull where none pushes; None without any force."""
     shown = np.isin(results["step"], results.surface["step"]) if results.surface else np.array([])
-    if not shown.any():
+    if not np.any(results["force"][shown] if shown.any() else 0.0):
         return None
     for size in (results["force"], results["a"], -results["force"]):
         sizes = np.where(shown, size, 0.0)
