@@ -72,9 +72,17 @@ def function_space(mesh: Any, element: Any) -> Any:
     return fem.functionspace(mesh, element) if VERSION >= (0, 7) else fem.FunctionSpace(mesh, element)
 
 
+def _of_coordinates(dim: int) -> Any:
+    """The element of a mesh's points; its variant said, which FFCx before 0.7 otherwise notes in it once it compiles a
+    form: the forms that follow are other ones then, and no later process would find their kernels."""
+    if VERSION >= (0, 8):
+        return lagrange(dim, 1, dim)
+    return ufl.VectorElement("Lagrange", CELLS[dim], 1, dim=dim, variant="equispaced")
+
+
 def create_mesh(comm: Any, cells: np.ndarray, points: np.ndarray, dim: int) -> Any:
     """Distribute a simplex mesh given on any of the ranks (empty elsewhere), without ghost cells."""
-    domain = ufl.Mesh(lagrange(dim, 1, dim))
+    domain = ufl.Mesh(_of_coordinates(dim))
     ghosts = dolfinx.mesh.GhostMode.none
     if VERSION < (0, 6):  # an array would be tried first, and refused with its text, 0.02 s
         table = dolfinx.cpp.graph.AdjacencyList_int64(np.asarray(cells, dtype=np.int64))

@@ -69,7 +69,8 @@ def test_the_written_config_reproduces_the_run(tmp_path, name):
     A, B = read(tmp_path / "A"), read(tmp_path / "B")
     assert A.report["mesh"]["hash"] == B.report["mesh"]["hash"]
     for column in ("delta", "force", "a", "p_max", "energy"):
-        assert A[column] == pytest.approx(B[column], rel=1e-12, nan_ok=True), column
+        # round-off alone; where contact ends is where a pressure is zero, which is known to fewer digits than the force
+        assert A[column] == pytest.approx(B[column], rel=1e-11, nan_ok=True), column
     assert (tmp_path / "B" / "config.yaml").read_text() == (tmp_path / "A" / "config.yaml").read_text()
 
 

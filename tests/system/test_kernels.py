@@ -24,6 +24,7 @@ material: {model: linear_elastic, E: 1.0, nu: 0.3}
 indenter: {shape: paraboloid, R: 1.0}
 loading: {delta: 0.01, steps: 1}
 mesh: {h_contact: 0.05, h_far: 0.5}
+solver: {method: newton}
 output: {plot: false, fields: none}
 """
 LINE = "compiling kernels (first run only)"
