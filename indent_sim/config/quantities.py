@@ -61,7 +61,7 @@ def _dimension(spot: schema.Spot) -> str:
     if (unit := unit_of(spot.type) if spot.type is not None else None) is not None:
         return DIMENSIONS[unit]
     names = [part for part in spot.path if isinstance(part, str)]
-    symbol = lookup(names[-1], names[0]) if names else None
+    symbol = lookup(names[-1], names[-2] if len(names) > 1 else "") if names else None
     dimensions = symbol.dimension.split(", ") if symbol else [""]  # of a row of numbers one each
     place = spot.path[-1] if len(dimensions) > 1 else 0
     found = dimensions[place] if isinstance(place, int) and place < len(dimensions) else ""

@@ -43,9 +43,11 @@ def json_schema() -> dict[str, Any]:
     lists = [{"required": [way], "not": {"required": ["steps"]}} for way in ("deltas", "forces")]
     one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
     found["$defs"]["Loading"]["oneOf"] = one_of
-    for definition in found["$defs"].values():
+    sections = {kind.__name__: section for section, kind in _kinds()}
+    for kind, definition in found["$defs"].items():
         for name, value in definition.get("properties", {}).items():
-            if (symbol := lookup(name)) and symbol.dimension not in ("1", "word"):
+            symbol = lookup(name, sections.get(kind, ""))
+            if symbol and symbol.dimension not in ("1", "word"):
                 definition["properties"][name] = _with_units(value)
     return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
 
@@ -143,7 +145,16 @@ def _allow_one_word(entry: dict[str, Any], hint: Any) -> None:
 
 
 def _section_of(kind: type) -> str:
-    return next((name for name, kinds in schema.sections().items() if kind in kinds), "")
+    return next((section for section, one in _kinds() if one is kind), "")
+
+
+def _kinds() -> Iterator[tuple[str, type]]:
+    """The sections with the dataclasses that each may be, then the sections inside of these."""
+    outer = [(section, kind) for section, kinds in schema.sections().items() for kind in kinds]
+    yield from outer
+    for _, owner in outer:
+        for name, hint in hints(owner).items():
+            yield from ((name, core(part)) for part in members(hint) if dataclasses.is_dataclass(core(part)))
 
 
 def _section_row(name: str) -> list[str]:

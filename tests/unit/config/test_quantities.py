@@ -134,6 +134,20 @@ def test_experiments_take_them_too():
     assert adhesive.adhesion.work == 0.1 and adhesive.cantilever.stiffness == 50.0
 
 
+def test_relative_uncertainties_have_no_unit():
+    """`stiffness` and `R` have units where they are the cantilever's and the tip's, here they are parts of those."""
+    text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5 um}")  # fmt: skip
+    experiment = "experiment={cantilever: {stiffness: 0.05 N/m}, calibration: {stiffness: 0.1, R: 0.05}}"
+    assert loads(text, "", [experiment]).experiment.calibration.stiffness == 0.1
+    for key, given, remedy in (("stiffness", "0.0001 N/m", "0.0001"), ("R", "0.05 um", "0.05")):
+        with pytest.raises(ConfigError) as caught:
+            loads(text, "", [experiment, f"experiment.calibration.{key}={given}"])
+        assert caught.value.key == f"experiment.calibration.{key}" and caught.value.remedy == f"write {remedy}"
+    assert "string" not in str(json_schema()["$defs"]["Calibration"]["properties"])
+    assert "string" in str(json_schema()["$defs"]["Cantilever"]["properties"]["stiffness"])
+
+
 def test_radians_are_degrees_to_rounding():
     assert loads(BASE.replace("half_angle: 70", "half_angle: 1.2 rad")).indenter.half_angle == pytest.approx(68.7549354)
 
