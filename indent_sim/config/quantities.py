@@ -26,9 +26,10 @@ FACTOR = re.compile(r"(?P<sign>[*/·]?)\s*(?P<name>[^\W\d_]+|[%°])(?:(?:\^|\*\*
 COMMA = re.compile(r"\s*[-+]?\d+,\d+\D*")
 POWERS = {"²": 2, "³": 3}
 EXAMPLES = {"length": "2.5 um", "pressure": "1 kPa", "force": "3 nN", "pressure/length": "2 kPa/um",
-            "force/length": "3 mN/m", "time": "0.1 s", "1/time": "10 Hz"}  # fmt: skip
+            "force/length": "3 mN/m", "length/force": "2 um/mN", "length^2/force": "2 um^2/mN", "time": "0.1 s",
+            "1/time": "10 Hz"}  # fmt: skip
 ANGLES = {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": 180 / pi, "radian": 180 / pi}  # degrees
-OWN = {"length": "um", "force": "nN", "time": "s"}  # examples of a scene's own units
+OWN = {"length": "um", "force": "nN"}  # examples of a scene's own units; times are in seconds
 WORDS = {"length": {"length": 1}, "force": {"force": 1}, "pressure": {"force": 1, "length": -2}, "time": {"time": 1},
          "force per length": {"force": 1, "length": -1}, "energy": {"force": 1, "length": 1}, "angle": {"angle": 1},
          "pressure per length": {"force": 1, "length": -3}}  # fmt: skip
@@ -77,7 +78,8 @@ class Conversion:
         units = document.get("units")
         self._units = units if isinstance(units, Mapping) else {}
         body = document.get("body")
-        self._is_flat = isinstance(body, Mapping) and body.get("shape") == "strip"
+        is_flat = isinstance(body, Mapping) and (body.get("shape") == "strip" or body.get("kinematics") == "plane_strain")
+        self._force = {"force": 1, "length": -1} if is_flat else {"force": 1}  # in plane strain per length
 
     def changed(self, spot: schema.Spot, above: str) -> Any:
         """The value of a place with its quantities converted; `above`: the dimension of the list that it stands in."""
@@ -110,30 +112,18 @@ class Conversion:
             raise ConfigError(key, f"has no unit, got '{text}'", f"write {match['number']}")
         if dimension == "degrees":
             return _angle(key, text, match["number"], match["unit"])
-        (factor, exponents), wanted = _factor(key, match["unit"]), self._exponents(dimension)
+        (factor, exponents), wanted = _factor(key, match["unit"]), _exponents(dimension, self._force)
         if exponents != wanted:
-            example = EXAMPLES.get(self._named(dimension), "a number")
+            example = next((text for name, text in EXAMPLES.items() if _exponents(name) == wanted), "a number")
             problem = f"'{text}' is {_in_words(exponents)}, not {_in_words(wanted)}"
             raise ConfigError(key, problem, f"for example {example}")
         return float(Decimal(match["number"]) * factor / self._own(key, wanted))
-
-    def _named(self, dimension: str) -> str:
-        return "force/length" if dimension == "force" and self._is_flat else dimension
-
-    def _exponents(self, dimension: str) -> Exponents:
-        """Exponents of length, force and time of a dimension in words."""
-        total: Exponents = {}
-        for sign, word, power in re.findall(r"(/?)\s*([a-z]+)(?:\^(-?\d+))?", self._named(dimension)):
-            parts = {"pressure": {"force": 1, "length": -2}, "energy": {"force": 1, "length": 1}}.get(word, {word: 1})
-            for name, count in parts.items():
-                total[name] = total.get(name, 0) + count * int(power or 1) * (-1 if sign else 1)
-        return {name: power for name, power in total.items() if power}
 
     def _own(self, key: str, wanted: Exponents) -> Decimal:
         """How many SI units the scene's own unit of this dimension is."""
         total = Decimal(1)
         for kind, power in wanted.items():
-            label = self._units.get(kind) or ("s" if kind == "time" else None)
+            label = "s" if kind == "time" else self._units.get(kind)
             if not isinstance(label, str) or not label:
                 remedy = "add units: {length: um, force: nN}, to which quantities are converted, or give plain numbers"
                 raise ConfigError(key, f"a quantity, and units say no {kind}", remedy)
@@ -143,6 +133,16 @@ class Conversion:
                 raise ConfigError(f"units.{kind}", problem, f"for example {OWN[kind]}")
             total *= factor**power
         return total
+
+
+def _exponents(dimension: str, force: Exponents | None = None) -> Exponents:
+    """Exponents of length, force and time of a dimension in words; `force`: those of what is called a force."""
+    known = {"pressure": {"force": 1, "length": -2}, "energy": {"force": 1, "length": 1}, "force": force or {"force": 1}}
+    total: Exponents = {}
+    for sign, word, power in re.findall(r"(/?)\s*([a-z]+)(?:\^(-?\d+))?", dimension):
+        for name, count in known.get(word, {word: 1}).items():
+            total[name] = total.get(name, 0) + count * int(power or 1) * (-1 if sign else 1)
+    return {name: power for name, power in total.items() if power}
 
 
 def _angle(key: str, text: str, number: str, unit: str) -> float:

@@ -138,7 +138,7 @@ LOADING = (
 
 EXPERIMENT = (
     Symbol("adhesion", "", "attraction of tip and body: of a contact over a range, of an experiment without", WORD),
-    Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "force/length"),
+    Symbol("work", "w", "work of adhesion: the energy that separates a unit of area", "energy/length^2"),
     Symbol("range", "", "gap over which attraction falls by e; an experiment's for its Tabor number alone", "length"),
     Symbol("relaxation", "", "how the modulus falls with time, everywhere alike, nu being constant", WORD),
     Symbol("prony", r"[g_i, \tau_i]", "terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 - "

@@ -26,8 +26,8 @@ class Unit:
 LENGTH = Unit(length=1)
 PRESSURE = Unit(pressure=1)
 STIFFNESS = Unit(length=-1, pressure=1)  # pressure per length: epsilon_n, gamma
-ADHESION = Unit(length=1, pressure=1)  # force per length: work of adhesion
-DIMENSIONS = {LENGTH: "length", PRESSURE: "pressure", STIFFNESS: "pressure/length", ADHESION: "force/length"}
+ADHESION = Unit(length=1, pressure=1)  # work of adhesion; in plane strain too, where a force is per length
+DIMENSIONS = {LENGTH: "length", PRESSURE: "pressure", STIFFNESS: "pressure/length", ADHESION: "energy/length^2"}
 
 Coordinate = Annotated[float, LENGTH]
 Length = Annotated[float, Gt(0), LENGTH]

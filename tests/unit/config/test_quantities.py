@@ -116,6 +116,41 @@ def test_forces_on_a_strip_are_per_length():
     assert loads(text).loading.force == 2.0
     with pytest.raises(ConfigError, match="a force, not a force per length"):
         loads(text.replace("2 mN/m", "2 nN"))
+    from_file = text.replace("shape: strip, width: 30, height: 10", "shape: mesh, kinematics: plane_strain, file: a.msh")
+    with pytest.raises(ConfigError, match="a force, not a force per length"):
+        loads(from_file.replace("2 mN/m", "2 nN"))
+
+
+@pytest.mark.parametrize(("given", "value"), [
+    ("cantilever: {stiffness: 10 kPa}", 10.0), ("cantilever: {stiffness: 0.01 N/m}", "a force per length, not a pressure"),
+    ("frame: {compliance: 2 um^2/nN}", 2.0), ("frame: {compliance: 2 um/nN}", "2 um^2/mN"),
+    ("force_history: [[0, 0], [1, 2 mN/m]]", 2.0), ("force_history: [[0, 0], [1, 2 nN]]", "not a force per length"),
+])  # fmt: skip
+def test_springs_of_a_strip_are_per_length(given, value):
+    """In um and nN 1 kPa is 1 nN/um^2. Where every force is per length, a spring's constant F/d is a pressure."""
+    text = BASE.replace("cylinder, radius: 30", "strip, width: 30").replace(
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}")  # fmt: skip
+    if isinstance(value, str):
+        with pytest.raises(ConfigError, match=value.replace("^", r"\^")):
+            loads(text, "", [f"experiment={{{given}}}"])
+    else:
+        found = loads(text, "", [f"experiment={{{given}}}"]).experiment
+        assert value in (found.compliance, 1 / (found.compliance or 1), (found.force_history or ((0,),))[-1][-1])
+
+
+@pytest.mark.parametrize("body", ["strip, width: 30", "cylinder, radius: 30"])
+def test_work_of_adhesion_is_an_energy_per_area_everywhere(body):
+    text = BASE.replace("cylinder, radius: 30", body).replace("tip_radius: 0.05", "tip_radius: 0.5")
+    adhesion = "contact={adhesion: {work: 0.1 mJ/m^2, range: 50 nm}}"
+    assert loads(text, "", [adhesion]).contact.adhesion.work == 0.1
+    with pytest.raises(ConfigError, match="a pressure, not a force per length"):
+        loads(text, "", [adhesion.replace("mJ/m^2", "kPa")])
+
+
+def test_times_are_in_seconds():
+    with pytest.raises(ConfigError, match="valid here: length, force") as caught:
+        loads(BASE, "", ["units.time=ms", "experiment={history: [[0, 0], [2 s, 200 nm]]}"])
+    assert caught.value.key == "units.time"
 
 
 def test_experiments_take_them_too():
