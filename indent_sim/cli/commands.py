@@ -385,7 +385,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
 
 @program.command()
 @click.argument("folder", metavar="RESULT|STUDY", type=click.Path(path_type=Path))
-@click.option("--output", type=click.Path(path_type=Path), help="File to write [report.html in the folder].")
+@click.option("--output", type=click.Path(path_type=Path), help="File to write, .html or .htm [report.html in it].")
 def report(folder: Path, output: Path | None) -> None:
     """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
@@ -395,6 +395,8 @@ def report(folder: Path, output: Path | None) -> None:
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder of a result or a study")
     output = output or folder / reports.NAME
+    if output.suffix.lower() not in reports.FORMATS:
+        raise UsageError(f"{output}: a report ends in {', '.join(reports.FORMATS)}")
     reports.write(of_study(folder) if (folder / studies.RECORD).exists() else reports.of_run(folder), output)
     say(str(output))
 

@@ -77,9 +77,7 @@ class Conversion:
         self.errors: list[ConfigError] = []
         units = document.get("units")
         self._units = units if isinstance(units, Mapping) else {}
-        body = document.get("body")
-        is_flat = isinstance(body, Mapping) and (body.get("shape") == "strip" or body.get("kinematics") == "plane_strain")
-        self._force = {"force": 1, "length": -1} if is_flat else {"force": 1}  # in plane strain per length
+        self._force = {"force": 1, "length": -1} if _is_flat(document.get("body")) else {"force": 1}
 
     def changed(self, spot: schema.Spot, above: str) -> Any:
         """The value of a place with its quantities converted; `above`: the dimension of the list that it stands in."""
@@ -135,9 +133,14 @@ class Conversion:
         return total
 
 
+def _is_flat(body: Any) -> bool:
+    """Whether a body is in plane strain, where every force is per length."""
+    return isinstance(body, Mapping) and (body.get("shape") == "strip" or body.get("kinematics") == "plane_strain")
+
+
 def _exponents(dimension: str, force: Exponents | None = None) -> Exponents:
     """Exponents of length, force and time of a dimension in words; `force`: those of what is called a force."""
-    known = {"pressure": {"force": 1, "length": -2}, "energy": {"force": 1, "length": 1}, "force": force or {"force": 1}}
+    known = {"pressure": {"force": 1, "length": -2}, "energy": {"force": 1, "length": 1}} | ({"force": force} if force else {})
     total: Exponents = {}
     for sign, word, power in re.findall(r"(/?)\s*([a-z]+)(?:\^(-?\d+))?", dimension):
         for name, count in known.get(word, {word: 1}).items():

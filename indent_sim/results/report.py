@@ -31,6 +31,7 @@ CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at
             "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
 OF_EXPERIMENT = "The experiment: force over depth and the way of the base; over contact radius, or what follows in time"
 NAME = "report.html"
+FORMATS = (".html", ".htm")
 
 
 @dataclass(frozen=True)

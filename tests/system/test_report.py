@@ -87,6 +87,16 @@ def test_nothing_to_report(tmp_path):
     )
 
 
+def test_a_report_replaces_nothing_but_pages(tmp_path):
+    folder = written(tmp_path).parent
+    for name in ("../scene.yaml", "force_indentation.csv", "new", "new.pdf"):
+        before = (folder / name).read_bytes() if (folder / name).exists() else None
+        done = CliRunner().invoke(commands.program, ["report", str(folder), "--output", str(folder / name)])
+        assert done.exit_code == 2 and "a report ends in .html, .htm" in done.output
+        assert before == ((folder / name).read_bytes() if (folder / name).exists() else None)
+    assert CliRunner().invoke(commands.program, ["report", str(folder), "--output", str(tmp_path / "a.HTM")]).exit_code == 0
+
+
 @pytest.mark.parametrize("damage", [
     ("study.csv", None), ("study.csv", "a,b\n1,2,3\n"), ("study.csv", "\xff"), ("study.json", "[]"),
     ("study.json", "{"), ("study.json", '{"program": "indent-sim", "keys": ["b"]}'),

@@ -116,13 +116,14 @@ def test_forces_on_a_strip_are_per_length():
     assert loads(text).loading.force == 2.0
     with pytest.raises(ConfigError, match="a force, not a force per length"):
         loads(text.replace("2 mN/m", "2 nN"))
-    from_file = text.replace("shape: strip, width: 30, height: 10", "shape: mesh, kinematics: plane_strain, file: a.msh")
+    mesh = "shape: mesh, kinematics: plane_strain, file: a.msh"
+    from_file = text.replace("shape: strip, width: 30, height: 10", mesh)
     with pytest.raises(ConfigError, match="a force, not a force per length"):
         loads(from_file.replace("2 mN/m", "2 nN"))
 
 
 @pytest.mark.parametrize(("given", "value"), [
-    ("cantilever: {stiffness: 10 kPa}", 10.0), ("cantilever: {stiffness: 0.01 N/m}", "a force per length, not a pressure"),
+    ("cantilever: {stiffness: 10 kPa}", 10.0), ("cantilever: {stiffness: 0.01 N/m}", "per length, not a pressure"),
     ("frame: {compliance: 2 um^2/nN}", 2.0), ("frame: {compliance: 2 um/nN}", "2 um^2/mN"),
     ("force_history: [[0, 0], [1, 2 mN/m]]", 2.0), ("force_history: [[0, 0], [1, 2 nN]]", "not a force per length"),
 ])  # fmt: skip
