@@ -331,7 +331,8 @@ def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bo
 def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], as_json: bool) -> None:
     """Compare two results row by row. Exit code 6 when they differ.
 
-    Rows are matched by step, or by depth where a table has no steps.
+    Rows are matched by step, or by depth where a table has no steps; those of an experiment, which of two results are
+    compared as well, by number.
     """
     from indent_sim.cli import terminal
     from indent_sim.results import compare

@@ -176,8 +176,13 @@ def comparison(found: Comparison) -> str:
         [f"{step:.10g}", *(f"{value:.10g}" for name in names for value in found.pairs[name][i])]
         for i, step in enumerate(found.steps)
     ]
-    worst = ", ".join(f"{name} {value:.3g}" for name, value in found.worst.items())
-    return f"{_aligned([head, *rows])}\nlargest relative difference: {worst}"
+    beside = [f"{name}, {len(table.steps)} rows: {_worst(table)}" for name, table in found.beside.items()]
+    return "\n".join([_aligned([head, *rows]), _worst(found), *beside])
+
+
+def _worst(found: Comparison) -> str:
+    columns = ", ".join(f"{name} {value:.3g}" for name, value in found.worst.items())
+    return f"largest relative difference: {columns or 'no column compared'}"
 
 
 def alternatives(section: str) -> str:

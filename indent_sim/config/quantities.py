@@ -140,7 +140,7 @@ def _is_flat(body: Any) -> bool:
 
 def _exponents(dimension: str, force: Exponents | None = None) -> Exponents:
     """Exponents of length, force and time of a dimension in words; `force`: those of what is called a force."""
-    known = {"pressure": {"force": 1, "length": -2}, "energy": {"force": 1, "length": 1}} | ({"force": force} if force else {})
+    known = {"pressure": WORDS["pressure"], "energy": WORDS["energy"], "force": force or WORDS["force"]}
     total: Exponents = {}
     for sign, word, power in re.findall(r"(/?)\s*([a-z]+)(?:\^(-?\d+))?", dimension):
         for name, count in known.get(word, {word: 1}).items():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +13,19 @@ import numpy as np
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.results.folder import TABLE
 from indent_sim.results.reader import COMPARED, read, read_table
+from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORDS
 
 SHOWN = 10  # differences told one by one
 RTOL = 1e-6
+Table = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two force tables side by side: one (a, b) pair per row and column, rows matched by step, or else by depth.
+    """Two tables side by side: one (a, b) pair per row and column, rows matched by step, by row, or else by depth.
 
-    rows: what is said of each, step 3 or delta 0.1; rtol of every column; worst: its largest relative difference;
-    differences: what differs, in words; empty when equal.
+    steps: what is said of each row, step 3 or delta 0.1; rtol of every column; worst: its largest relative difference;
+    differences: what differs, in words; empty when equal; beside: of two results the tables beside the force table.
     """
 
     steps: tuple[float, ...]
@@ -32,6 +34,7 @@ class Comparison:
     rtol: dict[str, float]
     worst: dict[str, float]
     differences: tuple[str, ...]
+    beside: dict[str, Comparison] = field(default_factory=dict)
 
     def check(self) -> None:
         """Raise VerificationError when the two differ."""
@@ -45,7 +48,8 @@ class Comparison:
         rows = [{self.matched_by: key, **{name: self.pairs[name][i] for name in self.pairs}}
                 for i, key in enumerate(self.steps)]  # fmt: skip
         return {"matched_by": self.matched_by, "rtol": self.rtol, "worst": self.worst, "rows": rows,
-                "differences": self.differences}  # fmt: skip
+                "differences": self.differences,
+                "beside": {name: table.as_json() for name, table in self.beside.items()}}  # fmt: skip
 
 
 def compare(
@@ -58,19 +62,46 @@ def compare(
 
     Two numbers agree when |x - y| <= rtol max(|x|, |y|, 1e-6 largest of the column): a force of 1e-18 out of
     contact is a zero. An empty cell agrees with an empty cell alone. Where rtol says nothing of a column it is 1e-6.
-    Rows belong together by step; where a file has no steps by depth, the k-th of a depth with the k-th. UsageError for
-    a column that is in neither file, or in one alone.
+    Rows belong together by step; where a file has no steps by depth, the k-th of a depth with the k-th; those of two
+    experiment.csv or dynamic.csv by their number, and all their columns are compared, words too. Of two results these
+    tables, where both have them, are compared as well. UsageError for a column that no two tables have.
     """
-    A, B = _table(first), _table(second)
-    key = "step" if "step" in A and "step" in B else "delta"
-    usual = [name for name in COMPARED if name in A and name in B]
+    paths = (Path(first), Path(second))
+    tables = {TABLE: (_table(paths[0]), _table(paths[1])), **_tables_beside(paths)}
+    if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORDS)):
+        raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
+    asked = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
+    for name in sorted(asked):
+        if not any(name in A and name in B for A, B in tables.values()):
+            _refuse_missing(name, dict(zip(map(str, paths), tables[TABLE], strict=True)))
+    found = {name: _compared(paths, *pair, rtol, columns) for name, pair in tables.items()
+             if name == TABLE or not columns or asked & pair[0].keys() & pair[1].keys()}  # fmt: skip
+    own = found.pop(TABLE)
+    told = [f"{name}: {difference}" for name, table in found.items() for difference in table.differences]
+    return replace(own, beside=found, differences=(*own.differences, *told))
+
+
+def _compared(
+    paths: tuple[Path, Path], A: Table, B: Table, rtol: float | Mapping[str, float], columns: Sequence[str] | None
+) -> Comparison:
+    """Two tables, in the columns asked for that both have."""
+    key = next((name for name in ("step", "row") if name in A and name in B), "delta")
+    _refuse_missing(key, dict(zip(map(str, paths), (A, B), strict=True)))
+    usual = [name for name in (A if key == "row" else COMPARED) if name != "row"]
     tolerances = _tolerances(rtol, columns or usual, named=bool(columns))
-    _refuse_missing(tolerances, {str(first): A, str(second): B})
+    common = [name for name in tolerances if name in A and name in B]
+    tolerances = {name: tolerances[name] for name in common}
     keys, of_A, of_B, alone = _matched(A[key], B[key])
-    differences = [f"{key} {value:.10g} is in {(first, second)[where]} alone" for where, value in alone]
+    differences = [f"{key} {value:.10g} is in {paths[where]} alone" for where, value in alone]
     if not len(keys):
         differences.append(f"the two have no {key} in common")
-    pairs = {name: np.column_stack([A[name][of_A], B[name][of_B]]) for name in tolerances}
+    sides = {name: (A[name][of_A], B[name][of_B]) for name in common}
+    differences += [
+        f"{key} {keys[i]:.10g}: {name} {sides[name][0][i]} and {sides[name][1][i]}"
+        for name in common if name in WORDS for i in np.flatnonzero(sides[name][0] != sides[name][1])
+    ]  # fmt: skip
+    tolerances = {name: tolerance for name, tolerance in tolerances.items() if name not in WORDS}
+    pairs = {name: np.column_stack(sides[name]) for name in tolerances}
     worst = {}
     for name, pair in pairs.items():
         relative = _relative_difference(pair)
@@ -82,11 +113,20 @@ def compare(
     return Comparison(tuple(keys), key, pairs, tolerances, worst, tuple(differences))
 
 
-def _table(path: Path | str) -> dict[str, np.ndarray]:
-    """The columns of a result folder's or any other force table, with or without steps."""
-    path = Path(path)
-    columns = read_table(path / TABLE if path.is_dir() else path, ("delta", "force"))
+def _table(path: Path) -> Table:
+    """The columns of a result folder's or any other force table, with or without steps, or of a table beside one."""
+    file = path / TABLE if path.is_dir() else path
+    found = read_table(file, (), words=WORDS)
+    if "branch" in found or "frequency" in found:
+        return {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)} | found
+    columns = read_table(file, ("delta", "force"))
     return read(path).table if "step" in columns else columns
+
+
+def _tables_beside(paths: tuple[Path, Path]) -> dict[str, tuple[Table, Table]]:
+    """The tables of an experiment that both of two result folders have."""
+    names = [name for name in (EXPERIMENT, DYNAMIC) if all((path / name).exists() for path in paths)]
+    return {name: (_table(paths[0] / name), _table(paths[1] / name)) for name in names}
 
 
 def _tolerances(rtol: float | Mapping[str, float], columns: Sequence[str], named: bool) -> dict[str, float]:
@@ -99,11 +139,10 @@ def _tolerances(rtol: float | Mapping[str, float], columns: Sequence[str], named
     return {name: rtol.get(name, rtol.get("", RTOL)) for name in (*columns, *others)}
 
 
-def _refuse_missing(columns: Iterable[str], tables: Mapping[str, Mapping[str, np.ndarray]]) -> None:
-    for name in columns:
-        for path, table in tables.items():
-            if name not in table:
-                raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
+def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
+    for path, table in tables.items():
+        if name not in table:
+            raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
 
 
 Matched = tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[int, float]]]

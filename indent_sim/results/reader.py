@@ -18,7 +18,7 @@ from typing_extensions import TypedDict
 from indent_sim.model.state import COLUMNS, EFFORT, ERRORS, OF_FRICTION, READINGS, State
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
-from indent_sim.results.tables import SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
+from indent_sim.results.tables import EXPERIMENT, SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
 from indent_sim.results.xdmf import lost_fields
 
 COMPARED = ("delta", "force", "a")
@@ -229,12 +229,16 @@ def _check_theory(theory: dict[str, Any]) -> None:
         raise ValueError("the columns of its curve have different lengths")
 
 
-def read_table(path: Path, needed: Sequence[str], unknown: Sequence[str] = ()) -> dict[str, np.ndarray]:
+def read_table(
+    path: Path, needed: Sequence[str], unknown: Sequence[str] = (), words: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
     """The columns of a CSV file with a header; a last line without its newline was torn and is dropped.
 
     UsageError when it is no such file. Numbers of the `needed` columns are finite, but in those that may be `unknown`;
-    there, and in other columns, an empty cell is NaN.
+    there, and in other columns, an empty cell is NaN. Columns of `words` are text as it stands.
     """
+    if path.name == EXPERIMENT and not words:
+        raise UsageError(f"{path} is the table of an experiment: its picture is experiment.png in the result folder")
     try:
         text = content(path).decode("utf-8")
     except OSError as error:
@@ -250,20 +254,21 @@ def read_table(path: Path, needed: Sequence[str], unknown: Sequence[str] = ()) -
             raise UsageError(f"{path} has no column '{name}': not a table of results")
     if len(set(header)) < len(header):
         raise UsageError(f"{path} has two columns of one name")
-    rows = [_row(line, header, f"{path}: line {number}") for number, line in enumerate(lines[1:], start=2)]
-    values = np.array(rows, dtype=float).reshape(len(rows), len(header))
-    columns = {name: values[:, i] for i, name in enumerate(header)}
+    rows = [_row(line, header, words, f"{path}: line {number}") for number, line in enumerate(lines[1:], start=2)]
+    cells = list(zip(*rows, strict=True)) or [()] * len(header)
+    columns = {name: np.array(cells[i], dtype=str if name in words else float) for i, name in enumerate(header)}
     for name in needed:
         if name not in unknown and not np.isfinite(columns[name]).all():
             raise UsageError(f"{path}: column '{name}' holds a cell that is no number")
     return columns
 
 
-def _row(line: str, header: Sequence[str], place: str) -> list[float]:
+def _row(line: str, header: Sequence[str], words: Sequence[str], place: str) -> list[float | str]:
     cells = line.split(",")
     if len(cells) != len(header):
         raise UsageError(f"{place} has {len(cells)} cells, the header {len(header)}: no table of numbers")
-    return [_number(cell, f"{place}, column {n}") for n, cell in enumerate(cells, start=1)]
+    return [cell if name in words else _number(cell, f"{place}, column {n}")
+            for n, (name, cell) in enumerate(zip(header, cells, strict=True), start=1)]  # fmt: skip
 
 
 def _number(cell: str, place: str) -> float:

@@ -22,6 +22,7 @@ from indent_sim.results.folder import write_atomically
 
 SURFACE = "surface.csv"
 EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
+WORDS = ("branch",)  # columns of words
 
 INTEGERS = ("step", "newton_iterations", *EFFORT)
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}

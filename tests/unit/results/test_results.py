@@ -635,6 +635,55 @@ class TestCompare:
         with pytest.raises(VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"):
             compare(tmp_path / "A", tmp_path / "B").check()
 
+    ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
+
+    def test_experiments_are_matched_by_row(self, tmp_path):
+        """Words are the same or not, an empty cell is an empty cell, and every column counts."""
+        first, second = tmp_path / "experiment.csv", tmp_path / "other.csv"
+        first.write_text(self.ROWS)
+        second.write_text(self.ROWS)
+        found = compare(first, second, 0)
+        found.check()
+        assert found.matched_by == "row" and list(found.pairs) == ["t", "z", "delta", "force", "a"]
+        for before, after, said in (("hold", "retract", "row 2: branch hold and retract"),
+                                    ("1.1", "1.2", "row 2: force 1.1 and 1.2"), ("\n,0.05,", "\n3,0.05,", "t nan and"),
+                                    (",0.05,0.05,0,,retract\n", "", "row 3 is in .*experiment.csv alone")):  # fmt: skip
+            second.write_text(self.ROWS.replace(before, after))
+            with pytest.raises(VerificationError, match=said):
+                compare(first, second).check()
+        second.write_text(self.ROWS.replace("hold", "retract"))
+        compare(first, second, columns=["force"]).check()
+        with pytest.raises(UsageError, match="branch, a column of words"):
+            compare(first, second, {"branch": 0.1})
+        with pytest.raises(UsageError, match=r"its picture is experiment\.png"):
+            read(first)
+
+    def test_results_are_equal_only_with_their_experiments(self, tmp_path):
+        """Of two results their experiment.csv and dynamic.csv are compared too; what one alone has is not."""
+        tables = {"force_indentation.csv": self.HEADER + "1,0.1,1,0.5\n", "experiment.csv": self.ROWS,
+                  "dynamic.csv": "frequency,storage,loss\n1,2,0.1\n"}  # fmt: skip
+        A, B = tmp_path / "A", tmp_path / "B"
+        for result in (A, B):
+            result.mkdir()
+            for name, text in tables.items():
+                (result / name).write_text(text)
+        same = compare(A, B)
+        same.check()
+        assert [(name, len(table.steps)) for name, table in same.beside.items()] == [
+            ("experiment.csv", 3), ("dynamic.csv", 1)]  # fmt: skip
+        (B / "experiment.csv").write_text(self.ROWS.replace("1.1", "1.2"))
+        (B / "dynamic.csv").write_text(tables["dynamic.csv"].replace("0.1", "0.2"))
+        found = compare(A, B)
+        assert [text.split(" differ")[0] for text in found.differences] == [
+            "experiment.csv: row 2: force 1.1 and 1.2", "dynamic.csv: row 1: loss 0.1 and 0.2"]  # fmt: skip
+        compare(A, B, {"force": 0.1, "loss": 0.6}).check()
+        compare(A, B, columns=["a"]).check()
+        assert "dynamic.csv" not in compare(A, B, columns=["a"]).beside
+        with pytest.raises(UsageError, match="no column 'shear'"):
+            compare(A, B, columns=["shear"])
+        (B / "experiment.csv").unlink()
+        assert list(compare(A, B).beside) == ["dynamic.csv"]
+
     def test_without_tolerance_every_digit_counts(self, tmp_path):
         self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.3,0\n", rtol=0).check()
         with pytest.raises(VerificationError):
