@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.optimize import brentq
 
-from indent_sim.cli import commands
+from indent_sim.cli import commands, terminal
 from indent_sim.config.file import from_mapping
 from indent_sim.run.chain import states
 from indent_sim.run.requirements.bench import Bench
@@ -157,6 +157,33 @@ def test_rate() -> None:
     assert threshold(row(HALF_SPACE, "rate")) == 0.01
 
 
+def test_rates_begin_with_the_history() -> None:
+    """Wherever its times begin, the Deborah number is that of the way in."""
+    found = []
+    for begin in (0, 9, -5):
+        history = [[begin, 0], [begin + 1, DEPTH], [begin + 2, 0]]
+        experiment = {"relaxation": {"prony": [[0.5, 0.5]]}, "history": history}
+        found.append(row(HALF_SPACE | {"experiment": experiment}, "rate"))
+    assert all("Deborah number 0.5" in one.source for one in found)
+    assert [one.percent for one in found] == pytest.approx(3 * [found[0].percent], rel=1e-9)
+
+
+def test_a_power_law_under_forces_has_no_upper_bound() -> None:
+    """E(t)/E = (t/time)^-exponent is infinite at first, and 0.1^-0.2 = 1.585 in the end."""
+    experiment = {"relaxation": {"power_law": {"exponent": 0.2, "time": 10.0}}, "force_history": [[0, 0], [1, 1e-3]]}
+    found = row(HALF_SPACE | {"experiment": experiment}, "rate")
+    assert found.low == pytest.approx(58.489, abs=1e-3) and found.high is None and found.size == math.inf
+    assert terminal._change(found) == "+58 % or more"
+
+
+@pytest.mark.parametrize("loading", [{"deltas": [DEPTH, 0.0]}, {"forces": [1e-3, 0.0]}])
+def test_a_way_that_ends_at_nothing(loading: dict[str, Any]) -> None:
+    """Effects are those at the deepest row, wherever the way ends."""
+    back = HALF_SPACE | {"loading": loading}
+    there = HALF_SPACE | {"loading": {key: values[:1] for key, values in loading.items()}}
+    assert threshold(row(back, "thickness")) == threshold(row(there, "thickness"))
+
+
 def test_the_instrument() -> None:
     """Hertz: F = C delta^(3/2) R^(1/2)."""
     C = half_space.paraboloid_force(1.0, 1.0, E_STAR)
@@ -255,7 +282,7 @@ def test_the_command(scene_file):
 
 
 @pytest.mark.parametrize(("words", "code"), [
-    (("--within", "0"), 2), (("--within", "1.5"), 2), (("--set", "indenter.R=-1"), 3),
+    (("--within", "0"), 2), (("--within", "1.5"), 2), (("--within", "nan"), 2), (("--set", "indenter.R=-1"), 3),
     (("--set", "loading.delta=-1"), 3),
 ])  # fmt: skip
 def test_refusals(scene_file, words, code):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.body import Ball, Cap, Endless, HalfSpace, MeshFromFile, Strip
+from indent_sim.model.experiment import Experiment, Relaxation
 from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, Sphere
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.experiment import modulus_of
@@ -49,7 +50,8 @@ NAMES = ("paraboloid", "thickness", "side_walls", "substrate", "small_strain", "
 
 @dataclass(frozen=True)
 class Effect:
-    """What an effect does to the force [per cent]: between low and high, and the number itself where it is one.
+    """What an effect does to the force [per cent]: between low and high, None where that side has no bound, and the
+    number itself where it is one.
 
     source: where that comes from; needs: the value of a parameter that the scene lacks from which on it matters.
     """
@@ -64,8 +66,9 @@ class Effect:
     @property
     def size(self) -> float:
         """The largest change that is possible [per cent]; infinite where nothing is known."""
-        known = [abs(one) for one in (self.percent, self.low, self.high) if one is not None]
-        return max(known) if known else 0.0 if self.needs else inf
+        if self.percent is None and (self.low is None or self.high is None):
+            return 0.0 if self.needs else inf
+        return max(abs(one) for one in (self.percent, self.low, self.high) if one is not None)
 
     def times(self, gain: float) -> Effect:
         """The effect on a force that is smaller by this factor."""
@@ -193,8 +196,9 @@ class Effects:
         if bench.config.body.layers:
             return self._none(name, "the last layer is a half-space")
         whole = {"body": half_space_of(bench.plain["body"])}
-        unit = bench.scene.physics.indenter.radius_at(1.0 * bench.scene.physics.deltas[-1])
-        a = unit * bench.scene.physics.scales.length
+        scales = bench.scene.physics.scales
+        unit = bench.scene.physics.indenter.radius_at(bench.delta / scales.depth)
+        a = unit * scales.length
         layer = {"shape": "layer", "base": "fixed"}
         found = self._threshold(lambda x: bench.ratio({"body": layer | {"height": 1 / x}}, whole), 0.05 / a)
         return self._from(name, "body.height", found and 1 / found, "theory of a layer on a rigid base", " down")
@@ -392,8 +396,7 @@ class Effects:
             needs = "a fraction of the modulus that relaxes before the deepest point"
             return self._from(name, needs, self.within, "Lee & Radok: the force falls by that fraction at most")
         if not experiment.history or experiment.is_stepped:
-            least = -100 * (1 - remaining(experiment)) if experiment.points or law.prony else None
-            return Effect(name, None, least, 0.0, "between the instantaneous and the last modulus")
+            return self._relaxed(name, experiment, law)
         t, top = max(experiment.history, key=lambda point: (point[1], -point[0]))
         depths = np.geomspace(1e-4, 1.001, SAMPLES) * top
         forces = np.array([self.bench.along(float(depth)) for depth in depths])
@@ -403,8 +406,16 @@ class Effects:
         times, values = zip(*points, strict=True)
         with suppress(ValueError, ArithmeticError):
             found = OneCycle(modulus_of(law), times, values, curve).at(t)
-            return self._by(name, found.force / float(curve.force(np.array(top))), f"Lee & Radok{_deborah(law, t)}")
+            ratio = found.force / float(curve.force(np.array(top)))
+            return self._by(name, ratio, f"Lee & Radok{_deborah(law, t - times[0])}")
         return self._by(name, None, "this history")
+
+    def _relaxed(self, name: str, experiment: Experiment, law: Relaxation) -> Effect:
+        """Between the moduli that the body has: material.E is the first one, and a power law begins without bound."""
+        least = 100 * (remaining(experiment) - 1) if experiment.points or law.prony else None
+        if law.power_law is not None:
+            return Effect(name, None, least, None, "no less than by the last modulus; a power law is infinite at first")
+        return Effect(name, None, least, 0.0, "between the instantaneous and the last modulus")
 
     def _cantilever(self, name: str) -> Effect:
         bench, experiment = self.bench, self.bench.config.experiment
@@ -453,8 +464,8 @@ class Effects:
         return steep, f"{words}; force ~ R^{steep:.2g}"
 
 
-def _deborah(law: Any, t: float) -> str:
-    """The relaxation's mean time over that of the way in, in words."""
+def _deborah(law: Relaxation, t: float) -> str:
+    """The relaxation's mean time over that of the way in, t, in words."""
     if law.prony is None or t <= 0:
         return ""
     total = sum(fraction for fraction, _ in law.prony)
