@@ -125,6 +125,20 @@ def test_walls_and_strain_on_finer_meshes() -> None:
     assert row(CYLINDER, "small_strain").percent == pytest.approx(100 * (finite / linear - 1), abs=0.1)
 
 
+def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
+    """On a layer at delta/a = 1/6, beside an edge less than half as round: within a sixth, as measured."""
+    punch = {"shape": "flat_punch", "radius": 0.3}
+    sharp = {"body": {"shape": "layer", "height": 1.0}, "material": ELASTIC | {"nu": 0.49}, "indenter": punch,
+             "loading": {"delta": 0.05}}  # fmt: skip
+    found = row(sharp, "small_strain")
+    mesh = {"contact": {"method": "augmented_lagrangian"}, "mesh": {"h_contact": 0.03}}
+    keener = sharp | mesh | {"indenter": punch | {"edge_radius": 0.006}, "loading": {"delta": 0.05, "steps": 1}}
+    finite = keener | {"material": keener["material"] | {"model": "neo_hookean"}}
+    finite |= {"contact": mesh["contact"] | {"gap": "current"}}
+    assert found.percent == pytest.approx(100 * (force(finite) / force(keener) - 1), rel=1 / 6)
+    assert "edge rounded by 0.05" in found.source
+
+
 def test_a_blunt_tip() -> None:
     sharp = HALF_SPACE | {"indenter": {"shape": "cone", "half_angle": 70.0}}
     blunt = HALF_SPACE | {"indenter": sharp["indenter"] | {"tip_radius": threshold(row(sharp, "blunt_tip"))}}

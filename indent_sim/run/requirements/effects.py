@@ -43,6 +43,7 @@ FRICTIONS = (0.1, 0.3, "stick")  # that tell what may come of friction where a s
 MARGIN = 0.1  # per cent by which a range is wider than half of itself to either side
 VARIED = 0.02  # relative change of R that says how the force grows with it
 WIDER, TINY = 1e-3, 1e-6  # of a contact with adhesion, where its search begins; of the depth, instead of one below 0
+ROUNDED = 0.05  # of a flat punch's radius: that of its edge where it is too sharp to solve at finite strain
 SAMPLES = 60  # of an elastic curve
 NAMES = ("paraboloid", "thickness", "side_walls", "substrate", "small_strain", "incompressible", "blunt_tip", "stick",
          "adhesion", "rate", "cantilever", "contact_point", "calibration")  # fmt: skip
@@ -289,10 +290,24 @@ class Effects:
         if not bench.is_solvable:
             return Effect(name, None, None, None, "nothing solved in the plane stands for it")
         small = bench.as_in_contact
+        small, edge = self._rounded(small)
         finite = small | bench.with_materials(finite_strain_law) | {"contact": small["contact"] | {"gap": "current"}}
         law = "its own law" if not bench.scene.physics.small_strain else "neo-Hookean"
-        source = f"{law}, gap: current, over small strain, gap: reference, on one mesh{self._how}"
+        source = f"{law}, gap: current, over small strain, gap: reference, on one mesh{edge}{self._how}"
         return self._by(name, bench.ratio(finite, small), source)
+
+    def _rounded(self, document: Document) -> tuple[Document, str]:
+        """A variation with the edge of a sharp flat punch rounded, and that in words.
+
+        At finite strain a body around a sharp edge is solved in ever smaller steps, or not at all, and what strain does
+        to the force hangs less on the edge: nu = 0.3, delta/a = 0.1, 1.18 to 1.23 % for edges of 0.005 to 0.1, 1.6 % for
+        a sharp one.
+        """
+        tip = self.bench.tip
+        if not isinstance(tip, FlatPunch) or tip.edge_radius >= ROUNDED * tip.radius:
+            return document, ""
+        words = f", the punch's edge rounded by {ROUNDED:g} of its radius in both"
+        return document | self._with_radius(tip, "edge_radius", ROUNDED * tip.radius), words
 
     def _incompressible(self, name: str) -> Effect:
         bench = self.bench
