@@ -189,7 +189,7 @@ STICK_STEPS = {2: 10, 3: 4}  # by dim: half way through each, new contact sticks
 
 
 def sticks(run: Companion, follow: Callable[[Scene], Sequence[State]]) -> Stick | None:
-    """What no slip instead of no friction would change of the deepest force of a run, or of a companion, on its mesh:
+    """What pure stick instead of no friction would change of the deepest force of a run or a companion, on its mesh:
     with the anchor `mid`, between its two ends.
 
     None where there is no such number: friction or adhesion already, no contact, a body that may slide away, or a run
@@ -229,7 +229,7 @@ def _rough(scene: Scene) -> Scene:
     """A frictionless scene whose surface sticks, on the whole body where a compliance along it would be too large."""
     law, part = scene.physics.contact, scene.physics.part
     assert isinstance(law, AugmentedLagrangian)
-    would_pull = pulling_rim(scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes)
+    would_pull = pulling_rim(scene.physics.indenter, part.regions[0].material.constants.nu, scene.sizes, part.dim)
     friction: Friction = NEARLY_STICK if would_pull else "stick"
     is_large = candidates(scene.sizes, part) * part.dim > MOST_CANDIDATES
     solver = replace(scene.solver, method="newton") if is_large else scene.solver

@@ -162,7 +162,7 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
 
 def bounded(law: Any, given: Given, sizes: Sizes) -> tuple[Any, list[Choice]]:
     """The law with friction for stick where no surface that only pushes sticks, and what to say of it."""
-    rim = pulling_rim(given.tip, given.material.constants.nu, sizes) if law.friction == "stick" else 0.0
+    rim = pulling_rim(given.tip, given.material.constants.nu, sizes, given.dim) if law.friction == "stick" else 0.0
     if not rim:
         return law, []
     why = f"stands for stick: {rim * given.scales.length:.2g} beside the sharp edge a surface that sticks would pull"

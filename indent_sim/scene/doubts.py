@@ -124,7 +124,7 @@ def _of_reach(given: Given) -> Iterator[Doubt]:
     if given.attraction is None or not given.attraction.range:
         return
     rim = given.body.rim_distance(given.center)
-    gaps = float(given.tip.height(rim, 0.0)) / given.attraction.range if rim < reach(given.tip) else inf
+    gaps = float(given.relative.height(rim, 0.0)) / given.attraction.range if rim < reach(given.relative) else inf
     if gaps < FELT:
         words = (f"adhesion: the body ends where the tip's gap is {gaps:.2g} ranges of the attraction: what a wider "
                  "one would feel there is left out")  # fmt: skip

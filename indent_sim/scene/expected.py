@@ -82,8 +82,8 @@ def prediction_of(path: LoadPath, theory: Theory | None, tip: Indenter, material
 
 @dataclass(frozen=True)
 class Stick:
-    """What no slip instead of no friction would change the deepest force by [per cent]: between low and high, and the
-    number itself where it is known; source says from what."""
+    """What pure stick instead of no friction would change the deepest force by [per cent]: between low and high, and
+    the number itself where it is known; source says from what."""
 
     percent: float | None
     low: float
@@ -105,19 +105,24 @@ class Stick:
             change = f"{self.percent:+.1f} % ({self.source})"
         else:
             change = f"{self.percent:+.1f} % ({between}; {self.source})"
-        return f"no slip instead of no friction would change this force by {change}"
+        return f"pure stick instead of no friction would change this force by {change}"
 
 
-def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool) -> Stick | None:
+def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool, is_linear: bool) -> Stick | None:
     """What no slip would change at a contact of radius a, `rim` away from the side walls [length]: exactly on a
-    half-space, a range of the map of bonded layers elsewhere; None where neither knows the scene."""
+    half-space, a range of the map of bonded layers elsewhere; None where neither knows the scene.
+
+    is_linear: at small strain, the gap at the undeformed point; a half-space is not known otherwise.
+    """
     power = power_of(tip)
-    if power is None or len(part.regions) > 1 or part.kinematics.name == "plane_strain" or a <= 0:
+    if power is None or not _is_plain(part) or part.kinematics.name == "plane_strain" or a <= 0:
         return None
     nu = part.regions[0].material.constants.nu
+    if is_half_space and not is_linear:
+        return None
     if is_half_space:
         percent = 100 * (no_slip.force_ratio(nu, power) - 1)
-        return Stick(percent, percent, percent, "half-space, exact")
+        return Stick(percent, percent, percent, _exact(tip))
     if part.supports.get("base") != "fixed" or rim < ROOM * max(part.height, a):
         return None
     found = no_slip.layer_range(nu, a / part.height, power)
@@ -125,6 +130,15 @@ def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: boo
         return None
     low, high = (100 * (ratio - 1) for ratio in found)
     return Stick(None, low, high, "map of bonded layers at small strain")
+
+
+def _is_plain(part: Part) -> bool:
+    """Whether a body is of one isotropic material."""
+    return len(part.regions) == 1 and part.regions[0].material.is_isotropic
+
+
+def _exact(tip: Indenter) -> str:
+    return "half-space, exact for the paraboloid" if isinstance(tip, Sphere) else "half-space, exact"
 
 
 @dataclass(frozen=True)
@@ -161,7 +175,7 @@ def rubbed(part: Part, tip: Indenter, friction: float | str, path: LoadPath) -> 
     power, nu = power_of(tip), part.regions[0].material.constants.nu
     way_in = path.values[: path.values.index(max(path.values)) + 1]
     turns_back = any(later < earlier for earlier, later in pairwise(way_in))
-    if power is None or len(part.regions) > 1 or not part.regions[0].material.is_isotropic or turns_back:
+    if power is None or not _is_plain(part) or turns_back:
         return None
     from indent_sim.theory.surface import coulomb  # with scipy's functions, which no other scene needs
 
@@ -183,17 +197,20 @@ PULLS = 6.0  # edge elements in the rim that would pull, at most: Newton goes ro
 NEARLY_STICK = 5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
 
 
-def pulling_rim(tip: Indenter, nu: float, sizes: Sizes) -> float:
+SURE = 0.3  # Poisson's ratio from which on the facets of a solid, which cross the edge, do not see it: at 0.1 they do
+
+
+def pulling_rim(tip: Indenter, nu: float, sizes: Sizes, dim: int) -> float:
     """Width d = 2 a exp(-pi^2/ln(3 - 4 nu)) of the rim under a sharp edge in which a stuck surface would pull [length].
 
     2e-4 a at nu = 0, 1e-7 a at 0.3; 0 where the elements do not see it. Those that do have no equilibrium that both
-    sticks without a bound and pushes.
+    sticks without a bound and pushes. dim: of the mesh.
     """
     is_sharp = getattr(tip, "edge_radius", 1.0) == 0
     if not is_sharp or sizes.edge is None or sizes.h_edge is None or nu >= 0.5:
         return 0.0
     rim = 2 * sizes.edge * exp(-(pi**2) / log(3 - 4 * nu))
-    return rim if sizes.h_edge <= PULLS * rim else 0.0
+    return rim if sizes.h_edge <= PULLS * rim or (dim == 3 and nu < SURE) else 0.0
 
 
 def infinite_pressure(tip: Indenter, a: float) -> str:

@@ -227,21 +227,25 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
-    said = None if law.friction or law.adhesion else _stick(config, given)
-    plan_for = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0
-    rough = rubbed(given.part, given.tip, config.contact.friction, given.path) if plan_for else None
+    said = None if law.friction or law.adhesion else _stick(config, given, gap)
+    is_known = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0 and _is_linear(given, gap)
+    rough = rubbed(given.part, given.tip, config.contact.friction, given.path) if is_known else None
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, rough, adherence,
                 given.jkr)  # fmt: skip
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
-def _stick(config: Config, given: Given) -> Stick | None:
+def _stick(config: Config, given: Given, gap: str = "reference") -> Stick | None:
     """What no slip would change at the deepest contact."""
     if given.deepest <= 0:
         return None
-    is_half_space = isinstance(config.body, HalfSpace)
-    return stick(given.part, given.tip, given.a, given.body.rim_distance(given.center), is_half_space=is_half_space)
+    return stick(given.part, given.tip, given.a, given.body.rim_distance(given.center),
+                 is_half_space=isinstance(config.body, HalfSpace), is_linear=_is_linear(given, gap))  # fmt: skip
+
+
+def _is_linear(given: Given, gap: str) -> bool:
+    return given.small_strain and gap == "reference"
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:

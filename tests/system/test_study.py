@@ -587,7 +587,8 @@ def test_shipped_studies_can_be_run(path):
     assert not refused or planned.tolerance
     assert len({case.id for case in found}) == len(found) > 1  # nothing in them is asked twice
     if planned.tolerance is None:  # theory at all points of a map takes a minute
-        assert all(Comparison(planned, found).answer(case) for case in found)
+        answered = {Comparison(planned, found).answer(case) is not None for case in found}
+        assert len(answered) == 1  # a study of accuracy has an answer for each, one of a parameter for none
 
 
 class TestAdvice:
