@@ -300,8 +300,8 @@ class Effects:
         """A variation with the edge of a sharp flat punch rounded, and that in words.
 
         At finite strain a body around a sharp edge is solved in ever smaller steps, or not at all, and what strain does
-        to the force hangs less on the edge: nu = 0.3, delta/a = 0.1, 1.18 to 1.23 % for edges of 0.005 to 0.1, 1.6 % for
-        a sharp one.
+        to the force hangs less on the edge: at nu = 0.3, delta/a = 0.1 it is 1.18 to 1.23 % for edges of 0.005 to 0.1,
+        1.6 % for a sharp one.
         """
         tip = self.bench.tip
         if not isinstance(tip, FlatPunch) or tip.edge_radius >= ROUNDED * tip.radius:
@@ -429,7 +429,7 @@ class Effects:
         """Between the moduli that the body has: material.E is the first one, and a power law begins without bound."""
         least = 100 * (remaining(experiment) - 1) if experiment.points or law.prony else None
         if law.power_law is not None:
-            return Effect(name, None, least, None, "no less than by the last modulus; a power law is infinite at first")
+            return Effect(name, None, least, None, "at least that of the last modulus; a power law is infinite at first")
         return Effect(name, None, least, 0.0, "between the instantaneous and the last modulus")
 
     def _cantilever(self, name: str) -> Effect:
