@@ -45,6 +45,7 @@ COARSER = {
     "notes/linear_active_set.yaml": NOTES,
     "notes/linear_augmented_lagrangian.yaml": NOTES,
     "notes/linear_penalty.yaml": NOTES,
+    "notes/linear_penalty_stick.yaml": NOTES,
     "notes/hyperelastic_augmented_lagrangian.yaml": NOTES,
     # a cone's contact grows with the depth, not with its root: a single element at the first of ten steps
     "rubber_block.yaml": Run(any=0.02),
