@@ -429,7 +429,7 @@ class Effects:
         """Between the moduli that the body has: material.E is the first one, and a power law begins without bound."""
         least = 100 * (remaining(experiment) - 1) if experiment.points or law.prony else None
         if law.power_law is not None:
-            return Effect(name, None, least, None, "at least that of the last modulus; a power law is infinite at first")
+            return Effect(name, None, least, None, "of the last modulus or more; a power law begins without bound")
         return Effect(name, None, least, 0.0, "between the instantaneous and the last modulus")
 
     def _cantilever(self, name: str) -> Effect:
