@@ -159,6 +159,15 @@ def tell(text: str) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
 
 
+class Number(click.FloatRange):
+    """A number in a range; NaN, which compares with nothing, is in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number of a word."""
+        number: float = super().convert(value, param, ctx)
+        return number if number == number else self.fail(f"'{value}' is not a number.", param, ctx)
+
+
 set_option = click.option(
     "--set",
     "overrides",
@@ -298,7 +307,7 @@ def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
 @program.command()
 @click.argument("config", type=click.Path(path_type=Path))
 @set_option
-@click.option("--within", type=click.FloatRange(0, 1, min_open=True, max_open=True), default=0.01, show_default=True,
+@click.option("--within", type=Number(0, 1, min_open=True, max_open=True), default=0.01, show_default=True,
               help="Relative error of the force that is accepted.")  # fmt: skip
 @json_option
 def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bool) -> None:
@@ -356,8 +365,8 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 @click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
-@click.option("--width", type=click.FloatRange(30, 1000), metavar="MM", help="Width of the picture in mm.")
-@click.option("--font-size", "font", type=click.FloatRange(4, 40), metavar="PT", help="Font size in points [10].")
+@click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
+@click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
 @click.option("--output", type=click.Path(path_type=Path), help="Picture to write: .png, .svg or .pdf.")
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     """Draw finished results over one another. Prints the picture's path.

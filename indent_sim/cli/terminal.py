@@ -148,6 +148,8 @@ def requirements(found: Requirements, width: int = 120) -> str:
 
 def _change(effect: Effect) -> str:
     """What an effect does to the force, as a number or a range."""
+    if effect.low is not None and effect.high is None:
+        return f"{effect.low:+.2g} % or more"
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
     between = f"{effect.low:+.2g} to {effect.high:+.2g} %"

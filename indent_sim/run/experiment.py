@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from math import hypot, inf, nan
+from math import hypot, inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -103,7 +103,8 @@ class _Conduct:
         self.compliance = experiment.compliance * self.F / self.D
         unit = self.F if experiment.force_history else self.D
         self.points = [(t, value / unit) for t, value in experiment.points]
-        if self.points and self.points[0][1] > 0:  # at rest before
+        self.is_put_at_rest = bool(self.points) and self.points[0][1] > 0  # by a jump that is no row
+        if self.is_put_at_rest:
             self.points = [(self.points[0][0], 0.0), *self.points]
         self.deepest = max([scene.asked, *scene.physics.deltas])
         self.is_stepped = experiment.is_stepped  # or found to have to be
@@ -235,7 +236,7 @@ class _Conduct:
     def _times(self) -> list[tuple[float, float, str]]:
         """Times, values and branches: every point of the history and, between them, enough for a curve."""
         (t, value), found = self.points[0], []
-        if self.points[0] == (self.experiment.points[0][0], value):
+        if not self.is_put_at_rest:
             found.append((t, value, _branch(value, self.points[1][1])))
         for ((t0, v0), (t1, v1)), rows in zip(pairwise(self.points), self._rows_between(), strict=True):
             branch = _branch(v0, v1)
@@ -294,7 +295,7 @@ class _Conduct:
         for found in stepper.responses(times, values, self._rows_between()):
             rows.append(self._row(found.t, found.delta, found.force, found.a, branches[point]))
             point += found.t == times[point]
-        return rows[1:] if len(self.points) > len(self.experiment.points) else rows
+        return rows[1:] if self.is_put_at_rest else rows
 
     # ---- adhesion ------------------------------------------------------------------------------------------------
 
@@ -315,8 +316,8 @@ class _Conduct:
                 rows.append(Row(t, nan, nan, value, 0.0, branch))
             else:
                 rows.append(Row(t, value, value, 0.0, 0.0, branch))
-        if of_force and not touches:
-            self.warnings.append("the force pulls harder than adhesion holds: from there on there is no depth")
+        if any(isnan(row.delta) for row in rows):
+            self.warnings.append("the force pulls harder than adhesion holds: while it does there is no depth")
         return rows
 
     def _adhesion(self) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import half_space_force, relative_tip, shape_of
 from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, Punches, radius_at
 
+LEAST_PERCENT = 1e-6  # of a fit: less is rounding, and 0
+
 
 class Readings:
     """Reads a scene's states, without units, one by one; `equilibrium`: the body that has just found it.
@@ -98,4 +100,5 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, float] | None:
         return None
     ratio = sum(found * force for found, force in points) / total
     E = scene.physics.material.constants.E * scene.physics.scales.pressure
-    return {"E": ratio * E, "percent": 100 * (ratio - 1)}
+    percent = 100 * (ratio - 1)
+    return {"E": ratio * E, "percent": percent if abs(percent) >= LEAST_PERCENT else 0.0}

@@ -201,7 +201,7 @@ def history_path(experiment: Experiment | None, tip: Indenter, layers: Sequence[
 
 
 def remaining(experiment: Experiment) -> float:
-    """The least share of its instantaneous modulus that the body has during the history."""
+    """The least share of material.E that the body has during the history; of a power law it may be above 1."""
     law = experiment.relaxation
     if law is None:
         return 1.0

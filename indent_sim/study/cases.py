@@ -109,8 +109,10 @@ def _in_a_name(value: Any) -> str:
 
 
 def identity(scene: Scene) -> str:
-    """A name for the physics and discretisation of a scene; titles, labels and output have no part in it."""
-    parts = (scene.physics, scene.sizes, scene.solver, scene.plan.fineness)
+    """A name for the physics, discretisation and experiment of a scene; titles and output have no part in it."""
+    parts: tuple[Any, ...] = (scene.physics, scene.sizes, scene.solver, scene.plan.fineness)
+    if scene.experiment is not None:
+        parts = (*parts, scene.experiment)
     return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
 
 

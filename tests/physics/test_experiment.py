@@ -249,6 +249,31 @@ def test_a_force_below_the_pull_off_has_no_depth() -> None:
     assert math.isnan(findings.rows[-1].delta) and findings.warnings
 
 
+def test_a_tip_that_was_pulled_off_and_comes_back_is_warned_of() -> None:
+    """Its rows in between have no depth, though the last one has."""
+    history = {"force_history": [[0, 0], [1, 1e-2], [2, -1e-2], [3, 1e-2]]}
+    findings = found(HALF_SPACE, STICKY | history)
+    assert findings.rows[-1].a > 0 and any(math.isnan(row.delta) for row in findings.rows)
+    assert len(findings.warnings) == 1 and "pulls harder" in findings.warnings[0]
+
+
+@pytest.mark.parametrize("experiment", [{"relaxation": SLOW}, {}, {"cantilever": {"stiffness": 0.1}},
+                                        {"relaxation": SLOW, "cantilever": {"stiffness": 0.1}}, STICKY])  # fmt: skip
+def test_a_jump_at_the_first_time(experiment: dict[str, Any]) -> None:
+    """Every point listed is a row: a history that begins in the body has no row before its jump, one that lists the
+    rest before has that; all other rows are the same."""
+    jumped, listed = (found(HALF_SPACE, experiment | {"history": [*first, [0, 0.01], [1, 0.01], [2, 0]]}).rows
+                      for first in ([], [[0, 0]]))  # fmt: skip
+    begin, after = listed[:2]
+    assert (begin.t, begin.branch) == (0, "approach") and after.t == jumped[0].t == 0
+    assert begin.z == pytest.approx(0, abs=1e-15)
+    assert after.z == pytest.approx(0.01) and after.force > begin.force and after.a > begin.a
+    if "adhesion" not in experiment:  # which pulls the tip in at first touch
+        assert (begin.delta, begin.force, begin.a) == (0, 0, 0)
+    assert listed[1].force == pytest.approx(jumped[0].force, rel=1e-12)
+    assert listed[-1].t == jumped[-1].t == 2 and listed[-1].force == pytest.approx(jumped[-1].force, abs=1e-12)
+
+
 def test_oscillations_about_the_end_of_the_history() -> None:
     """K (G' + i G''), K = 2 E* a of the half-space; of one Maxwell term."""
     experiment = {"relaxation": SLOW, "history": [[0, 0], [1, 0.01]], "frequencies": [0.25]}

@@ -10,6 +10,7 @@ from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
 from indent_sim.config.file import from_mapping
 from indent_sim.run import chain
+from indent_sim.run.readings import hertz_fit
 
 SHALLOW = {"delta": 0.01, "steps": 3}
 
@@ -60,3 +61,10 @@ def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path
     for state in chain.simulate(config, directory=tmp_path / "out", error_bars=True).states:
         assert state.force_error and state.E_hertz
         assert abs(state.E_hertz - 1.0) <= state.force_error / state.force
+
+
+def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
+    """Not by rounding: theory's half-space is the formula that is fitted."""
+    whole = scene({"shape": "half_space"}, "loading.steps=3")
+    fit = hertz_fit(whole, list(chain.states(whole)))
+    assert fit and fit["percent"] == 0.0 and fit["E"] == pytest.approx(1.0, rel=1e-12)

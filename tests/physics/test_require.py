@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 from scipy.optimize import brentq
 
-from indent_sim.cli import commands
+from indent_sim.cli import commands, terminal
 from indent_sim.config.file import from_mapping
 from indent_sim.run.chain import states
 from indent_sim.run.requirements.bench import Bench
@@ -125,6 +125,20 @@ def test_walls_and_strain_on_finer_meshes() -> None:
     assert row(CYLINDER, "small_strain").percent == pytest.approx(100 * (finite / linear - 1), abs=0.1)
 
 
+def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
+    """On a layer at delta/a = 1/6, beside an edge less than half as round: within a sixth, as measured."""
+    punch = {"shape": "flat_punch", "radius": 0.3}
+    sharp = {"body": {"shape": "layer", "height": 1.0}, "material": ELASTIC | {"nu": 0.49}, "indenter": punch,
+             "loading": {"delta": 0.05}}  # fmt: skip
+    found = row(sharp, "small_strain")
+    mesh = {"contact": {"method": "augmented_lagrangian"}, "mesh": {"h_contact": 0.03}}
+    keener = sharp | mesh | {"indenter": punch | {"edge_radius": 0.006}, "loading": {"delta": 0.05, "steps": 1}}
+    finite = keener | {"material": keener["material"] | {"model": "neo_hookean"}}
+    finite |= {"contact": mesh["contact"] | {"gap": "current"}}
+    assert found.percent == pytest.approx(100 * (force(finite) / force(keener) - 1), rel=1 / 6)
+    assert "edge rounded by 0.05" in found.source
+
+
 def test_a_blunt_tip() -> None:
     sharp = HALF_SPACE | {"indenter": {"shape": "cone", "half_angle": 70.0}}
     blunt = HALF_SPACE | {"indenter": sharp["indenter"] | {"tip_radius": threshold(row(sharp, "blunt_tip"))}}
@@ -155,6 +169,33 @@ def test_rate() -> None:
     found = row(scene, "rate")
     assert found.percent == pytest.approx(100 * (1.692881 / 2 - 1), abs=1e-2) and "Deborah number 1" in found.source
     assert threshold(row(HALF_SPACE, "rate")) == 0.01
+
+
+def test_rates_begin_with_the_history() -> None:
+    """Wherever its times begin, the Deborah number is that of the way in."""
+    found = []
+    for begin in (0, 9, -5):
+        history = [[begin, 0], [begin + 1, DEPTH], [begin + 2, 0]]
+        experiment = {"relaxation": {"prony": [[0.5, 0.5]]}, "history": history}
+        found.append(row(HALF_SPACE | {"experiment": experiment}, "rate"))
+    assert all("Deborah number 0.5" in one.source for one in found)
+    assert [one.percent for one in found] == pytest.approx(3 * [found[0].percent], rel=1e-9)
+
+
+def test_a_power_law_under_forces_has_no_upper_bound() -> None:
+    """E(t)/E = (t/time)^-exponent is infinite at first, and 0.1^-0.2 = 1.585 in the end."""
+    experiment = {"relaxation": {"power_law": {"exponent": 0.2, "time": 10.0}}, "force_history": [[0, 0], [1, 1e-3]]}
+    found = row(HALF_SPACE | {"experiment": experiment}, "rate")
+    assert found.low == pytest.approx(58.489, abs=1e-3) and found.high is None and found.size == math.inf
+    assert terminal._change(found) == "+58 % or more"
+
+
+@pytest.mark.parametrize("loading", [{"deltas": [DEPTH, 0.0]}, {"forces": [1e-3, 0.0]}])
+def test_a_way_that_ends_at_nothing(loading: dict[str, Any]) -> None:
+    """Effects are those at the deepest row, wherever the way ends."""
+    back = HALF_SPACE | {"loading": loading}
+    there = HALF_SPACE | {"loading": {key: values[:1] for key, values in loading.items()}}
+    assert threshold(row(back, "thickness")) == threshold(row(there, "thickness"))
 
 
 def test_the_instrument() -> None:
@@ -255,7 +296,7 @@ def test_the_command(scene_file):
 
 
 @pytest.mark.parametrize(("words", "code"), [
-    (("--within", "0"), 2), (("--within", "1.5"), 2), (("--set", "indenter.R=-1"), 3),
+    (("--within", "0"), 2), (("--within", "1.5"), 2), (("--within", "nan"), 2), (("--set", "indenter.R=-1"), 3),
     (("--set", "loading.delta=-1"), 3),
 ])  # fmt: skip
 def test_refusals(scene_file, words, code):

@@ -209,6 +209,8 @@ class OneCycle:
     def _place(self, t: float, after: bool) -> tuple[float, int]:
         """The depth at a time, and the number of the point at the end of its piece."""
         earlier = np.count_nonzero(self._t <= t if after else self._t < t)
+        if earlier == 0:  # at rest, as the history begins
+            return float(self._d[0]), 0
         k = min(max(earlier, 1), len(self._t) - 1)
         if t >= self._t[k]:
             return float(self._d[k]), k

@@ -28,3 +28,13 @@ def test_another_surface_is_another_question(varied: str, questions: int, tmp_pa
     study.write_text(f"{SCENE}  {varied}\n")
     found = cases.of(file.read(study))
     assert len({case.problem for case in found}) == questions
+
+
+def test_another_experiment_is_another_run(tmp_path: Path) -> None:
+    """On one curve: works differ in what they come to, so runs are not shared; equal ones are."""
+    study = tmp_path / "study.yaml"
+    study.write_text(f"{SCENE}  experiment: [{{adhesion: {{work: 1.0e-3}}}}, {{adhesion: {{work: 2.0e-3}}}}, "
+                     "{adhesion: {work: 1.0e-3}}]\n")  # fmt: skip
+    first, second, third = cases.of(file.read(study))
+    assert first.id == third.id != second.id
+    assert len(cases.unique([first, second, third])) == 2

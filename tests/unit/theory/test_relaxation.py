@@ -49,6 +49,13 @@ def test_step_and_hold_follows_the_modulus() -> None:
         assert cycle.at(t).force == pytest.approx(2 * float(SOLID(np.array(t))), rel=1e-12)
 
 
+def test_a_jump_at_the_beginning_has_two_sides() -> None:
+    cycle = OneCycle(SOLID, [0, 0, 5], [0, 1, 1], HERTZ)
+    before, after = (cycle.at(0.0, after=one) for one in (False, True))
+    assert (before.delta, before.force, before.a) == (0, 0, 0)
+    assert (after.delta, after.force, after.a) == pytest.approx((1, 2, 1), rel=1e-12)
+
+
 def test_a_ramp_on_a_power_law() -> None:
     """F = C E0 t0^b (3/2) B(3/2, 1-b) v^(3/2) t^(3/2-b)."""
     law, t, v = PowerLaw(0.3, 0.2), 0.7, 0.9
