@@ -215,6 +215,7 @@ def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iter
     readings = Readings(scene, walk.equilibrium)
     for state in walk.states(scene.physics.path, lambda step: with_surface):
         yield readings.read(state).in_units(scene.physics.scales)
+    del walk, readings  # what dies after the release stays
     fe.release(mesh)
 
 
