@@ -38,6 +38,7 @@ class Iterative:
         self._A = Stiffness(problem, space, "baij")
         self._beside = [Beside(problem, name) for name in unknowns.names[1:]]
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
+        self._weights = [1.0, *(field.weight for field in self._beside)]
         self._held = np.flatnonzero(np.isin(self._places[0], problem.body.constrained))
         self._multigrid = Multigrid(problem, self._A)
         self._fresh = self._rate = 0.0
@@ -72,32 +73,53 @@ class Iterative:
             field.factor()
         self._ksp.getOperators()[0].assemble()
         if self._rate >= WORN * self._fresh:
-            self._multigrid.renew()
-            self._fresh = 0.0
+            self._renew()
+
+    def _renew(self) -> None:
+        """Build the preconditioner for the tangent as it is."""
+        self._multigrid.renew()
+        self._fresh = 0.0
 
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """Solve for a step to the tolerance; what is held and idle stays."""
-        blocks = self._b.getNestSubVecs(), self._x.getNestSubVecs()
-        weights = [1.0, *(field.weight for field in self._beside)]
-        for block, places, weight in zip(blocks[0], self._places, weights, strict=True):
-            block.array[:] = weight * residual.array_r[places]
+        self._take(residual)
         self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST)
-        self._ksp.solve(self._b, self._x)
-        step.set(0.0)
-        for block, places, weight in zip(blocks[1], self._places, weights, strict=True):
-            step.array[places] = weight * block.array_r
-        self._judge(step)
+        is_new = not self._fresh
+        self._solve()
+        if self.failed and not is_new:
+            self._renew()
+            self._solve()
+        self._give(step)
+        if self.failed:
+            step.set(np.nan)  # a system that was not solved makes the step no number
 
-    def _judge(self, step: PETSc.Vec) -> None:
-        """Count the iterations and what a digit costs; a system that was not solved makes the step no number."""
+    def energy(self, residual: PETSc.Vec) -> float:
+        """The energy r . A^-1 r of a residual r, by the preconditioner; fields added up, whatever their sign."""
+        self._take(residual)
+        self.precondition(self._b, self._x)
+        pairs = zip(self._b.getNestSubVecs(), self._x.getNestSubVecs(), strict=True)
+        return float(sum(abs(known.dot(found)) for known, found in pairs))
+
+    def _take(self, residual: PETSc.Vec) -> None:
+        """Fill the blocks of the right-hand side."""
+        for block, places, weight in zip(self._b.getNestSubVecs(), self._places, self._weights, strict=True):
+            block.array[:] = weight * residual.array_r[places]
+
+    def _give(self, step: PETSc.Vec) -> None:
+        """Fill a step of the blocks of the solution."""
+        step.set(0.0)
+        for block, places, weight in zip(self._x.getNestSubVecs(), self._places, self._weights, strict=True):
+            step.array[places] = weight * block.array_r
+
+    def _solve(self) -> None:
+        """Solve for the blocks; count the iterations and what a digit costs."""
+        self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
         self.iterations += iterations
         self.failed = self._ksp.getConvergedReason() < 0
-        self._rate = iterations / -log10(min(self.rtol, LEAST))  # of few digits the first costs most
-        self._fresh = self._fresh or self._rate
-        if self.failed:
-            self._rate = np.inf
-            step.set(np.nan)
+        rate = iterations / -log10(min(self.rtol, LEAST))  # of few digits the first costs most
+        self._fresh = self._fresh or rate
+        self._rate = np.inf if self.failed else rate
 
     def precondition(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """The upper factor of the block preconditioner, applied."""

@@ -21,9 +21,12 @@ ROUGHLY = 0.1  # relative residual that will do before the contact becomes stiff
 BROKEN_LIBRARY = 76  # PETSC_ERR_LIB: what MUMPS could not do
 ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 FINE = 1e-11  # Newton's tolerance where small changes are to be seen: in Uzawa's loop, in the search for a force
+INEXACT = 1e-10  # Newton's tolerance at most where systems are solved by iterations: no last step goes far below it
 PROBE = 1e-6  # of the depth, or of an attraction's range: over it a tangent is one, and a residual has ten digits left
 CORRECTIONS, SETTLED = 6, 1e-5  # of a derivative by an old factor, and the share of the residual that ends them
 ENOUGH = 1e-4  # the same of a symmetric tangent, where what is left counts twice over
+EXACT = 1e-9  # of a derivative, where its systems are solved by iterations
+FINEST = 1e-8  # relative residual of one of these systems: the next begins where it ends
 NOISE = 1e-17  # relative residual per stiffness [thickness/E]: what round-off in the gaps makes of it
 
 
@@ -36,7 +39,7 @@ class Newton:
     def __init__(self, problem: Problem):
         self.problem = problem
         settings = problem.scene.solver
-        self.rtol = self._tolerance = settings.rtol
+        self.rtol = self._tolerance = min(settings.rtol, INEXACT if settings.linear == "iterative" else 1.0)
         self.max_iterations = settings.max_iterations
         self.iterations = 0
         self._largest_reaction = 0.0
@@ -205,11 +208,12 @@ class Newton:
         problem = self.problem
         if problem.law.multiplier == "frozen":  # its multiplier moves in the loop outside
             return nan
-        self._provide_tangent(ENOUGH)
+        self._provide_tangent()
         start, depth, force = problem.x.copy(), problem.depth, problem.force()
         acting = (problem.law.adhesion.range or 0.0) if problem.law.adhesion else 0.0
         step, settled, first, way = PROBE * max(abs(depth), acting), False, 0.0, problem.x.duplicate()
         share = ENOUGH if problem.has_symmetric_tangent else SETTLED
+        copies = problem.scene.physics.part.copies if problem.has_symmetric_tangent else 0
         way.set(0.0)
         begin, left, correction = (problem.b.duplicate() for _ in range(3))
         self._function(self.snes, start, begin)
@@ -217,28 +221,34 @@ class Newton:
         for _ in range(CORRECTIONS):
             self._function(self.snes, start + step * way, left)
             left.axpy(-1.0, begin)
+            found = (problem.force() - force + copies * way.dot(left)) / step
             size = left.norm()
             first = first or size
-            settled = size <= share * first
+            settled = self._tells(left, step, found) if self._iterative else size <= share * first
             if settled or not np.isfinite(size):
                 break
             self.snes.getKSP().solve(left, correction)
             way.axpy(-1.0 / step, correction)
-        problem.body.set_solution(start + step * way)
-        found = (problem.force() - force) / step if settled else nan
-        if problem.has_symmetric_tangent:
-            found += problem.scene.physics.part.copies * way.dot(left) / step
         problem.delta.value = depth
         problem.body.set_solution(start)
-        return found
+        return found if settled else nan
 
-    def _provide_tangent(self, rtol: float) -> None:
-        """A tangent to solve with, to `rtol` where iterations do: the last one, or the first, where a state taken up
-        again needed no iteration."""
-        if self._iterative:
-            self._iterative.rtol = rtol / 2
+    def _tells(self, left: PETSc.Vec, step: float, found: float) -> bool:
+        """Whether a residual leaves a stiffness as it is; if not, the next system is solved as far as that asks for.
+
+        Judged by its energy: in the norm of the forces a stiff contact hides what the body lacks.
+        """
+        assert self._iterative
+        wrong = self.problem.scene.physics.part.copies * self._iterative.energy(left) / step**2
+        enough = EXACT * abs(found)
+        if wrong > enough:
+            self._iterative.rtol = max(0.3 * (enough / wrong) ** 0.5, FINEST)
+        return wrong <= enough
+
+    def _provide_tangent(self) -> None:
+        """A tangent to solve with: the last one, or the first, where a state taken up again needed no iteration."""
         if not self._has_tangent:
-            self._assemble(self._tangent, rtol / 2)
+            self._assemble(self._tangent, ENOUGH)
         self.snes.getKSP().setOperators(self._tangent, self._tangent)
 
     def _why_not(self) -> str:
