@@ -33,6 +33,9 @@ class Stiffness:
     def __init__(self, problem: Problem, space: Any, kind: str):
         """kind: PETSc's type of matrix."""
         self._bcs = _bcs(problem, space)
+        owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        dofs = np.concatenate([bc.dof_indices()[0] for bc in self._bcs])
+        self.held = dofs[dofs < owned]
         test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
         matter = [term for term in problem.terms if term is not problem.contact]
         self._matter, self._contact = (_form(problem, terms, ("u", test), ("u", trial))

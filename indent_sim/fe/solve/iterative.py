@@ -39,7 +39,6 @@ class Iterative:
         self._beside = [Beside(problem, name) for name in unknowns.names[1:]]
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._weights = [1.0, *(field.weight for field in self._beside)]
-        self._held = np.flatnonzero(np.isin(self._places[0], problem.body.constrained))
         self._multigrid = Multigrid(problem, self._A)
         self._fresh = self._rate = 0.0
         self._ksp = self._create()
@@ -132,7 +131,6 @@ class Iterative:
             field.B.mult(found, push)
             load.axpy(-1.0, push)
         self._multigrid.apply(load, u)
-        u.array[self._held] = 0.0  # interpolated from linear elements it is not
 
 
 class _Weakly:

@@ -54,7 +54,7 @@ class Multigrid:
         self._pc.setOperators(fine.matrix)
         self._pc.setType("mg")
         self._pc.setMGLevels(2)
-        self._pc.setMGInterpolation(1, compat.interpolation_matrix(linear, space))
+        self._pc.setMGInterpolation(1, _interpolation(self._coarse, linear, space))
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
         self._pc.getMGSmoother(1).setOperators(fine.matrix)
         _install(self._coarse.matrix.getSize()[0])
@@ -87,6 +87,16 @@ def _install(coarse: int) -> None:
     for prefix, options in levels.items():
         for name, value in options.items():
             database.setValue(prefix + name, value)
+
+
+def _interpolation(coarse: Stiffness, linear: Any, space: Any) -> PETSc.Mat:
+    """From linear to quadratic elements, of what is free: a held dof, whose row is the identity's, would move those
+    beside it by a force over 1 instead of one over their stiffness."""
+    matrix, free = compat.interpolation_matrix(linear, space), coarse.matrix.createVecRight()
+    free.set(1.0)
+    free.array[coarse.held] = 0.0
+    matrix.diagonalScale(R=free)
+    return matrix
 
 
 def _rigid_modes(space: Any) -> PETSc.NullSpace:
