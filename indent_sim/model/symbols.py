@@ -233,7 +233,7 @@ RESULTS = (
     Symbol("E_hertz", "", "modulus that the half-space formula of the same tip reads off this one row; empty where "
            "there is none", "pressure"),
     Symbol("newton_iterations", "", "linear solves of the step, those of its substeps included", "1"),
-    Symbol("krylov_iterations", "", "iterations of these linear solves, where they are iterative", "1"),
+    Symbol("krylov_iterations", "", "iterations of these linear solves and the stiffness's, where iterative", "1"),
     Symbol("wall_s", "", "wall time since the start of the run", "s"),
     Symbol("stick_radius", "", "sqrt(area/pi) of the part of the contact that does not slip on the tip; half its width "
            "in plane strain; with friction", "length"),

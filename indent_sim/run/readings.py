@@ -32,8 +32,16 @@ class Readings:
         """The state with its stiffness, area and E_hertz; NaN where there is none."""
         if not state.converged:
             return state
-        area = self.scene.physics.part.kinematics.contact_area(state.a)
-        return replace(state, stiffness=self._stiffness(state), area=area, E_hertz=self._hertz(state))
+        area, before = self.scene.physics.part.kinematics.contact_area(state.a), self._krylov_iterations
+        stiffness = self._stiffness(state)
+        if state.krylov_iterations is not None:
+            state = replace(state, krylov_iterations=state.krylov_iterations + self._krylov_iterations - before)
+        return replace(state, stiffness=stiffness, area=area, E_hertz=self._hertz(state))
+
+    @property
+    def _krylov_iterations(self) -> int:
+        """Those of the body so far."""
+        return getattr(self._equilibrium, "krylov_iterations", None) or 0
 
     def _hertz(self, state: State) -> float:
         physics = self.scene.physics

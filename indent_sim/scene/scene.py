@@ -269,7 +269,7 @@ def _solver(config: Config, given: Given, law: ContactLaw, gap: str, sizes: Size
     method = choices.solver(config, given, law, gap, nodes)
     direct = cost_of(sizes, given.part, _work(given, str(method.value), "direct", gap, law, anchor))
     iterative = cost_of(sizes, given.part, _work(given, "newton", "iterative", gap, law, anchor))
-    linear = choices.linear(config, given, law, direct, iterative, machine_memory())
+    linear = choices.linear(config, given, law, sizes, direct, iterative, machine_memory())
     if linear.value == "direct":
         return method, linear, direct
     why = method.why if method.value == "newton" else "solver.linear: iterative is for the whole body"
@@ -294,7 +294,7 @@ def _unaffordable(config: Config, given: Given, law: ContactLaw, sizes: Sizes, w
         key, name = "mesh.h_inclusions", "h_inclusions, or inclusions"
     said = f"about {cost.dofs:.2g} unknowns need {cost.memory / 1e9:.3g} GB; this machine has {room / 1e9:.3g} GB"
     iterative = cost_of(sizes, given.part, dataclasses.replace(work, method="newton", linear="iterative")).memory
-    if iterative <= room and not choices.against_iterative(config, given, law):
+    if iterative <= room and not choices.against_iterative(config, given, law, sizes):
         return ConfigError(key, said, f"solver.linear: iterative needs {iterative / 1e9:.3g} GB")
     return ConfigError(key, said, f"use a larger {name}, or symmetry")
 

@@ -211,6 +211,17 @@ def test_every_method_everywhere_on_several_ranks(ranks: int, mpirun: Mpirun) ->
         assert_same_curves(alone(*EVERYWHERE)[name], together[name], name)
 
 
+def test_same_curves_where_linear_elements_are_aggregated(mpirun: Mpirun) -> None:
+    """As where they are too many for a factorisation; aggregates end where ranks do."""
+    program = f"from indent_sim.run.simulation import backend\nbackend()\n{AGGREGATED}{PROGRAM}"
+    together = parsed(mpirun(2, "-c", program, mappings(["iterative"])))
+    assert_same_curves(alone(*SCENES)["iterative"], together["iterative"], "iterative")
+
+
+AGGREGATED = """
+from indent_sim.fe.solve import multigrid
+multigrid.FACTORED = 0
+"""
 PACKED = """
 import json, sys
 from mpi4py import MPI

@@ -43,6 +43,7 @@ def _advice(scene: Scene) -> str:
     """What a user can change, the most promising first."""
     rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)), None)
     ways = [
+        *(["solver.linear: direct"] if scene.solver.linear == "iterative" else []),
         *(["contact.friction: 5"] if scene.physics.contact.friction == "stick" else []),
         *(["a hyperelastic material"] if scene.physics.small_strain and scene.physics.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),

@@ -46,6 +46,9 @@ class TestNitsche:
         assert self.with_gamma(gamma).physics.contact.stiffness == pytest.approx(wanted * 2.0 / 5.0)
 
 
+LOCKED = {"model": "linear_elastic", "E": 5.0, "nu": 0.4999, "formulation": "displacement"}
+
+
 class TestLinear:
     solid: ClassVar[dict[str, Any]] = {"kinematics": "three_dimensional", "mesh": {"h_contact": 0.1}}
 
@@ -56,6 +59,8 @@ class TestLinear:
             ({"kinematics": "plane_strain"}, "axisymmetric and plane"),
             (solid | {"contact": {"method": "nitsche"}}, "not symmetric"),
             (solid | {"contact": {"method": "active_set"}}, "not symmetric"),
+            (solid | {"material": LOCKED}, r"formulation: displacement at nu = 0\.4999"),
+            (solid | {"contact": {"method": "augmented_lagrangian", "epsilon_n": 5e7}}, r"E\*/h_contact needs"),
         ],
     )
     def test_iterative_is_refused_by_name_where_it_is_not_known_to_work(self, sections, why):
@@ -69,9 +74,14 @@ class TestLinear:
             scene(**self.solid, solver={"linear": "iterative", "method": "condensed"})
         assert caught.value.key == "solver.method"
 
-    def test_options_of_petsc_choose_a_solver_themselves(self):
-        with pytest.raises(ConfigError, match=r"solver\.petsc"):
-            scene(**self.solid, solver={"linear": "iterative", "petsc": {"ksp_type": "cg"}})
+    @pytest.mark.parametrize("options", [{"ksp_type": "cg"}, {"snes_linesearch_type": "bt"}])
+    def test_options_of_petsc_are_for_its_own_solvers(self, options):
+        with pytest.raises(ConfigError, match=r"solver\.petsc options are for PETSc's own"):
+            scene(**self.solid, solver={"linear": "iterative", "petsc": options})
+
+    def test_theory_has_no_linear_systems_whatever_is_said_of_a_mesh(self):
+        with pytest.raises(ConfigError, match="linear, rtol"):
+            scene(mesh={"h_contact": 0.1}, solver={"linear": "iterative", "method": "theory"})
 
     def test_auto_factors_what_is_small_and_iterates_where_that_is_cheaper(self):
         small, large = (scene("three_dimensional", mesh={"h_contact": h, "h_far": 10 * h}) for h in (0.1, 0.012))
