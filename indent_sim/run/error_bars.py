@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isnan
+from typing import Literal
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.contact import Anchor, AugmentedLagrangian, Friction, Nitsche, Penalty
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
+from indent_sim.process.usage import machine_memory
 from indent_sim.scene.corners import POWER
-from indent_sim.scene.cost import MOST_CANDIDATES, candidates
+from indent_sim.scene.cost import MOST_CANDIDATES, Work, candidates, cost
 from indent_sim.scene.expected import NEARLY_STICK, Stick, pulling_rim
 from indent_sim.scene.fineness import BLUNT, EASING, RATE, STEEPEST, fading
 from indent_sim.scene.scene import Scene
@@ -217,12 +219,27 @@ SOLVED = "solved beside this run"
 def _smooth(scene: Scene) -> Scene | None:
     """The same frictionless scene with a law that may have friction; None for one that may not."""
     physics = scene.physics
-    if physics.has_memory or physics.part.pins or scene.solver.linear == "iterative":
+    if physics.has_memory or physics.part.pins:
         return None
+    if scene.solver.linear == "iterative":
+        factored = _factored(scene)
+        return _smooth(factored) if factored else None
     law = physics.contact
     if not isinstance(law, AugmentedLagrangian):
         law = AugmentedLagrangian(epsilon_n=physics.material.E_star / scene.sizes.typical)
     return scene.with_physics(contact=law)
+
+
+def _factored(scene: Scene) -> Scene | None:
+    """The same scene for a solver that knows friction; None where that does not fit this machine."""
+    physics, part = scene.physics, scene.physics.part
+    is_small = candidates(scene.sizes, part) * part.dim <= MOST_CANDIDATES
+    method: Literal["condensed", "newton"] = "condensed" if physics.small_strain and physics.gap == "reference" and is_small else "newton"
+    mixed = any(region.formulation == "mixed" for region in part.regions)
+    work = Work(method, "direct", mixed, STICK_STEPS[part.dim], nonlinear=True, rough=True)
+    if cost(scene.sizes, part, work).memory > machine_memory():
+        return None
+    return replace(scene, solver=replace(scene.solver, method=method, linear="direct"))
 
 
 def _rough(scene: Scene) -> Scene:

@@ -14,9 +14,10 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.iterative import Iterative
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.error_bars import Companion, ErrorBars, beside
+from indent_sim.run.error_bars import Companion, ErrorBars, beside, sticks
 from indent_sim.run.readings import Readings
 from indent_sim.run.simulation import backend
+from indent_sim.scene.expected import Stick
 from indent_sim.scene.scene import Scene
 
 # What is left of the residual, seen through the stiffness: force and reaction agree to 1e-8 by the audit already
@@ -99,6 +100,21 @@ def test_error_bars_are_those_of_factorisations() -> None:
         companions = [Companion(ratio, solve(other), other) for ratio, other in beside(base, [])]
         bars.append(ErrorBars(base, companions).judged(solve(base)[-1]).force_error)
     assert bars[0] and bars[1] == pytest.approx(bars[0], rel=1e-5)
+
+
+def test_what_no_slip_would_change_is_solved_by_a_factorisation(monkeypatch: Any) -> None:
+    """An iterative solver knows no friction; where there is no room for factors nothing is said."""
+    sections = {"mesh": {"h_contact": 0.2, "h_far": 0.8}, "loading": {"delta": 0.06, "steps": 1}}
+    ways = ({"linear": "iterative"}, {"method": "condensed"})
+    direct, iterative = (scene(BOX, **sections, solver=way) for way in reversed(ways))
+
+    def found(base: Scene) -> Stick | None:
+        return sticks(Companion(1.0, solve(base), base), lambda other: list(chain.states(other)))
+
+    expected, stick = found(direct), found(iterative)
+    assert expected and stick and stick.percent == pytest.approx(expected.percent, rel=1e-6)
+    monkeypatch.setattr("indent_sim.run.error_bars.machine_memory", lambda: 1e8)
+    assert found(iterative) is None
 
 
 LARGE: dict[str, dict[str, Any]] = {
