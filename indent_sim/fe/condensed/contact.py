@@ -60,6 +60,7 @@ class CondensedContact:
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self.scene = scene
         self._recent = [self.F]  # nodal forces of the last equilibria
+        self._expected: np.ndarray | None = None  # which points the next solve takes to be in contact at first
         self.friction = CondensedFriction(self) if self.law.friction else None
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
 
@@ -76,6 +77,25 @@ class CondensedContact:
             return True
         self.forces, self.lam = before
         return False
+
+    def trial(self, delta: float) -> np.ndarray:
+        """lam - epsilon_n g of the present forces, above zero in contact: at the points of the contact quadrature, and
+        of nodal pressures at the nodes that carry one, with E*/h_contact [pressure]."""
+        if self.law.multiplier == "nodal":
+            return self._nodal_trial(delta)
+        N, _, height = self.quadrature
+        epsilon_n: float = self.law.stiffness  # type: ignore[union-attr]
+        nodal = self.lam[self.places] - epsilon_n * (self.compliance.C @ self.F)
+        return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - delta))
+
+    def expect(self, trial: np.ndarray) -> None:
+        """Set out from what would be in contact with this trial pressure, in the next solve."""
+        self._expected = trial > 0
+
+    def _set_out(self, active: np.ndarray) -> np.ndarray:
+        """What is in contact at first: what is expected, or else what is in contact now."""
+        expected, self._expected = self._expected, None
+        return active if expected is None else expected
 
     def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
         """NOTHING of the largest size of the nodal forces in the last equilibria."""
@@ -191,8 +211,9 @@ class CondensedContact:
                 return True
             if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
                 return False
-            before = active
+            before = active = self._set_out(active)
             seen.add(active.tobytes())
+            residual = F - self.vector((W * np.where(active, p_hat, 0.0)) @ N)
             F = F + self._newton_step(residual, W * active, N, D)
             self.iterations += 1
         return False
@@ -267,14 +288,19 @@ class CondensedContact:
         Q, heights, areas, A = self._weighted
         carriers = np.flatnonzero(areas > 0)
         open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
-        scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        p = self.lam[self.places[carriers]]
-        p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
+        p, solves = complementary(A, open_gap, self._set_out(self._nodal_trial(delta) > 0))
         self.iterations += solves
         self.lam = np.zeros(len(self.lam))
         self.lam[self.places[carriers]] = p
         self.forces = (Q[:, carriers] @ p)[None]
         return True
+
+    def _nodal_trial(self, delta: float) -> np.ndarray:
+        _, heights, areas, A = self._weighted
+        on = np.flatnonzero(areas > 0)
+        p, scale = self.lam[self.places[on]], self.scene.physics.material.E_star / self.scene.sizes.h_contact
+        gaps = ((heights - delta * areas)[on] + A[np.ix_(on, on)] @ p) / areas[on]
+        return np.asarray(p - scale * gaps)
 
     # ---- what is observed ----------------------------------------------------------------------------------------
 

@@ -221,9 +221,7 @@ class Walk:
         points = _leading(self._points, delta)
         if len(points) < 2:
             return False
-        depths = [point.delta for point in points]
-        shares = [float(np.prod([(delta - b) / (a - b) for b in depths if b != a])) for a in depths]
-        self.equilibrium.blend(shares, [point.state for point in points])
+        self.equilibrium.predict(delta, [(point.delta, point.state) for point in points])
         return True
 
 

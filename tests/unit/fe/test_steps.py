@@ -93,7 +93,7 @@ class Spring:
     def restore(self, state: Any, depth: float) -> None:
         self.depth, self.worn = state
 
-    def blend(self, shares: Any, states: Any) -> None:
+    def predict(self, depth: float, earlier: Any) -> None:
         """A guess changes nothing here."""
 
     def numbers(self) -> dict[str, Any]:
