@@ -163,8 +163,13 @@ class BodyEquilibrium:
             vector.maxpy(shares(depths, depth), [state[k] for state in states])
         self.restore(guess, depth)
         if trial is not None:
-            _, gap = self._contact_at_nodes()
-            self.problem.contact.field.fill(trial + self.problem.law.stiffness * gap)
+            self._correct_edge(trial)
+
+    def _correct_edge(self, trial: np.ndarray) -> None:
+        """Change the multiplier where the present state is in contact and a trial pressure is not, or the reverse."""
+        (lam, gap), stiffness = self._contact_at_nodes(), self.problem.law.stiffness
+        agrees = (lam > stiffness * gap) == (trial > 0)
+        self.problem.contact.field.fill(np.where(agrees, lam, trial + stiffness * gap))
 
     @cached_property
     def _foresees(self) -> bool:
