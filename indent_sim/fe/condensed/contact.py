@@ -202,7 +202,7 @@ class CondensedContact:
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
-            load = self.vector((W * np.where(active, p_hat, 0.0)) @ N)
+            load = self._load(p_hat, active)
             residual = F - load
             # between two Newton steps with the same active points the problem is linear: the first was exact
             settled = before is not None and np.array_equal(active, before)
@@ -213,10 +213,14 @@ class CondensedContact:
                 return False
             before = active = self._set_out(active)
             seen.add(active.tobytes())
-            residual = F - self.vector((W * np.where(active, p_hat, 0.0)) @ N)
-            F = F + self._newton_step(residual, W * active, N, D)
+            F = F + self._newton_step(F - self._load(p_hat, active), W * active, N, D)
             self.iterations += 1
         return False
+
+    def _load(self, p_hat: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """The nodal forces of a pressure at the points of the contact quadrature that are in contact."""
+        N, W, _ = self.quadrature
+        return self.vector((W * np.where(active, p_hat, 0.0)) @ N)
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
         """-(I - M_A D)^-1 residual; rows without an active point are those of the identity."""

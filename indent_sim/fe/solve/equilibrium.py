@@ -167,9 +167,11 @@ class BodyEquilibrium:
 
     def _correct_edge(self, trial: np.ndarray) -> None:
         """Change the multiplier where the present state is in contact and a trial pressure is not, or the reverse."""
-        (lam, gap), stiffness = self._contact_at_nodes(), self.problem.law.stiffness
+        contact, stiffness = self.problem.contact, self.problem.stiffness_scale
+        assert isinstance(contact, Traction)
+        lam, gap = self._contact_at_nodes()
         agrees = (lam > stiffness * gap) == (trial > 0)
-        self.problem.contact.field.fill(np.where(agrees, lam, trial + stiffness * gap))
+        contact.field.fill(np.where(agrees, lam, trial + stiffness * gap))
 
     @cached_property
     def _foresees(self) -> bool:
@@ -184,7 +186,7 @@ class BodyEquilibrium:
         for before, state in earlier:
             self.restore(state, before)
             lam, gap = self._contact_at_nodes()
-            trials.append(lam - self.problem.law.stiffness * gap)
+            trials.append(lam - self.problem.stiffness_scale * gap)
         largest = self.problem.comm.allreduce(max(trial.max(initial=0.0) for trial in trials), op=MPI.MAX)
         return expected(trials, [before for before, _ in earlier], depth, largest)
 

@@ -28,7 +28,7 @@ def expected(trials: Sequence[np.ndarray], depths: Sequence[float], depth: float
     if largest <= 0:
         return np.asarray(trials[-1])
     parts = zip(shares(depths, depth), trials, strict=True)
-    return largest * _pressure(sum(share * _distance(trial / largest) for share, trial in parts))
+    return largest * _pressure(np.sum([share * _distance(trial / largest) for share, trial in parts], axis=0))
 
 
 def _distance(trial: np.ndarray) -> np.ndarray:
