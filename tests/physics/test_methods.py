@@ -220,6 +220,15 @@ def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
     assert solve(scene(CYLINDER, **base))[-1].force == pytest.approx(states[-1].force, rel=1e-8)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str) -> None:
+    """Beyond the second step, from ten elements in the last radius to forty: two each, where an edge two thirds of its
+    way off took a step one more iteration with each halving."""
+    for h in (0.01, 0.0025):
+        states = solve(scene(CYLINDER, loading=TEN_STEPS, solver={"method": solver}, mesh={"h_contact": h}))
+        assert sum(state.newton_iterations for state in states[2:]) <= 2.5 * len(states[2:])
+
+
 @pytest.mark.parametrize("name", ["uzawa", "nitsche", "penalty"])
 def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
     """1e-8; Uzawa, which stops at 1e-8 of its multiplier, ten times that."""
