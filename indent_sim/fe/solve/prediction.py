@@ -2,7 +2,7 @@
 
 Where a smooth contact ends, the pressure inside grows as the root of the distance s from its edge and the gap outside
 as s^(3/2). As the edge passes over a point, pressure^2 and gap^(2/3) are therefore linear in the depth there, and the
-gap itself is not: its line finds the edge about half a step too far out, these find it within a few hundredths.
+gap itself is not: its line finds the edge two thirds of its way too far out, these to a sixth of it or better.
 """
 
 from __future__ import annotations
