@@ -68,6 +68,17 @@ SCENES: dict[str, dict[str, Any]] = {
         "mesh": {"h_contact": 0.2},
         "loading": {"delta": 0.04, "steps": 2},
     },
+    **{
+        f"finite_strain_{method}": {
+            "body": CYLINDER,
+            "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49},
+            "indenter": {"shape": "sphere", "R": 1.0},
+            "contact": {"method": method},
+            "mesh": {"h_contact": 0.04},
+            "loading": {"delta": 0.3, "steps": 3},
+        }
+        for method in ("auto", "active_set")
+    },
     "sticky": {
         "body": CYLINDER,
         "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
