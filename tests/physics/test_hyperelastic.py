@@ -199,8 +199,8 @@ METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 @pytest.mark.parametrize("nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.49, 0.4999, 0.5))])
 def test_every_method_arrives(nu: float) -> None:
-    """At 0.7 R."""
-    deep = {"loading": {"delta": 0.7, "steps": 7}}
+    """At 0.7 R, in four steps."""
+    deep = {"loading": {"delta": 0.7, "steps": 4}}
     expected = solve(ball(nu, **deep))[-1].force
     for method, tolerance in METHODS.items():
         found = solve(ball(nu, contact={"method": method}, **deep))[-1]
@@ -325,7 +325,8 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
         pytest.param(PARABOLOID, 0.5, marks=pytest.mark.verify),
         pytest.param({"shape": "cone", "half_angle": 60.0}, 0.3, marks=pytest.mark.verify),
         ({"shape": "cone", "half_angle": 60.0, "tip_radius": 0.02}, 0.3),
-        (PUNCH | {"edge_radius": 0.02}, 0.2),
+        (PUNCH | {"edge_radius": 0.05}, 0.2),
+        pytest.param(PUNCH | {"edge_radius": 0.02}, 0.2, marks=pytest.mark.verify),
     ],
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else None,
 )
