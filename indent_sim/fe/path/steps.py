@@ -30,7 +30,7 @@ class StepRule:
     def goal(self, at: float, target: float) -> float | None:
         """The next depth on the way from `at` to `target` [length]; None where it is given up.
 
-        What is out of contact of it, below the depth `free`, is gone at once.
+        The part of the way out of contact, below the depth `free`, is gone at once.
         """
         if self._failures >= PATIENCE or self.longest <= self._smallest / 2:
             return None
