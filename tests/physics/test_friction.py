@@ -61,6 +61,14 @@ def test_paraboloid_on_a_half_space(friction: float | str, nu: float, steps: int
     assert paraboloid(friction, nu, steps) / paraboloid(0.0, nu) == pytest.approx(exact, abs=5e-4)
 
 
+@pytest.mark.parametrize(("nu", "exact"), [(0.0, 1.045248), (0.3, 1.013967)])
+def test_cone_on_a_half_space(nu: float, exact: float) -> None:
+    """Superposed no-slip punches, at the cone's own radius, twenty steps as its map has: 1e-3."""
+    cone, delta = {"shape": "cone", "half_angle": 85.0}, 0.0137  # (pi/2) A tan 5 degrees
+    rubbed, smooth = (rough(f, nu, {"delta": delta, "steps": n}, cone)[-1].force for f, n in (("stick", 20), (0.0, 1)))
+    assert rubbed / smooth == pytest.approx(exact, abs=1e-3)
+
+
 def no_slip(nu: float) -> float:
     """Force of a bonded flat punch over that of a smooth one (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) (Spence 1968)."""
     return (1 - nu) * log(3 - 4 * nu) / (1 - 2 * nu)
