@@ -39,14 +39,14 @@ def begin(part: Part, sizes: Sizes) -> Callable[[], Grid]:
     """Begin to mesh a part in the forked process; what is returned waits for the grid that `build` returns.
 
     A mesh from a file is refined here, without gmsh. On several ranks a process is not forked once MPI may be up, and
-    without room for one this process meshes itself.
+    without room for one this process meshes itself; the arrays lie in a temporary file, from which they are divided.
     """
     if isinstance(part, MeshedPart):
         return partial(refined, part, sizes)
     if not _mesher.is_up and is_one_of_several():
         return partial(_meshed, (part, sizes))
     try:
-        return partial(_answered, _mesher.ask((part, sizes)))
+        return partial(_answered, _mesher.ask((part, sizes), mapped=is_one_of_several()))
     except OSError:
         return partial(_meshed, (part, sizes))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from indent_sim.mesh.part import Part
 
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 ON_SURFACE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
+HASHED = 10**5  # rows at a time
 OF_ELEMENT = 1e-3  # the smallest: less than what lies between a surface and the next nodes
 
 
@@ -30,8 +32,11 @@ class Grid:
 
     @property
     def hash(self) -> str:
-        """Fingerprint of the mesh, for the record of a run."""
-        digest = hashlib.sha256(np.round(self.points, DIGITS).tobytes() + self.cells.tobytes())
+        """Fingerprint of the mesh, for the record of a run; not all of it in memory at a time."""
+        digest = hashlib.sha256()
+        for table, to_digits in ((self.points, partial(np.round, decimals=DIGITS)), (self.cells, np.ascontiguousarray)):
+            for begin in range(0, len(table), HASHED):
+                digest.update(to_digits(table[begin : begin + HASHED]).tobytes())
         return digest.hexdigest()[:16]
 
 
