@@ -6,14 +6,24 @@ import hashlib
 
 import numpy as np
 
-from indent_sim.mesh.file import MeshFile, place_of, refused
+from indent_sim.mesh.file import MeshFile, place_of, read, refused
 from indent_sim.mesh.grid import Grid, boundary_of
-from indent_sim.mesh.piece import Piece, edges_of, keys_of, righted
+from indent_sim.mesh.piece import Piece, Skin, edges_of, keys_of, righted, skin_of
 from indent_sim.model.body import MeshFromFile
 
 FLAT = 1e-9  # volume of a cell over length^dim: less is none
 LEVEL = 1e-9  # of the body, or of a unit normal: what a level face or an upright wall may depart from that
 KIND = {1: "lines", 2: "triangles", 3: "tetrahedra"}
+
+
+def piece_in(folder: str, body: MeshFromFile, has_material: bool) -> Piece:
+    """The body that the cells, surfaces and regions of a file below a folder make; see `piece_of`."""
+    return piece_of(read(folder, body.file), body, has_material)
+
+
+def skin_in(folder: str, body: MeshFromFile, has_material: bool) -> Skin:
+    """The skin of the body of a file, which holds the whole."""
+    return skin_of(piece_in(folder, body, has_material))
 
 
 def piece_of(file: MeshFile, body: MeshFromFile, has_material: bool) -> Piece:

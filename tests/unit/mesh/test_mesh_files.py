@@ -94,7 +94,7 @@ def test_the_copy_of_a_piece_is_the_piece(tmp_path: Path, body: dict[str, Any], 
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
-    (tmp_path / "copy.msh").write_text(as_msh(found, source), encoding="utf-8")
+    (tmp_path / "copy.msh").write_text("".join(as_msh(found, source)), encoding="utf-8")
     again = inspection.piece_of(file.read(str(tmp_path), "copy.msh"), source, False)
     assert again.hash == found.hash and again.names == found.names == ("gel",)
 
