@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from indent_sim.mesh.grid import DIGITS, Grid, boundary_of
+from indent_sim.mesh.grid import DIGITS, Grid, boundary_of, lots
 from indent_sim.model.body import MeshFromFile
 from indent_sim.process.errors import MeshError
 
@@ -217,8 +217,8 @@ def righted(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def _volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Volumes of cells (m,), but for a factor; negative where their corners go round the other way."""
-    corners = points[cells]
-    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    found = [np.linalg.det(points[cells[some, 1:]] - points[cells[some, :1]]) for some in lots(len(cells))]
+    return np.concatenate([np.empty(0), *found])
 
 
 def as_msh(piece: Piece, source: MeshFromFile) -> Iterator[str]:
