@@ -87,7 +87,7 @@ class Run:
         self._with_stick = asked or "stick" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
         with self._clock.stage("resolve"):
-            self._piece = _piece(config, comm)
+            self._piece = body_from_file(config, comm)
 
     def outcome(self) -> Outcome:
         """What the last attempt came to; VerificationError when it is not as accurate as asked for."""
@@ -181,7 +181,7 @@ class Run:
         return list(states(scene, self.comm, with_surface=False))
 
 
-def _piece(config: Config, comm: Any) -> Piece | None:
+def body_from_file(config: Config, comm: Any) -> Piece | None:
     """The body of the config's mesh file, None where it names none (collective).
 
     On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the body.
