@@ -86,7 +86,7 @@ class Run:
         asked = bars or ("error_budget" in self._before and config.accuracy is None)
         self._with_stick = asked or "stick" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
-        with self._clock.stage("resolve"):
+        with self._clock.stage("resolve"), spent():
             self._piece = body_from_file(config, comm)
 
     def outcome(self) -> Outcome:
