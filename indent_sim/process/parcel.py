@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 from mmap import ACCESS_READ, mmap
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import recv_handle, send_handle
-from tempfile import TemporaryFile
+from tempfile import TemporaryFile, gettempdir
 from typing import Any
 
 ALIGNED = 64  # bytes from one array's begin to the next are a multiple of these
@@ -29,10 +29,13 @@ def send(pipe: Connection, value: Any, mapped: bool = False) -> None:
         pipe.send_bytes(head)
         return
     with TemporaryFile() as file:
-        for buffer, size in zip(buffers, sizes, strict=True):
-            file.write(buffer.raw())
-            file.write(bytes(-size % ALIGNED))
-        file.flush()
+        try:
+            for buffer, size in zip(buffers, sizes, strict=True):
+                file.write(buffer.raw())
+                file.write(bytes(-size % ALIGNED))
+            file.flush()
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, gettempdir()) from error
         pipe.send(sizes)
         pipe.send_bytes(head)
         send_handle(pipe, file.fileno(), None)
