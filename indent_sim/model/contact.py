@@ -26,7 +26,7 @@ Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
 Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]  # Coulomb's coefficient; stick: no slip at all
 # Where a point that comes into contact during a step is taken to have touched the tip: at its place at the step's
-# beginning (too stiff), nowhere before the end (too soft), or half way, which the other two enclose.
+# beginning (too stiff), nowhere before the end (too soft), or on the way between, which the other two enclose.
 Anchor = Literal["implicit", "glue", "mid"]
 
 

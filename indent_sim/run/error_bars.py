@@ -185,7 +185,7 @@ def ways(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Ways | Non
     return Ways(follow(scene), kept, 1 / (1 - 2**-STEPPING))
 
 
-STICK_STEPS = {2: 10, 3: 4}  # by dim: half way through each, new contact sticks to 0.03 % and 0.15 % of the force
+STICK_STEPS = {2: 10, 3: 4}  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force
 
 
 def sticks(run: Companion, follow: Callable[[Scene], Sequence[State]]) -> Stick | None:

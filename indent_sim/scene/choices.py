@@ -156,7 +156,7 @@ def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
             raise ConfigError("contact.friction", f"does not fit this scene: {why}", remedy)
     if law.friction != "stick" and law.friction <= FREE:
         return "implicit", [Choice("contact.friction", law.friction, "new contact sticks where its step began")]
-    why = "new contact sticks half way through its step, found in a pass without friction for it"
+    why = "new contact sticks where it touches on its way through the step, found in a pass without friction for it"
     return "mid", [Choice("contact.friction", law.friction, why)]
 
 

@@ -19,11 +19,12 @@ from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from indent_sim.fe.observe.surface import shapes
-from indent_sim.fe.terms.friction import AT_ONCE
+from indent_sim.fe.terms.friction import AT_ONCE, CLOSING, TOUCHED
 
 TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
 STALLED = 1e-10  # and where round-off leaves no more
 ITERATIONS = 50
+PATIENCE = 3  # iterations that may come no nearer than one before
 
 
 @dataclass(frozen=True)
@@ -38,11 +39,13 @@ class Rest:
 
 @dataclass(frozen=True)
 class Trial:
-    """p_hat (facets, points) and t_hat (axes, facets, points) [pressure], and where something holds the surface."""
+    """p_hat (facets, points) and t_hat (axes, facets, points) [pressure], where something holds the surface, and the
+    gap [length] at the step's beginning, which is zero where nothing is new."""
 
     p_hat: np.ndarray
     t_hat: np.ndarray
     holds: np.ndarray
+    opening: np.ndarray
 
 
 class CondensedFriction:
@@ -54,6 +57,7 @@ class CondensedFriction:
         self._contact, self._compliance = contact, contact.compliance
         self._n, axes = contact.compliance.size, len(contact.compliance.held)
         self._old = Rest(np.zeros((1 + axes, self._n)), np.zeros(self._n), 0.0)
+        self._depth = 0.0  # of the last solve
         self.stick_where_it_was()
 
     # ---- history -------------------------------------------------------------------------------------------------
@@ -64,15 +68,18 @@ class CondensedFriction:
 
     def stick_where_it_was(self) -> None:
         """What comes into contact sticks where it was at the step's beginning: `implicit`."""
-        self._start, self._holds_new = self._old.u[1:], True
+        self._start, self._widest, self._holds_new = self._old.u[1:], 1.0, True
 
     def let_new_slip(self) -> None:
         """What comes into contact slips freely: `glue`."""
-        self._start, self._holds_new = self._old.u[1:], False
+        self.stick_where_it_was()
+        self._holds_new = False
 
-    def stick_half_way(self) -> None:
-        """What comes into contact sticks half way between the step's beginning and the present state: `mid`."""
-        self._start, self._holds_new = (self._old.u + self._displacements())[1:] / 2, True
+    def stick_on_the_way(self) -> None:
+        """What comes into contact sticks on its way from the step's beginning to the present state: `mid`."""
+        trial = self._present(self._contact.quadrature, self._depth)
+        self._widest = float(trial.opening[trial.p_hat > 0].max(initial=0.0)) or 1.0
+        self._start, self._holds_new = self._displacements()[1:], True
 
     def _displacements(self) -> np.ndarray:
         return (self._compliance.whole @ self._contact.forces.ravel()).reshape(-1, self._n)
@@ -81,23 +88,24 @@ class CondensedFriction:
 
     def newton(self, delta: float, softer: float) -> bool:
         """Semismooth Newton on X = [int p N, int t N] from the present forces, `softer` times both stiffnesses."""
-        contact = self._contact
+        contact, self._depth = self._contact, delta
         N, W, _ = contact.quadrature
         D = self._responses - softer * self._stiffnesses * self._compliance.whole
         X: np.ndarray = contact.forces.ravel()
         nothing = contact.nothing(lambda F: np.abs(F).max(initial=0.0))
-        least, seen = np.inf, list[bytes]()
+        residuals, seen = list[float](), list[bytes]()
         for _ in range(ITERATIONS):
             trial = self._trial(D @ X, contact.quadrature, delta, softer)
             load = self._loads(trial, N, W)
-            residual = np.abs(X - load).max(initial=0.0)
+            residual, least = np.abs(X - load).max(initial=0.0), min(residuals, default=np.inf)
             allowed = STALLED if residual >= least else TOLERANCE
             if residual <= allowed * np.abs(load).max(initial=0.0) + nothing:
                 contact.forces = load.reshape(-1, self._n)
                 return True
-            if (regions := self._regions(trial)) in seen[:-1] and residual >= least:  # it goes round in a circle
-                return False
-            least, seen = min(least, residual), [*seen, regions]
+            is_back = (regions := self._regions(trial)) in seen[:-1]
+            if residual >= least and (is_back or residuals.index(least) < len(residuals) - PATIENCE):
+                return False  # it goes round in a circle, or comes no nearer
+            residuals, seen = [*residuals, residual], [*seen, regions]
             X = X + self._step(X - load, self._slopes(trial) * W, N, D)
             contact.iterations += 1
         return False
@@ -142,12 +150,14 @@ class CondensedFriction:
         old, nodes = self._old, self._contact.nodes
         p_hat, *t_hat = (values[nodes] @ N.T for values in nodal.reshape(-1, self._n))
         p_hat = p_hat - epsilon_n * (height - delta)
-        before = (old.lam - epsilon_n * old.u[0])[nodes] @ N.T - epsilon_n * (height - old.depth)
-        is_new = before < -AT_ONCE * epsilon_n * abs(delta - old.depth)
-        places = [np.where(is_new, at[nodes] @ N.T, was[nodes] @ N.T)
+        before = old.u[0] - old.lam / self._law.stiffness
+        opening = before[nodes] @ N.T + height - old.depth
+        is_new = opening > AT_ONCE * abs(delta - old.depth)
+        way = is_new * TOUCHED * np.clip(opening / self._widest, 0.0, 1.0) ** CLOSING
+        places = [was[nodes] @ N.T + way * ((at - was)[nodes] @ N.T)
                   for at, was in zip(self._start, old.u[1:], strict=True)]  # fmt: skip
         holds = (p_hat > 0) & (self._holds_new | ~is_new)
-        return Trial(p_hat, np.array(t_hat) + epsilon_t * np.array(places), holds)
+        return Trial(p_hat, np.array(t_hat) + epsilon_t * np.array(places), holds, is_new * opening)
 
     def _bound(self, trial: Trial) -> Any:
         """friction p [pressure], infinite for stick."""

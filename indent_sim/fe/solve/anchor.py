@@ -15,13 +15,13 @@ class Anchored(Protocol):
     def let_new_slip(self) -> None:
         """Nowhere."""
 
-    def stick_half_way(self) -> None:
-        """Half way from there to the present state."""
+    def stick_on_the_way(self) -> None:
+        """On the way from there to the present state, the farther the later they touched."""
 
 
 def anchored(surface: Anchored, anchor: str, solve: Callable[[], bool]) -> bool:
-    """Solve a step with the anchor `implicit` or `glue`, or both ways of it: `mid` sticks half way through the step
-    that the first of two solves has found without friction for the new points."""
+    """Solve a step with the anchor `implicit` or `glue`, or both ways of it: with `mid` new points stick on the way
+    through the step that the first of two solves has found without friction for them."""
     if anchor == "implicit":
         surface.stick_where_it_was()
         return solve()
@@ -30,5 +30,5 @@ def anchored(surface: Anchored, anchor: str, solve: Callable[[], bool]) -> bool:
         return False
     if anchor == "glue":
         return True
-    surface.stick_half_way()
+    surface.stick_on_the_way()
     return solve()

@@ -25,13 +25,19 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 
 from indent_sim.fe.body import Body
-from indent_sim.fe.observe.surface import FacetValues, facet_nodes
+from indent_sim.fe.observe.surface import FacetValues, contact_quadrature, facet_nodes
 from indent_sim.fe.terms.gap import Gap
 from indent_sim.fe.terms.traction import Traction
 
 AT_ONCE = 1e-6  # of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
+# A point that comes into contact while a gap `widest` closes elsewhere has gone TOUCHED (gap/widest)^CLOSING of its way
+# through the step when it touches, as if it were smooth. In self-similar contact of a paraboloid without slip the share
+# rises from 0 at the old edge of contact to about 2/3 at the new one; these two leave the least error of the force over
+# half-spaces and layers, stick and Coulomb's law.
+TOUCHED, CLOSING = 0.63, 1 / 3
 UNBOUNDED = 1e30  # [pressure] no traction that sticks is as large
 ROUNDOFF = 1e-30  # [pressure^2] added to |t|^2, whose root has no slope at zero
 
@@ -46,11 +52,14 @@ class Friction:
         mesh, space = body.mesh, body.unknowns.space
         self._old, self._start = fem.Function(space), fem.Function(space)
         self._old_depth, self._start_depth = fem.Constant(mesh, 0.0), fem.Constant(mesh, 0.0)
+        self._widest = fem.Constant(mesh, 1.0)
         self._holds_new = fem.Constant(mesh, 1.0)  # 0: what is new in contact slips freely
         self._epsilon_t = fem.Constant(mesh, float(self._law.epsilon_t))
         self._tangents = normal.gap.tangents
-        is_new = self._is_new()
-        self._slip = self._slips(is_new)
+        opening = self._opening()
+        is_new = ufl.conditional(ufl.gt(opening, AT_ONCE * abs(delta - self._old_depth)), 1.0, 0.0)
+        self._closed = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), is_new * opening, 0.0)
+        self._slip = self._slips(is_new * self._way(opening))
         self._tau = _vector(body.unknowns.fields["tau"])
         is_multiplier = self._law.multiplier == "unknown"
         tau = self._tau if is_multiplier else _vector(body.unknowns.of(self._old)["tau"])
@@ -58,24 +67,27 @@ class Friction:
         self._room = self._bound() - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
-        self._rooms: dict[bytes, FacetValues] = {}
+        self._expressions: dict[tuple[str, bytes], FacetValues] = {}
         self._dissipation = fem.form(body.over_contact(-ufl.dot(self._t, self._slip)))
         self._thrust = [fem.form(body.over_contact(self._push(axis))) for axis in range(body.body_mesh.dim)]
 
-    def _is_new(self) -> Any:
-        """1 where the surface was not in contact at the last equilibrium, 0 where it was."""
+    def _opening(self) -> Any:
+        """The gap at the last equilibrium [length], below zero where the surface was in contact."""
         law, old = self._normal.symbolic_law, self.body.unknowns.of(self._old)
         gap = Gap(self.body, self._old_depth, old["u"])
-        at_once = AT_ONCE * law.stiffness * abs(self._delta - self._old_depth)
-        return ufl.conditional(ufl.lt(law.trial_pressure(gap.g, old.get("lam", 0.0)), -at_once), 1.0, 0.0)
+        return -law.trial_pressure(gap.g, old.get("lam", 0.0)) / law.stiffness
 
-    def _slips(self, is_new: Any) -> Any:
-        """s_k [length] since the points stuck."""
+    def _way(self, opening: Any) -> Any:
+        """How much of its way to the start that it is given a new point of contact had gone when it touched."""
+        return TOUCHED * ufl.max_value(0.0, ufl.min_value(opening / self._widest, 1.0)) ** CLOSING
+
+    def _slips(self, way: Any) -> Any:
+        """s_k [length] since the points stuck, `way` from the last equilibrium to the start."""
         unknowns, dim = self.body.unknowns, self.body.body_mesh.dim
         old, start = unknowns.of(self._old)["u"], unknowns.of(self._start)["u"]
-        moved = unknowns.fields["u"] - old - is_new * (start - old)
+        moved = unknowns.fields["u"] - old - way * (start - old)
         if self.body.scene.physics.gap == "current":
-            sunk = self._delta - self._old_depth - is_new * (self._start_depth - self._old_depth)
+            sunk = self._delta - self._old_depth - way * (self._start_depth - self._old_depth)
             moved += ufl.as_vector([0.0] * (dim - 1) + [sunk])
         return ufl.as_vector([ufl.dot(m, moved) for m in self._tangents])
 
@@ -121,11 +133,13 @@ class Friction:
         self.stick_where_it_was()
         self._holds_new.value = 0.0
 
-    def stick_half_way(self) -> None:
-        """What comes into contact sticks half way between the step's beginning and the present state: `mid`."""
-        self._start.x.array[:] = (self._old.x.array + self.body.local_array()) / 2
-        self._start_depth.value = (self._old_depth.value + self._delta.value) / 2
-        self._holds_new.value = 1.0
+    def stick_on_the_way(self) -> None:
+        """What comes into contact sticks on its way from the step's beginning to the present state (collective)."""
+        closed = self._at("closed", self._closed, contact_quadrature(self.body.body_mesh.dim)[0])()
+        widest = self.body.comm.allreduce(float(closed.max(initial=0.0)), op=MPI.MAX)
+        self._widest.value = widest or 1.0
+        self._start.x.array[:] = self.body.local_array()
+        self._start_depth.value, self._holds_new.value = self._delta.value, 1.0
 
     # ---- measurements --------------------------------------------------------------------------------------------
 
@@ -140,11 +154,15 @@ class Friction:
     def room_at(self, points: np.ndarray) -> np.ndarray:
         """friction p - |t_hat| (facets, points) [pressure] at reference-facet points of the contact surface (collective
         the first time)."""
-        key = points.tobytes()
-        if key not in self._rooms:
+        return self._at("room", self._room, points)()[..., 0]
+
+    def _at(self, name: str, expression: Any, points: np.ndarray) -> FacetValues:
+        """An expression at points of the contact surface, compiled once (collective the first time)."""
+        key = name, points.tobytes()
+        if key not in self._expressions:
             facets = self.body.body_mesh.surfaces["top"]
-            self._rooms[key] = FacetValues(self.body.mesh, facets, self._room, points)
-        return self._rooms[key]()[..., 0]
+            self._expressions[key] = FacetValues(self.body.mesh, facets, expression, points)
+        return self._expressions[key]
 
     def shear_at(self, points: np.ndarray) -> np.ndarray:
         """tau (facets, points, axes) at reference-facet points of the contact surface [pressure]."""
