@@ -92,8 +92,8 @@ def facets_of(cells: np.ndarray, lot: int = LOT) -> Iterator[tuple[np.ndarray, n
     m, corners = cells.shape
     first, second = np.partition(cells, 1, axis=1)[:, :2].T
     least = np.where(first == cells.T, second, first).ravel()
-    borders = np.unique(np.sort(least)[lot - 1 : -1 : lot])
-    for low, high in pairwise([-1, *borders.tolist(), least.max(initial=0)]):
+    ends = np.unique([*np.sort(least)[lot - 1 :: lot], least.max(initial=0)])
+    for low, high in pairwise([-1, *ends.tolist()]):
         corner, cell = np.divmod(np.flatnonzero((low < least) & (least <= high)), max(m, 1))
         kept = np.arange(corners) != corner[:, None]
         yield cells[cell][kept].reshape(-1, corners - 1), cell, corner

@@ -12,14 +12,14 @@ def scatter(comm: Any, table: np.ndarray | None) -> np.ndarray:
 
     A table in a file is never in memory as a whole.
     """
-    (count, *width), kind = comm.bcast((table.shape, table.dtype) if table is not None else None, root=0)
+    (count, *width), kind = comm.bcast((table.shape, table.dtype.str) if table is not None else None, root=0)
     ends = _ends(comm, count)
     if table is None:
         mine = np.empty((ends[comm.rank + 1] - ends[comm.rank], *width), dtype=kind)
         comm.Recv(mine, source=0)
         return mine
-    for other in range(1, comm.size):
-        comm.Send(np.ascontiguousarray(table[ends[other] : ends[other + 1]]), dest=other)
+    for other in range(1, comm.size):  # gmsh's own arrays have a type, though of floats, that mpi4py does not know
+        comm.Send(np.ascontiguousarray(table[ends[other] : ends[other + 1]]).view(kind), dest=other)
     return table[: ends[1]]
 
 

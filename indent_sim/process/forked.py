@@ -97,11 +97,11 @@ class Forked:
             raise Crash("another call took its place")
         try:
             answer, failure, cpu, memory = parcel.receive(child.pipe)
-        except (EOFError, OSError):
+        except (EOFError, ConnectionError):
             crash = child.crash()
             self.stop()
             raise crash from None
-        except BaseException:  # a signal: nobody will wait for this answer
+        except BaseException:  # a signal, or no memory to map it: nobody will wait for this answer
             self.stop()
             raise
         child.is_asked = False
