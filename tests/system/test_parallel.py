@@ -441,7 +441,7 @@ mesh: {refinements: 1}
 def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> None:
     """Each has its slice of the rows, rank 0 beside that arrays that lie in a file, and the scene no more of a mesh
     file than the cells at its outside; each of two regions is with its own cells, or the force would be another."""
-    body = block(n=10, m=8)
+    body = block(n=5, m=4)
     body["regions"] = {"gel": np.flatnonzero(body["points"][body["cells"]].mean(axis=1)[:, 2] < -0.4)}
     write(tmp_path / "part.msh", body | {"regions": {**body["regions"], "rest": np.arange(0)}})
     scene = tmp_path / "scene.yaml"
