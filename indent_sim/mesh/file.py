@@ -116,8 +116,8 @@ def _read(path: Path, file: str, version: tuple[int, ...]) -> MeshFile:
     except BackendError:
         raise
     except Exception as failure:  # readers raise whatever they stumble over
-        is_number = isinstance(failure, KeyError)  # of a kind of cell that the reader does not know, say
-        words = f"its reader does not know {failure}" if is_number else str(failure) or "it is empty or cut short"
+        is_unknown = isinstance(failure, KeyError)  # the number of a kind of cell, say
+        words = f"its reader does not know {failure}" if is_unknown else str(failure) or "it is empty or cut short"
         raise refused(f"'{file}' is not a mesh that can be read: {words}", "write it anew, as gmsh 4.1 say") from None
     return _taken(found, file)
 

@@ -69,6 +69,17 @@ SCENES: dict[str, dict[str, Any]] = {
         "mesh": {"h_contact": 0.2},
         "loading": {"delta": 0.04, "steps": 2},
     },
+    **{
+        f"finite_strain_{method}": {
+            "body": CYLINDER,
+            "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49},
+            "indenter": {"shape": "sphere", "R": 1.0},
+            "contact": {"method": method},
+            "mesh": {"h_contact": 0.04},
+            "loading": {"delta": 0.3, "steps": 3},
+        }
+        for method in ("auto", "active_set")
+    },
     "sticky": {
         "body": CYLINDER,
         "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
@@ -170,11 +181,16 @@ def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str) -
         assert several[:, column] == pytest.approx(one[:, column], rel=SAME, abs=floor), f"{what} of {name}"
 
 
+def assert_same_on(ranks: int, names: Iterable[str], mpirun: Mpirun, program: str = PROGRAM) -> None:
+    """Every curve of these scenes on so many ranks, as on one."""
+    together = parsed(mpirun(ranks, "-c", program, mappings(names)))
+    for name in names:
+        assert_same_curves(alone(*names)[name], together[name], name)
+
+
 @pytest.mark.slow
 def test_same_curves_on_two_ranks(mpirun: Mpirun) -> None:
-    together = parsed(mpirun(2, "-c", PROGRAM, mappings(SCENES)))
-    for name in SCENES:
-        assert_same_curves(alone(*SCENES)[name], together[name], name)
+    assert_same_on(2, SCENES, mpirun)
 
 
 TOGETHER = """
@@ -188,28 +204,21 @@ FEW = ("axisymmetric", "newton", "iterative", "rough_box", "sticky", "box")  # o
 @pytest.mark.parametrize("ranks", [3, 4])
 def test_same_curves_on_ranks_that_share_little(ranks: int, mpirun: Mpirun) -> None:
     """With four ranks some have no facet of the contact surface."""
-    together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(FEW)))
-    for name in FEW:
-        assert_same_curves(alone(*FEW)[name], together[name], name)
+    assert_same_on(ranks, FEW, mpirun)
 
 
 @pytest.mark.verify
 def test_same_curves_where_ranks_factor_a_body_together(mpirun: Mpirun) -> None:
     """As where there is no memory for the whole body on every rank."""
-    names = ("axisymmetric", "box", "rough")
     program = f"from indent_sim.run.simulation import backend\nbackend()\n{TOGETHER}{PROGRAM}"
-    together = parsed(mpirun(2, "-c", program, mappings(names)))
-    for name in names:
-        assert_same_curves(alone(*names)[name], together[name], name)
+    assert_same_on(2, ("axisymmetric", "box", "rough"), mpirun, program)
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_every_method_everywhere_on_several_ranks(ranks: int, mpirun: Mpirun) -> None:
     """The same in plane strain and in three dimensions."""
-    together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(EVERYWHERE)))
-    for name in EVERYWHERE:
-        assert_same_curves(alone(*EVERYWHERE)[name], together[name], name)
+    assert_same_on(ranks, EVERYWHERE, mpirun)
 
 
 PACKED = """
@@ -254,10 +263,16 @@ def test_a_state_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun
                 assert np.abs(ours - theirs).max() <= SAME * max(1e-3, np.abs(ours).max())
 
 
-def test_files_are_written_once(mpirun: Mpirun, tmp_path: Path) -> None:
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """A scene file, alone in its folder."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
+    return path
+
+
+def test_files_are_written_once(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Two ranks leave the folder that one leaves, one row a step, and speak with one voice."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
     finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.split() == [str(tmp_path / "two")]
@@ -288,10 +303,9 @@ mesh: {h_contact: 0.08, h_far: 0.2}
         assert np.abs(together[name] - values).max() <= 1e-11 * np.abs(values).max(), name
 
 
-def test_config_error_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_config_error_ends_every_rank_with_one_message(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Exit 3 of every rank is exit 3 of mpirun; nothing hangs, nothing is made."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))).replace("R: 1.0", "r: 1.0"))
+    config.write_text(config.read_text().replace("R: 1.0", "r: 1.0"))
     finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "three")
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("did you mean 'R'") == 1
@@ -300,9 +314,8 @@ def test_config_error_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path:
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
 
 
-def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_scene_that_cannot_exist_ends_every_rank(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Found only when the scene is resolved, on every rank at once."""
-    config = tmp_path / "scene.yaml"
     config.write_text(to_yaml(from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}})))
     finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 3, finished.stderr
@@ -339,11 +352,9 @@ commands.main()
     ("1", "killed", 137, "signal 9"),
 ])  # fmt: skip
 def test_an_error_on_any_rank_ends_all(
-    ranks: str, how: str, code: int, said: str, mpirun: Mpirun, tmp_path: Path
+    ranks: str, how: str, code: int, said: str, config: Path, mpirun: Mpirun, tmp_path: Path
 ) -> None:
     """One message and the exit code of the error, whether one rank fails or all; to hang would take minutes."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
     finished = mpirun(3, "-c", FAILING, ranks, how, "run", config, "--output", tmp_path / "out")
     assert finished.returncode == code, finished.stderr
     assert finished.stderr.count(said) == 1, finished.stderr
@@ -366,10 +377,8 @@ main()
 """
 
 
-def test_a_signal_while_a_row_is_written_is_everybodys(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_a_signal_while_a_row_is_written_is_everybodys(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """The other ranks learn of it by a message, and leave rank 0 the time to close its files."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
     finished = mpirun(2, "-c", STOPPED_IN_A_ROW, "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 143 and "Traceback" not in finished.stderr, finished.stderr
     assert finished.stderr.count("stopped by SIGTERM") == 1
