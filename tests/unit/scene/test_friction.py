@@ -108,7 +108,7 @@ SPHERE = {"shape": "sphere", "R": 1.0}
     ids=["finite strain", "current gap", "half-space"])  # fmt: skip
 def test_beyond_small_strain_stick_has_no_number(beyond: dict[str, Any]) -> None:
     """The ball would gain 10.0 %, solved, where the map at small strain knows of less than five."""
-    said = scene(beyond.pop("contact", {}), **beyond).plan.stick
+    said = scene(**({"contact": {}} | beyond)).plan.stick
     assert said and said.is_telling and (said.percent, said.low, said.high) == (None, None, None)
     assert "%" not in said.words and "--error-bars" in said.words
 
@@ -123,7 +123,7 @@ def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
 
 
 def test_what_would_not_tell_at_small_strain_is_not_said() -> None:
-    """Incompressible and thick: a half-space would not slip anyway."""
+    """Nearly incompressible and thick: it would hardly slip anyway."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.49}
     assert scene({}, material=material, loading={"delta": 0.001}).plan.stick is None
 
