@@ -233,8 +233,9 @@ def _smooth(scene: Scene) -> Scene | None:
 def _factored(scene: Scene) -> Scene | None:
     """The same scene for a solver that knows friction; None where that does not fit this machine."""
     physics, part = scene.physics, scene.physics.part
+    is_linear = physics.small_strain and physics.gap == "reference"
     is_small = candidates(scene.sizes, part) * part.dim <= MOST_CANDIDATES
-    method: Literal["condensed", "newton"] = "condensed" if physics.small_strain and physics.gap == "reference" and is_small else "newton"
+    method: Literal["condensed", "newton"] = "condensed" if is_linear and is_small else "newton"
     mixed = any(region.formulation == "mixed" for region in part.regions)
     work = Work(method, "direct", mixed, STICK_STEPS[part.dim], nonlinear=True, rough=True)
     if cost(scene.sizes, part, work).memory > machine_memory():

@@ -9,6 +9,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.part import Part
+from indent_sim.mesh.piece import Piece
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
@@ -180,13 +181,14 @@ class Scene:
         return not peakless(self.physics.body, tip, self.physics.center, self.sizes, a)
 
 
-def resolve(config: Config, per_radius: float | None = None) -> Scene:
+def resolve(config: Config, per_radius: float | None = None, piece: Piece | None = None) -> Scene:
     """Decide everything the config leaves open.
 
     With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is expected to need.
+    piece: the body of the config's mesh file, where it has been read.
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
-    given = given_by(config)
+    given = given_by(config, piece)
     if by_theory := choices.theory(config, given):
         return _by_theory(config, given, by_theory)
     return _meshed(config, on_finite_body(config, given), per_radius)
@@ -227,7 +229,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
-    said = None if law.friction or law.adhesion else _stick(config, given, gap)
+    said = None if law.friction or law.adhesion else _stick(config, given, gap, str(linear.value))
     is_known = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0 and _is_linear(given, gap)
     rough = rubbed(given.part, given.tip, config.contact.friction, given.path) if is_known else None
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, rough, adherence,
@@ -236,12 +238,13 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
-def _stick(config: Config, given: Given, gap: str = "reference") -> Stick | None:
+def _stick(config: Config, given: Given, gap: str = "reference", linear: str = "direct") -> Stick | None:
     """What no slip would change at the deepest contact."""
     if given.deepest <= 0:
         return None
     return stick(given.part, given.tip, given.a, given.body.rim_distance(given.center),
-                 is_half_space=isinstance(config.body, HalfSpace), is_linear=_is_linear(given, gap))  # fmt: skip
+                 is_half_space=isinstance(config.body, HalfSpace), is_linear=_is_linear(given, gap),
+                 is_solvable=not given.part.pins and linear != "iterative")  # fmt: skip
 
 
 def _is_linear(given: Given, gap: str) -> bool:
