@@ -199,7 +199,8 @@ SOLVER = (
     ),
     Symbol("linear", "", "how linear systems are solved, by factorisation or iteratively; changes digits below 1e-8 "
            "alone", WORD),
-    Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit", "1"),
+    Symbol("rtol", "", "relative residual at which a step counts as converged; looser ones would fail the audit. At "
+           "most 1e-10 with linear: iterative", "1"),
     Symbol("max_iterations", "", "most Newton iterations of one step", "1"),
     Symbol("petsc", "", "options for PETSc; one that it does not use, or that is not on the list, is an error", WORD),
 )
