@@ -126,8 +126,9 @@ class Penalty(_NormalStiffness):
 
 @dataclass(frozen=True)
 class AugmentedLagrangian(_NormalStiffness):
-    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only steers it, and
-    epsilon_t what slides; where the surface sticks what friction adds moves by 0.3 h_contact/a of itself per decade."""
+    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only steers it, and so
+    does epsilon_t what slides; where the surface sticks, what it adds to the force moves by 0.35 h_contact/a of itself
+    per decade."""
 
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
     epsilon_n: ContactStiffness | Auto = "auto"

@@ -175,15 +175,15 @@ class Ways:
         return float("nan") if any(map(isnan, said)) else self.factor * max(said)
 
 
-def ways(scene: Scene, follow: Callable[[Scene], Sequence[State]]) -> Ways | None:
-    """What the steps of a path with friction may cost, by steps half as long; None without friction."""
-    physics = scene.physics
-    if not physics.has_friction:
+def ways(run: Companion, follow: Callable[[Scene], Sequence[State]]) -> Ways | None:
+    """What the steps of a path with friction may cost, by a run and steps half as long; None without friction."""
+    if run.scene is None or not run.scene.physics.has_friction:
         return None
+    physics = run.scene.physics
     path = LoadPath(physics.path.control, _halved(physics.path.values))
-    finer = follow(scene.with_physics(path=path, deltas=_halved(physics.deltas)))
+    finer = follow(run.scene.with_physics(path=path, deltas=_halved(physics.deltas)))
     kept = [replace(state, step=state.step // 2) for state in finer if state.step % 2 == 0]
-    return Ways(_curve(follow(scene)), _curve(kept), HALVED[physics.anchor])
+    return Ways(run.curve, _curve(kept), HALVED[physics.anchor])
 
 
 STICK_STEPS = {2: 10, 3: 4}  # by dim: new contact sticks on the way through each, to 0.05 % and 0.15 % of the force

@@ -248,11 +248,12 @@ def _refuse_slippery(law: Any, unit: float, stiffness: float) -> None:
     units, whose scale is `stiffness`."""
     if not law.friction or law.epsilon_t >= law.smallest_tangential * unit * (1 - 1e-9):
         return
+    given = ", or auto (epsilon_n)" if law.epsilon_t != law.stiffness else ""
     raise ConfigError(
         "contact.epsilon_t",
         f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {law.smallest_tangential:g} E*/h_contact {law.method} "
         "loses friction, or does not converge",
-        f"at least {law.smallest_tangential * unit * stiffness:.4g}, or auto (epsilon_n)",
+        f"at least {law.smallest_tangential * unit * stiffness:.4g}{given}",
     )
 
 

@@ -200,7 +200,7 @@ def shifted(multiple: float, elements: float) -> float:
     Measured at 0.01 to 1000 on thick bodies of nu 0 and 0.3 and thin layers of nu 0.49 and 0.5: 0.05-0.06 a decade with
     4 to 5 elements in the contact radius, 0.02-0.045 with 8 to 10.
     """
-    return float(0.3 / elements * np.log10(multiple))
+    return float(0.35 / elements * np.log10(multiple))
 
 
 def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
