@@ -384,7 +384,7 @@ def test_the_same_in_other_units() -> None:
 
 
 def test_the_same_depth_again_slides_nowhere() -> None:
-    """But for what the elements leave of the shear: 1e-4 of the force with five of them in the contact, less with 10."""
+    """But for what the elements leave of the shear: 1e-4 of the force, five of them in the contact, less with ten."""
     paths = (rough(0.3, 0.3, {"deltas": [A**2, A**2]}, mesh={"h_contact": A / n}) for n in (5, 10))
     coarse, fine = (abs(again.force / once.force - 1) for once, again in paths)
     assert fine < coarse < 1e-4
