@@ -32,7 +32,7 @@ check: setup lint ## ruff, mypy, and the tests that run nothing: a minute
 	$(VENV)/python -m pytest -q tests/unit tests/laws
 
 test: setup lint ## ruff, mypy, and all tests but `system`
-	$(VENV)/python -m pytest -q -n 2 --durations=15 tests/unit tests/laws tests/physics tests/regression
+	$(VENV)/python -m pytest -q -n 2 --dist loadfile --durations=15 tests/unit tests/laws tests/physics tests/regression
 
 system: setup ## commands, ranks, signals, kills, full disks, batch jobs, studies
 	$(VENV)/python -m pytest -q -n 2 --durations=15 tests/system

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import signal
@@ -35,6 +36,14 @@ MPI_ENVIRONMENT = {
 PATIENCE = 180  # s; a run that takes longer than this hangs
 
 Mpirun = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nothing_old_is_searched() -> None:
+    """Every solve ends with a search for garbage: among the libraries and what earlier files keep it takes as long as
+    a small solve. What is there when a file of tests begins is left out of it."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,8 @@ def check(text: str) -> None:
     html5lib.HTMLParser(strict=True).parse(text)
     outside = _Outside()
     outside.feed(text)
-    assert outside.found == [] and "http" not in re.sub(r"<pre>.*?</pre>", "", text, flags=re.DOTALL)
+    told = re.sub(r"<pre>.*?</pre>|base64,[\w+/=\s]*", "", text, flags=re.DOTALL)  # four letters are in any picture
+    assert outside.found == [] and "http" not in told
     assert not re.search(r"url\((?!#)", text) and "@import" not in text
     names = re.findall(r'\bid="([^"]*)"', text)
     assert len(names) == len(set(names)) and {f"#{name}" for name in names} >= set(re.findall(r"url\((#[^)]*)\)", text))

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from indent_sim.model.symbols import PULL_OFF, lookup
 from indent_sim.process.errors import printable
 
 if TYPE_CHECKING:
@@ -90,10 +91,10 @@ def _adhesion(report: dict[str, Any]) -> list[str]:
     pulled = report.get("largest_pull")
     if pulled is None:
         return []
-    known = (("maugis_pull_off", "Maugis-Dugdale on a half-space"), ("jkr_pull_off", "without range (JKR)"))
-    beside = [f"{words} {report[name]:.6g}" for name, words in known if report.get(name) is not None]
-    lines = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
-    return ["; pull-off ".join([lines, ", ".join(beside)]) if beside else lines]
+    known = [(symbol.meaning, report.get(symbol.name)) for symbol in PULL_OFF]
+    beside = [f"; {words} {force:.6g}" for words, force in known if force is not None]
+    line = f"largest pull: force {pulled['force']:.6g} at delta {pulled['delta']:.6g}, step {pulled['step']}"
+    return ["".join([line, *beside])]
 
 
 def _experiment(report: dict[str, Any]) -> list[str]:
@@ -201,7 +202,6 @@ def alternatives(section: str) -> str:
 def _parameters(section: str, kind: type) -> str:
     from indent_sim.config import schema
     from indent_sim.config.key_types import describe, hints
-    from indent_sim.model.symbols import lookup
 
     rows = []
     for name in schema.file_order(kind):

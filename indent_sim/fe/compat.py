@@ -81,7 +81,7 @@ def _of_coordinates(dim: int) -> Any:
 
 
 def create_mesh(comm: Any, cells: np.ndarray, points: np.ndarray, dim: int) -> Any:
-    """Distribute a simplex mesh given on any of the ranks (empty elsewhere), without ghost cells."""
+    """Distribute a simplex mesh, of which each rank has some rows of points and cells, without ghost cells."""
     domain = ufl.Mesh(_of_coordinates(dim))
     ghosts = dolfinx.mesh.GhostMode.none
     if VERSION < (0, 6):  # an array would be tried first, and refused with its text, 0.02 s

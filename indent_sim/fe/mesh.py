@@ -10,6 +10,7 @@ import dolfinx
 import numpy as np
 
 from indent_sim.fe import compat
+from indent_sim.mesh import rows
 from indent_sim.mesh.grid import Grid
 from indent_sim.mesh.part import Part
 
@@ -55,17 +56,21 @@ class BodyMesh:
 
 
 def distribute(grid: Grid | None, part: Part, comm: Any) -> BodyMesh:
-    """Spread the grid of a part, which rank 0 holds, over all ranks, its named surfaces with it."""
+    """Divide the grid of a part, which rank 0 can read, among all ranks; each has its named surfaces (collective).
+
+    A rank takes the rows of one slice of points and cells, and from there dolfinx finds who is best to have which cell.
+    """
     dim = part.dim
-    points, cells = (grid.points, grid.cells) if grid else (np.empty((0, dim)), np.empty((0, dim + 1), dtype=np.int64))
+    fingerprint, named = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
+    points, cells, regions = (rows.scatter(comm, getattr(grid, name, None)) for name in ("points", "cells", "regions"))
     mesh = compat.create_mesh(comm, cells, points, dim)
-    fingerprint, named, regions = comm.bcast((grid.hash, grid.surfaces, grid.regions) if grid else None, root=0)
+    regions = rows.fetch(comm, regions, np.asarray(mesh.topology.original_cell_index))
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
     mesh.topology.create_connectivity(0, dim)
     facets, corners = compat.exterior_facets(mesh)
     surfaces = {surface: facets[_among(corners, wanted)] for surface, wanted in named.items()}
-    return BodyMesh(mesh, part, surfaces, regions[mesh.topology.original_cell_index], fingerprint)
+    return BodyMesh(mesh, part, surfaces, regions, fingerprint)
 
 
 def _among(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:

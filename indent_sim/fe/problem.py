@@ -92,7 +92,7 @@ class Problem:
             weights[places[places < self.unknowns.owned]] = self.weights[name]
         return weights
 
-    @property
+    @cached_property
     def weights(self) -> dict[str, float]:
         """The factor of each field beside the displacement that turns its rows into forces."""
         pressures = {name: region.material.constants.E for region, name in self.body.pressures.items()}

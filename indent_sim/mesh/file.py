@@ -25,7 +25,10 @@ import numpy as np
 from indent_sim.process.errors import BackendError, ConfigError
 
 READERS = {".msh": "gmsh", ".xdmf": "xdmf", ".vtu": "vtu", ".inp": "abaqus"}  # ending -> module of meshio
-MOST_BYTES = 2 * 10**8  # of a file: some millions of cells
+MOST_BYTES = 2 * 10**9  # of a file whose arrays are read as they are, HDF5 and gmsh's: some ten millions of cells
+MOST_TEXT = 2 * 10**8  # of one that is taken apart, in some times as much memory: some millions
+MOST_PACKED = 2 * 10**8  # of an array in less than a PACKED part of that: a few bytes may unfold to fill the memory
+PACKED = 100
 VERTICES = {"line": 2, "triangle": 3, "tetra": 4, "line3": 2, "triangle6": 3, "tetra10": 4}
 DIMENSION = {2: 1, 3: 2, 4: 3}  # of a simplex, by its vertices
 EDGES = {2: [(0, 1)], 3: [(0, 1), (1, 2), (2, 0)], 4: [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]}  # as in VTK
@@ -83,7 +86,7 @@ def _refuse_outside(folder: Path, path: Path, file: str) -> None:
 
 
 def _opened(path: Path, file: str) -> os.stat_result:
-    """That a file is there, regular, readable and no larger than MOST_BYTES."""
+    """That a file is there, regular, readable and not too long."""
     try:
         about = path.stat()
         if not stat.S_ISREG(about.st_mode):
@@ -93,8 +96,10 @@ def _opened(path: Path, file: str) -> os.stat_result:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise refused(f"cannot read the mesh '{file}': {reason}", "it is looked for beside the scene file") from None
-    if about.st_size > MOST_BYTES:
-        raise refused(f"'{file}' is longer than {MOST_BYTES} bytes", "coarsen the mesh")
+    most = MOST_BYTES if path.suffix.lower() == ".msh" else MOST_TEXT
+    if about.st_size > most:
+        better = "" if most == MOST_BYTES else ", or write it as .msh, or as .xdmf with HDF5 beside it"
+        raise refused(f"'{file}' is longer than {most} bytes", f"coarsen the mesh{better}")
     if path.suffix.lower() not in READERS:
         raise refused(f"'{file}' is of no known kind", f"it must end in one of {', '.join(READERS)}")
     return about
@@ -111,8 +116,8 @@ def _read(path: Path, file: str, version: tuple[int, ...]) -> MeshFile:
     except BackendError:
         raise
     except Exception as failure:  # readers raise whatever they stumble over
-        is_number = isinstance(failure, KeyError)  # of a kind of cell that the reader does not know, say
-        words = f"its reader does not know {failure}" if is_number else str(failure) or "it is empty or cut short"
+        is_unknown = isinstance(failure, KeyError)  # the number of a kind of cell, say
+        words = f"its reader does not know {failure}" if is_unknown else str(failure) or "it is empty or cut short"
         raise refused(f"'{file}' is not a mesh that can be read: {words}", "write it anew, as gmsh 4.1 say") from None
     return _taken(found, file)
 
@@ -154,8 +159,9 @@ def _refuse_elsewhere(path: Path, inside: str, file: str) -> None:
             found = None if leads_out else store[inside]
             if leads_out or not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
                 raise refused(f"'{file}' takes its numbers from '{inside}', which are not in '{path.name}' itself")
-            if found.nbytes > MOST_BYTES:
-                raise refused(f"'{file}' takes its numbers from '{inside}', which is longer than {MOST_BYTES} bytes")
+            most = min(MOST_BYTES, max(MOST_PACKED, PACKED * found.id.get_storage_size()))
+            if found.nbytes > most:
+                raise refused(f"'{file}' takes its numbers from '{inside}', which is longer than {most} bytes")
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         raise refused(f"'{file}' is not a mesh that can be read: {error}") from None
 

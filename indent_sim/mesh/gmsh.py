@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.ranks import is_one_of_several
 
+T = TypeVar("T")
 SHAKE = 1e-9  # of the body, what gmsh shifts points by so that no four of them lie on a circle
 SHAKE_OF_ELEMENT = 1e-4
 MILDER = (1.0, 0.1, 0.01)  # of that, in turn: 4 meshes in 10 of a strip had flat triangles at 1, none at 0.1
@@ -38,17 +39,29 @@ def build(part: Part, sizes: Sizes) -> Grid:
 def begin(part: Part, sizes: Sizes) -> Callable[[], Grid]:
     """Begin to mesh a part in the forked process; what is returned waits for the grid that `build` returns.
 
-    A mesh from a file is refined here, without gmsh. On several ranks a process is not forked once MPI may be up, and
-    without room for one this process meshes itself.
+    A mesh from a file is refined, without gmsh, and by a process alone here.
     """
-    if isinstance(part, MeshedPart):
+    if not isinstance(part, MeshedPart):
+        return elsewhere("gmsh could not mesh the body", _meshed, part, sizes, aloud=True)
+    if not is_one_of_several():
         return partial(refined, part, sizes)
+    return elsewhere("the mesh could not be refined", refined, part, sizes)
+
+
+def elsewhere(failure: str, function: Callable[..., T], *arguments: Any, **there: Any) -> Callable[[], T]:
+    """Begin a call in the forked process, told `there` too; what is returned waits for what it gives.
+
+    On several ranks the arrays stay in a temporary file, from which they are divided; a process is not forked once MPI
+    may be up, and without room for one this process does it. MeshError where it crashes, with `failure` as its words.
+    """
+    here = partial(function, *arguments)
     if not _mesher.is_up and is_one_of_several():
-        return partial(_meshed, (part, sizes))
+        return here
     try:
-        return partial(_answered, _mesher.ask((part, sizes)))
+        answer = _mesher.ask(partial(here, **there), mapped=is_one_of_several())
     except OSError:
-        return partial(_meshed, (part, sizes))
+        return here
+    return partial(_answered, answer, failure)
 
 
 def start() -> None:
@@ -57,19 +70,19 @@ def start() -> None:
         _mesher.start()
 
 
-def _answered(answer: Callable[[], Grid]) -> Grid:
+def _answered(answer: Callable[[], T], failure: str) -> T:
     try:
         return answer()
     except Crash as crash:
-        raise MeshError(f"gmsh could not mesh the body: its process {crash}") from None
+        raise MeshError(f"{failure}: its process {crash}") from None
 
 
-def _meshed(task: tuple[Part, Sizes], aloud: bool = False) -> Grid:
+def _meshed(part: Part, sizes: Sizes, aloud: bool = False) -> Grid:
     """The mesh of a part; gmsh may fail, or leave cells without volume, by its shift: then with a smaller one."""
     failure = MeshError("gmsh left cells without volume; another mesh.h_contact may help")
     for milder in MILDER:
         try:
-            grid = _generated(*task, milder * _shake(*task), aloud)
+            grid = _generated(part, sizes, milder * _shake(part, sizes), aloud)
         except MeshError as error:
             failure = error
             continue
@@ -98,7 +111,7 @@ def _load() -> None:
 
 
 # One for this process, as gmsh is; what gmsh prints there is kept for the message of a crash
-_mesher = Forked(partial(_meshed, aloud=True), _load)
+_mesher = Forked(lambda call: call(), _load)
 
 
 @contextmanager

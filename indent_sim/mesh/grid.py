@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from indent_sim.mesh.part import Part
 
 DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
 ON_SURFACE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
+LOT = 10**6  # rows worked on at a time: what they take then is little beside what a solver takes
 OF_ELEMENT = 1e-3  # the smallest: less than what lies between a surface and the next nodes
 
 
@@ -30,8 +33,11 @@ class Grid:
 
     @property
     def hash(self) -> str:
-        """Fingerprint of the mesh, for the record of a run."""
-        digest = hashlib.sha256(np.round(self.points, DIGITS).tobytes() + self.cells.tobytes())
+        """Fingerprint of the mesh, for the record of a run; not all of it in memory at a time."""
+        digest = hashlib.sha256()
+        for table, to_digits in ((self.points, partial(np.round, decimals=DIGITS)), (self.cells, np.ascontiguousarray)):
+            for some in lots(len(table)):
+                digest.update(to_digits(table[some]).tobytes())
         return digest.hexdigest()[:16]
 
 
@@ -69,8 +75,30 @@ def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:
 
 def boundary_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The facets (k, dim) that belong to one cell only, and the corner (k,) of that cell that is not on it."""
-    corners = cells.shape[1]
-    facets = np.concatenate([np.delete(cells, corner, axis=1) for corner in range(corners)])
-    _, first, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    alone = first[counts == 1]
-    return facets[alone], cells.T.ravel()[alone]
+    found, opposite = [cells[:0, 1:]], [cells[:0, 0]]
+    for facets, cell, corner in facets_of(cells):
+        _, first, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+        alone = first[counts == 1]
+        found.append(facets[alone])
+        opposite.append(cells[cell[alone], corner[alone]])
+    return np.concatenate(found), np.concatenate(opposite)
+
+
+def facets_of(cells: np.ndarray, lot: int = LOT) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The facets (k, dim) of all cells, with the cell (k,) of each and the corner (k,) of that which it leaves out.
+
+    About a `lot` of them at a time, by their smallest point: those of the same points come together.
+    """
+    m, corners = cells.shape
+    first, second = np.partition(cells, 1, axis=1)[:, :2].T
+    least = np.where(first == cells.T, second, first).ravel()
+    ends = np.unique([*np.sort(least)[lot - 1 :: lot], least.max(initial=0)])
+    for low, high in pairwise([-1, *ends.tolist()]):
+        corner, cell = np.divmod(np.flatnonzero((low < least) & (least <= high)), max(m, 1))
+        kept = np.arange(corners) != corner[:, None]
+        yield cells[cell][kept].reshape(-1, corners - 1), cell, corner
+
+
+def lots(count: int) -> Iterator[slice]:
+    """Slices of so many rows, some at a time."""
+    return (slice(begin, begin + LOT) for begin in range(0, count, LOT))

@@ -6,14 +6,24 @@ import hashlib
 
 import numpy as np
 
-from indent_sim.mesh.file import MeshFile, place_of, refused
-from indent_sim.mesh.grid import Grid, boundary_of
-from indent_sim.mesh.piece import Piece, edges_of, keys_of, righted
+from indent_sim.mesh.file import MeshFile, place_of, read, refused
+from indent_sim.mesh.grid import Grid, boundary_of, facets_of, lots
+from indent_sim.mesh.piece import Piece, Skin, edges_of, keys_of, righted, skin_of
 from indent_sim.model.body import MeshFromFile
 
 FLAT = 1e-9  # volume of a cell over length^dim: less is none
 LEVEL = 1e-9  # of the body, or of a unit normal: what a level face or an upright wall may depart from that
 KIND = {1: "lines", 2: "triangles", 3: "tetrahedra"}
+
+
+def piece_in(folder: str, body: MeshFromFile, has_material: bool) -> Piece:
+    """The body that the cells, surfaces and regions of a file below a folder make; see `piece_of`."""
+    return piece_of(read(folder, body.file), body, has_material)
+
+
+def skin_in(folder: str, body: MeshFromFile, has_material: bool) -> Skin:
+    """The skin of the body of a file, which holds the whole."""
+    return skin_of(piece_in(folder, body, has_material))
 
 
 def piece_of(file: MeshFile, body: MeshFromFile, has_material: bool) -> Piece:
@@ -26,8 +36,9 @@ def piece_of(file: MeshFile, body: MeshFromFile, has_material: bool) -> Piece:
         has = " and ".join(KIND[found] for found in sorted(file.cells)) or "no cells"
         raise refused(f"the file has {has}, and a body in {dim} dimensions is made of {KIND[dim]}", "3d for "
                       "tetrahedra, axisymmetric or plane_strain for triangles", "body.kinematics")  # fmt: skip
-    used, cells = np.unique(file.cells[dim], return_inverse=True)
-    cells = cells.reshape(-1, dim + 1)
+    is_used = np.zeros(len(file.points), dtype=bool)
+    is_used[file.cells[dim]] = True
+    used, cells = np.flatnonzero(is_used), (np.cumsum(is_used) - 1)[file.cells[dim]]
     points = _in_dimensions(file.points[used], dim, body)
     _refuse_tangled(points, cells)
     names, regions = _regions(file, body, dim, len(cells), has_material)
@@ -63,32 +74,41 @@ def _in_dimensions(points: np.ndarray, dim: int, body: MeshFromFile) -> np.ndarr
 
 def _refuse_tangled(points: np.ndarray, cells: np.ndarray) -> None:
     """ConfigError for cells without volume, that overlap their neighbours, or that hang together in no one piece."""
-    dim, corners = points.shape[1], points[cells]
-    edges = corners[:, 1:] - corners[:, :1]
-    volumes, lengths = np.linalg.det(edges), np.abs(edges).max(axis=(1, 2))
-    if (flat := np.abs(volumes) <= FLAT * lengths**dim).any():
-        raise refused(f"{flat.sum()} cells have no volume, the first at {place_of(corners[flat][0])}",
+    if len(flat := np.concatenate([_flat(points, cells[some]) for some in lots(len(cells))])):
+        raise refused(f"{len(flat)} cells have no volume, the first at {place_of(points[flat[0]])}",
                       "mesh the body anew")  # fmt: skip
-    facets = np.concatenate([np.delete(cells, k, axis=1) for k in range(dim + 1)])
-    order = np.lexsort(np.sort(facets, axis=1).T)
-    same = (np.sort(facets, axis=1)[order][1:] == np.sort(facets, axis=1)[order][:-1]).all(axis=1)
-    if (same[1:] & same[:-1]).any():
-        shared = facets[order[1:-1][same[1:] & same[:-1]][0]]
-        raise refused(f"three cells share the facet at {place_of(points[shared])}", "mesh the body anew")
-    first, second = order[:-1][same], order[1:][same]
-    folded = _side(points, cells, facets[first], first) * _side(points, cells, facets[first], second) >= 0
-    if folded.any():
-        raise refused(f"{folded.sum()} cells are inverted: they overlap a neighbour, the first at "
-                      f"{place_of(points[facets[first[folded][0]]])}", "mesh the body anew")  # fmt: skip
+    folded = np.concatenate([_folded(points, cells[cell, corner], facets) for facets, cell, corner in facets_of(cells)])
+    if len(folded):
+        raise refused(f"{len(folded)} cells are inverted: they overlap a neighbour, the first at "
+                      f"{place_of(points[folded[0]])}", "mesh the body anew")  # fmt: skip
     if (pieces := len(np.unique(_connected(cells, len(points))))) > 1:
         raise refused(f"the mesh is in {pieces} pieces that share no points", "merge double points (gmsh: Coherence)")
 
 
-def _side(points: np.ndarray, cells: np.ndarray, facets: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """On which side of facets, by sign, the corner lies that facets `number` of all cells leave out."""
-    opposite = points[cells[number % len(cells), number // len(cells)]]
-    corners = points[facets]
-    return np.asarray(np.linalg.det(np.concatenate([corners[:, 1:], opposite[:, None]], axis=1) - corners[:, :1]))
+def _flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Those of the cells that have no volume."""
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    lengths = np.abs(edges).max(axis=(1, 2))
+    return np.asarray(cells[np.abs(np.linalg.det(edges)) <= FLAT * lengths ** points.shape[1]])
+
+
+def _folded(points: np.ndarray, opposite: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Those facets whose two cells, by the corner `opposite` of each, are on the same side; ConfigError for a third."""
+    ascending = np.sort(facets, axis=1)
+    order = np.lexsort(ascending.T)
+    same = (ascending[order[1:]] == ascending[order[:-1]]).all(axis=1)
+    if (same[1:] & same[:-1]).any():
+        shared = facets[order[1:-1][same[1:] & same[:-1]][0]]
+        raise refused(f"three cells share the facet at {place_of(points[shared])}", "mesh the body anew")
+    first, second = order[:-1][same], order[1:][same]
+    sides = [_side(points, facets[first], opposite[number]) for number in (first, second)]
+    return np.asarray(facets[first][sides[0] * sides[1] >= 0])
+
+
+def _side(points: np.ndarray, facets: np.ndarray, opposite: np.ndarray) -> np.ndarray:
+    """On which side of facets, by sign, other points are."""
+    corners = points[np.column_stack([facets, opposite])]
+    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]))
 
 
 def _connected(cells: np.ndarray, count: int) -> np.ndarray:

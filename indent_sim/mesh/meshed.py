@@ -41,9 +41,7 @@ class MeshedPart(Part):
     @property
     def largest(self) -> float:
         """The longest edge of a cell [length]."""
-        corners = self.piece.grid.points[self.piece.grid.cells]
-        pairs = combinations(range(self.dim + 1), 2)
-        return max(float(np.linalg.norm(corners[:, i] - corners[:, j], axis=1).max()) for i, j in pairs)
+        return self.piece.size.longest_edge
 
     def facet_near(self, center: Point, begin: float, end: float) -> float:
         """The size of contact facets [length] between two distances from a tip's axis, or of the nearest to them.
@@ -215,7 +213,7 @@ def _pins(part: MeshedPart) -> Pins:
 
 def refined(part: MeshedPart, sizes: Sizes) -> Grid:
     """The part's mesh, each cell halved along every edge as often as `sizes` says."""
-    piece = part.piece
+    piece = part.piece.filled
     for _ in range(sizes.refinements or 0):
         piece = halved(piece)
     return piece.grid

@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import cached_property
+from itertools import chain, combinations, islice
+from typing import Any, Self
 
 import numpy as np
 
-from indent_sim.mesh.grid import DIGITS, Grid
+from indent_sim.mesh.grid import DIGITS, Grid, boundary_of, lots
 from indent_sim.model.body import MeshFromFile
 from indent_sim.process.errors import MeshError
 
+LOT = 10**4  # rows of a file written at a time
 GMSH_TYPE = {(1, 1): 1, (2, 1): 2, (3, 1): 4, (2, 2): 9, (3, 2): 11}  # by dimension and order
 EIGHT = {  # an octahedron between the midpoints of a tetrahedron's edges, cut along each of its diagonals
     ((0, 1), (2, 3)): ((0, 2), (0, 3), (1, 3), (1, 2)),
     ((0, 2), (1, 3)): ((0, 1), (0, 3), (2, 3), (1, 2)),
     ((0, 3), (1, 2)): ((0, 1), (0, 2), (2, 3), (1, 3)),
 }
+
+
+@dataclass(frozen=True)
+class Size:
+    """Numbers of a whole mesh: of its cells, its points and its outer facets, and its longest edge [length]."""
+
+    cells: int
+    points: int
+    outside: int
+    longest_edge: float
 
 
 @dataclass(frozen=True)
@@ -44,28 +57,98 @@ class Piece:
         z = self.grid.points[:, -1]
         return float(z.max() - z.min())
 
+    @cached_property
+    def size(self) -> Size:
+        """How large the mesh is."""
+        points, cells = self.grid.points, self.grid.cells
+        longest = max(float(np.linalg.norm(points[cells[:, i]] - points[cells[:, j]], axis=1).max())
+                      for i, j in combinations(range(self.dim + 1), 2))  # fmt: skip
+        return Size(len(cells), len(points), len(boundary_of(cells)[0]), longest)
+
+    @property
+    def filled(self) -> Piece:
+        """The whole of it."""
+        return self
+
     def corners(self, surface: str) -> np.ndarray:
         """The corners of a surface's facets (k, dim, dim) [length]."""
         return self.grid.points[self.grid.surfaces[surface]]
 
-    def led_by(self, region: int) -> Piece:
+    def led_by(self, region: int) -> Self:
         """The same with a region as the first one."""
         order = [region, *(k for k in range(len(self.names)) if k != region)]
         number = np.argsort(order).astype(np.int32)
         grid = replace(self.grid, regions=number[self.grid.regions])
         return replace(self, grid=grid, names=tuple(self.names[k] for k in order))
 
-    def lowered(self, height: float) -> Piece:
+    def lowered(self, height: float) -> Self:
         """The same with what was at a height at z = 0 [length]."""
         return self._placed(lambda points: points - height * np.eye(self.dim)[-1])
 
-    def measured(self, length: float) -> Piece:
+    def measured(self, length: float) -> Self:
         """The same in units of a length, its coordinates rounded as those of all meshes are."""
         return self._placed(lambda points: np.round(points / length, DIGITS) + 0.0)
 
-    def _placed(self, place: Callable[[np.ndarray], np.ndarray]) -> Piece:
+    def _placed(self, place: Callable[[np.ndarray], np.ndarray]) -> Self:
         edges, middles = self.middles
         return replace(self, grid=replace(self.grid, points=place(self.grid.points)), middles=(edges, place(middles)))
+
+
+@dataclass(frozen=True)
+class Skin(Piece):
+    """The cells of a piece that touch its outside: all that a scene must have of it, where many ranks have the scene.
+
+    numbers (n,): of its points among those of the whole piece, which rank 0 can read, as it is in its file.
+    first, lift, unit: the region that leads, and the height and unit [length of the file] of where it has been put.
+    """
+
+    numbers: np.ndarray
+    of_whole: Size
+    whole: Piece | None
+    first: int = 0
+    lift: float = 0.0
+    unit: float = 1.0
+
+    @property
+    def size(self) -> Size:  # type: ignore[override]
+        """How large the whole mesh is."""
+        return replace(self.of_whole, longest_edge=self.of_whole.longest_edge / self.unit)
+
+    @property
+    def filled(self) -> Piece:
+        """The whole piece, put where this is, with the surfaces that this has."""
+        assert self.whole is not None
+        whole = self.whole.led_by(self.first).lowered(self.lift).measured(self.unit)
+        surfaces = {name: self.numbers[facets] for name, facets in self.grid.surfaces.items()}
+        return replace(whole, grid=replace(whole.grid, surfaces=surfaces))
+
+    def led_by(self, region: int) -> Self:
+        """The same with a region as the first one."""
+        return replace(super().led_by(region), first=region)
+
+    def lowered(self, height: float) -> Self:
+        """The same with what was at a height at z = 0 [length]."""
+        return replace(super().lowered(height), lift=height)
+
+    def measured(self, length: float) -> Self:
+        """The same in units of a length."""
+        return replace(super().measured(length), unit=length)
+
+
+def skin_of(piece: Piece) -> Skin:
+    """A piece as its skin, the whole with it."""
+    grid, (edges, places) = piece.grid, piece.middles
+    is_outside = np.zeros(len(grid.points), dtype=bool)
+    is_outside[boundary_of(grid.cells)[0]] = True
+    touching = is_outside[grid.cells].any(axis=1)
+    numbers, cells = np.unique(grid.cells[touching], return_inverse=True)
+    cells = cells.reshape(-1, piece.dim + 1)
+    surfaces = {name: np.searchsorted(numbers, facets) for name, facets in grid.surfaces.items()}
+    inside = np.isin(edges, numbers).all(axis=1)
+    inside[inside] = np.isin(keys_of(np.searchsorted(numbers, edges[inside])), keys_of(edges_of(cells)))
+    middles = np.searchsorted(numbers, edges[inside]), places[inside]
+    skin = Grid(grid.points[numbers], cells, grid.regions[touching], surfaces)
+    return Skin(skin, piece.names, middles, piece.hash, numbers, piece.size, piece)
 
 
 def halved(piece: Piece) -> Piece:
@@ -134,32 +217,58 @@ def righted(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 def _volumes(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Volumes of cells (m,), but for a factor; negative where their corners go round the other way."""
-    corners = points[cells]
-    return np.asarray(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    found = [np.linalg.det(points[cells[some, 1:]] - points[cells[some, :1]]) for some in lots(len(cells))]
+    return np.concatenate([np.empty(0), *found])
 
 
-def as_msh(piece: Piece, source: MeshFromFile) -> str:
-    """What was taken from a file as text in gmsh's format 2.2, which reads as the same piece to the last digit."""
+def as_msh(piece: Piece, source: MeshFromFile) -> Iterator[str]:
+    """What was taken from a file as text in gmsh's format 2.2, which reads as the same piece to the last digit.
+
+    It comes in parts: all of it is several times as long as the arrays.
+    """
     dim, grid = piece.dim, piece.grid
     edges, places = piece.middles
-    points = np.pad(np.vstack([grid.points, places]), ((0, 0), (0, 3 - dim)))
     named = {"top": source.surfaces.contact, "base": source.surfaces.base, "sides": source.surfaces.sides}
     facets = [(str(named[surface]), found) for surface, found in grid.surfaces.items() if surface in named]
     names = [(dim - 1, name) for name, _ in facets] + [(dim, name) for name in piece.names if name]
     tags = {name: k + 1 for k, name in enumerate(names)}
-    elements = [(GMSH_TYPE[dim - 1, 1], tags[dim - 1, name], row) for name, found in facets for row in found]
+    regions = np.array([tags.get((dim, name), 0) for name in piece.names])
     kind = GMSH_TYPE[dim, 2 if len(edges) else 1]
-    rows = grid.cells if len(edges) == 0 else np.hstack([grid.cells, _nodes_on(grid.cells, edges, len(grid.points))])
-    regions = [tags.get((dim, name), 0) for name in piece.names]
-    elements += [(kind, regions[region], row) for region, row in zip(grid.regions, rows, strict=True)]
-    sections = {
-        "MeshFormat": ["2.2 0 8"],
-        "PhysicalNames": [str(len(names)), *(f'{of} {tags[of, name]} "{name}"' for of, name in names)],
-        "Nodes": [str(len(points)), *(f"{k + 1} {x!r} {y!r} {z!r}" for k, (x, y, z) in enumerate(points.tolist()))],
-        "Elements": [str(len(elements)), *(f"{k + 1} {of} 2 {tag} 1 {' '.join(map(str, row + 1))}"
-                                           for k, (of, tag, row) in enumerate(elements))],
-    }  # fmt: skip
-    return "".join(f"${name}\n" + "\n".join(lines) + f"\n$End{name}\n" for name, lines in sections.items())
+
+    def with_middles(cells: np.ndarray) -> np.ndarray:
+        return np.hstack([cells, _nodes_on(cells, edges, len(grid.points))]) if len(edges) else cells
+
+    def nodes() -> Iterator[str]:
+        for k, place in enumerate(chain(_in_lots(grid.points), _in_lots(places))):
+            yield f"{k + 1} {' '.join(map(repr, (*place, 0.0)[:3]))}"
+
+    def elements() -> Iterator[str]:
+        on_facets = ((GMSH_TYPE[dim - 1, 1], tags[dim - 1, name], row) for name, found in facets for row in found)
+        rows = _in_lots(grid.cells, with_middles)
+        in_cells = ((kind, tag, row) for tag, row in zip(_in_lots(grid.regions, regions.take), rows, strict=True))
+        for k, (of, tag, row) in enumerate(chain(on_facets, in_cells)):
+            yield f"{k + 1} {of} 2 {tag} 1 {' '.join(str(node + 1) for node in row)}"
+
+    physical = (f'{of} {tags[of, name]} "{name}"' for of, name in names)
+    count = sum(len(found) for _, found in facets) + len(grid.cells)
+    yield "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+    yield from _section("PhysicalNames", len(names), physical)
+    yield from _section("Nodes", len(grid.points) + len(places), nodes())
+    yield from _section("Elements", count, elements())
+
+
+def _section(name: str, count: int, lines: Iterator[str]) -> Iterator[str]:
+    """A section of a file of gmsh, some lines at a time."""
+    yield f"${name}\n{count}\n"
+    while some := list(islice(lines, LOT)):
+        yield "\n".join(some) + "\n"
+    yield f"$End{name}\n"
+
+
+def _in_lots(rows: np.ndarray, made: Callable[[np.ndarray], np.ndarray] = np.asarray) -> Iterator[Any]:
+    """The rows of an array, or what is made of some of them at a time, as Python's numbers."""
+    for begin in range(0, len(rows), LOT):
+        yield from made(rows[begin : begin + LOT]).tolist()
 
 
 def _nodes_on(cells: np.ndarray, edges: np.ndarray, count: int) -> np.ndarray:

@@ -321,6 +321,19 @@ CONTINUUM = (
     Symbol("n", "n", "outward normal", "1"),
 )
 
+PULL_OFF = (
+    Symbol("maugis_pull_off", "", "pull-off by Maugis-Dugdale on a half-space", "force"),
+    Symbol("jkr_pull_off", "", "pull-off without range (JKR)", "force"),
+)
+
+ADHERENCE = (
+    Symbol("cohesive_zone", "", "cohesive zone", "length"),
+    Symbol("elements", "", "elements in the cohesive zone", "1"),
+    Symbol("tabor", "", "Tabor number", "1"),
+    Symbol("maugis_lambda", r"\lambda", "Maugis' lambda", "1"),
+    *PULL_OFF,
+)
+
 GROUPS = {
     "Scene": SCENE,
     "Body": BODY,
@@ -333,6 +346,7 @@ GROUPS = {
     "Solver": SOLVER,
     "Output": OUTPUT,
     "Results, one row a step": RESULTS,
+    "What is known of an attraction over a range": ADHERENCE,
     "Studies": STUDY,
     "Table of a study, one row a run": STUDY_TABLE,
     "Contact surface": SURFACE,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
-from indent_sim.process import usage
+from indent_sim.process import parcel, usage
 from indent_sim.process.signals import die_with
 
 CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT)
@@ -36,8 +36,8 @@ class Crash(Exception):
 class Forked:
     """Calls `function` in a forked process, which runs `prepare` first and then serves one call after another.
 
-    Argument, answer and exception travel pickled through a pipe; what the process prints is kept for `Crash`. The
-    process leaves SIGINT, SIGTERM and SIGHUP to this one, is killed with it, and is forked anew where it has ended.
+    Argument, answer and exception travel as a `parcel`; what the process prints is kept for `Crash`. The process leaves
+    SIGINT, SIGTERM and SIGHUP to this one, is killed with it, and is forked anew where it has ended.
     It keeps the open files of this one only where it uses MPI, which waits for ever on those that it had here.
     """
 
@@ -69,13 +69,16 @@ class Forked:
         atexit.unregister(self.stop)
         atexit.register(self.stop)  # waits for the process: its CPU time is counted with that of this one
 
-    def ask(self, argument: Any) -> Callable[[], Any]:
-        """Begin a call; what is returned gives its answer once: returns or raises what the function did, or Crash."""
+    def ask(self, argument: Any, mapped: bool = False) -> Callable[[], Any]:
+        """Begin a call; what is returned gives its answer once: returns or raises what the function did, or Crash.
+
+        With `mapped` the arrays of argument and answer lie in temporary files; OSError where these have no room.
+        """
         self.start()
         assert self._child is not None
         child, self._child.is_asked = self._child, True
-        with suppress(OSError):  # it has just crashed: the answer will say so
-            child.pipe.send(argument)
+        with suppress(ConnectionError):  # it has just crashed: the answer will say so
+            parcel.send(child.pipe, (argument, mapped), mapped)
         return lambda: self._answer(child)
 
     def fileno(self) -> int:
@@ -93,12 +96,12 @@ class Forked:
         if child is not self._child:
             raise Crash("another call took its place")
         try:
-            answer, failure, cpu, memory = child.pipe.recv()
-        except (EOFError, OSError):
+            answer, failure, cpu, memory = parcel.receive(child.pipe)
+        except (EOFError, ConnectionError):
             crash = child.crash()
             self.stop()
             raise crash from None
-        except BaseException:  # a signal: nobody will wait for this answer
+        except BaseException:  # a signal, or no memory to map it: nobody will wait for this answer
             self.stop()
             raise
         child.is_asked = False
@@ -121,9 +124,19 @@ class Forked:
             _let_crash()
             while True:
                 usage.forget_peak_memory()
-                pipe.send(self._call(pipe.recv(), shared))
+                self._serve_one(pipe, shared)
         finally:
             os.kill(os.getpid(), signal.SIGKILL)
+
+    def _serve_one(self, pipe: Connection, shared: float) -> None:
+        argument, mapped = parcel.receive(pipe)
+        called = self._call(argument, shared)
+        try:
+            parcel.send(pipe, called, mapped)
+        except ConnectionError:
+            raise
+        except OSError as failure:  # no room for the arrays
+            parcel.send(pipe, (None, failure, *called[2:]))
 
     def _call(self, argument: Any, shared: float) -> tuple[Any, Exception | None, float, float]:
         """Answer or exception of one call, its CPU time [s], and its memory beyond what is shared [MB]."""

@@ -39,14 +39,16 @@ MOST_BYTES = 10**9  # of a file that is read back
 BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
 
 
-def write_atomically(path: Path, content: str | bytes, sync: bool = True) -> None:
-    """Replace a file by new content at once: a reader or a kill sees the old file or the new one."""
-    data = content.encode() if isinstance(content, str) else content
+def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
+    """Replace a file by new content, which may come in parts, at once: a reader or a kill sees the old file or the new
+    one."""
+    parts: Iterable[str | bytes] = [content] if isinstance(content, str | bytes) else content
     temporary = _temporary(path)
     try:
         temporary.unlink(missing_ok=True)  # of a write that was killed, or a link to somewhere else
         with open(temporary, "xb") as file:
-            file.write(data)
+            for part in parts:
+                file.write(part.encode() if isinstance(part, str) else part)
             file.flush()
             if sync:
                 os.fsync(file.fileno())

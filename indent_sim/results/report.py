@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.model.symbols import ADHERENCE
 from indent_sim.process.errors import UsageError
 from indent_sim.process.version import VERSION
 from indent_sim.results.folder import CONFIG, PROGRAM, content, write_atomically
@@ -152,14 +153,11 @@ def _largest_pull(results: Results) -> list[str]:
     if not pulled:
         return []
     units = results.report.get("units") or {}
-    force, length = (in_print(unit_of(kind, units)) for kind in ("force", "length"))
-    names = {"maugis_pull_off": "Maugis-Dugdale on a half-space", "jkr_pull_off": "without range (JKR)"}
-    beside = [f"{words} {known[name]:.5g} {force}" for name, words in names.items() if known.get(name) is not None]
-    lines = [f"Largest pull: force {pulled['force']:.5g} {force} at delta {pulled['delta']:.5g} {length}.",
-             *([f"Pull-off: {', '.join(beside)}."] if beside else [])]  # fmt: skip
-    numbers = {"tabor": "Tabor number", "maugis_lambda": "Maugis' lambda", "elements": "elements in the cohesive zone"}
-    said = [f"{words} {known[name]:.3g}" for name, words in numbers.items() if known.get(name) is not None]
-    return [*lines, f"{', '.join(said)}."]
+    labels = {"1": ""} | {kind: f" {in_print(unit_of(kind, units))}".rstrip() for kind in ("force", "length")}
+    numbers = [f"{symbol.meaning} {known[symbol.name]:.4g}{labels[symbol.dimension]}" for symbol in ADHERENCE
+               if known.get(symbol.name) is not None]  # fmt: skip
+    place = f"force {pulled['force']:.5g}{labels['force']} at delta {pulled['delta']:.5g}{labels['length']}"
+    return [f"Largest pull: {place}.", f"Beforehand: {', '.join(numbers)}."]
 
 
 def _stick(report: Mapping[str, Any]) -> list[str]:

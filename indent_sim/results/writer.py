@@ -8,7 +8,7 @@ import math
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -44,8 +44,8 @@ SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses not
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
-    columns: those of the force table beyond `COLUMNS` that this run has. mesh: text of the file that the config names.
-    The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
+    columns: those of the force table beyond `COLUMNS` that this run has. mesh: the file that the config names, as text
+    in parts. The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
     With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them.
@@ -60,7 +60,7 @@ class ResultFolder:
         columns: tuple[str, ...] = (),
         report: Mapping[str, Any] | None = None,
         resume: bool = False,
-        mesh: str = "",
+        mesh: Iterable[str] = (),
     ):
         self.report: dict[str, Any] = dict(report or {})
         self.rows = 0

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh import gmsh
+from indent_sim.mesh.piece import Piece
+from indent_sim.model.body import MeshFromFile
 from indent_sim.model.contact import Penalty
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import EFFORT, ERRORS, State
@@ -27,6 +29,7 @@ from indent_sim.run.record import Record
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.run.summary import stages
+from indent_sim.scene.given import mapped_skin, piece_of
 from indent_sim.scene.scene import Scene, resolve
 
 if TYPE_CHECKING:
@@ -83,6 +86,8 @@ class Run:
         asked = bars or ("error_budget" in self._before and config.accuracy is None)
         self._with_stick = asked or "stick" in self._before
         refuse_other_bars(self._before, config, self._with_bars, target)
+        with self._clock.stage("resolve"), spent():
+            self._piece = body_from_file(config, comm)
 
     def outcome(self) -> Outcome:
         """What the last attempt came to; VerificationError when it is not as accurate as asked for."""
@@ -96,7 +101,7 @@ class Run:
     def _resolved(self, elements: float | None) -> Scene:
         """The scene with that many elements in a contact radius, where `accuracy` leaves it open."""
         with self._clock.stage("resolve"):
-            return resolve(self.config, elements)
+            return resolve(self.config, elements, self._piece)
 
     def _outcome(self, attempt: Attempt) -> Outcome:
         """Simulate an attempt, with its error bars, and judge it."""
@@ -109,7 +114,7 @@ class Run:
             return outcome
         with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
                     columns=(*scene.physics.columns, *self._columns(scene)),
-                    mesh=mesh_text(config)) as record, unmasked(), spent():  # fmt: skip
+                    mesh=mesh_text(config, self._piece)) as record, unmasked(), spent():  # fmt: skip
             physics, plan = scene.physics, scene.plan
             said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
                     "auto": left_open(config, decided)}  # fmt: skip
@@ -173,6 +178,20 @@ class Run:
     def _curve(self, scene: Scene) -> list[State]:
         """The states of a scene without surface tables; what one failed to reach is missing."""
         return list(states(scene, self.comm, with_surface=False))
+
+
+def body_from_file(config: Config, comm: Any) -> Piece | None:
+    """The body of the config's mesh file, None where it names none (collective).
+
+    On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the body.
+    """
+    if not isinstance(config.body, MeshFromFile):
+        return None
+    if comm.size == 1:
+        return piece_of(config, config.body)
+    skin = on_root(comm, mapped_skin, config, config.body)
+    known = comm.bcast(replace(skin, whole=None) if skin else None, root=0)
+    return skin or known
 
 
 def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: OutputSettings) -> Outcome | None:

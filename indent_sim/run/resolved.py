@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from indent_sim.config.file import to_mapping
 from indent_sim.config.schema import Config, When
 from indent_sim.mesh.meshed import MeshedPart
-from indent_sim.mesh.piece import as_msh
+from indent_sim.mesh.piece import Piece, Skin, as_msh
 from indent_sim.model.body import MeshFromFile
 from indent_sim.results.folder import MESH
-from indent_sim.scene.given import piece_of
 from indent_sim.scene.scene import Scene
 
 OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
@@ -46,9 +45,12 @@ def _of_mesh(config: Config, scene: Scene) -> dict[str, Any]:
     }
 
 
-def mesh_text(config: Config) -> str:
-    """What the file `MESH` of a result folder has to say; "" where the body is meshed here."""
-    return as_msh(piece_of(config, config.body), config.body) if isinstance(config.body, MeshFromFile) else ""
+def mesh_text(config: Config, piece: Piece | None) -> Iterable[str]:
+    """What the file `MESH` of a result folder has to say, on rank 0; nothing where the body is meshed here."""
+    if piece is None or not isinstance(config.body, MeshFromFile):
+        return ()
+    whole = piece.whole if isinstance(piece, Skin) else piece
+    return as_msh(whole, config.body) if whole is not None else ()
 
 
 def left_open(config: Config, decided: Config) -> list[str]:

@@ -328,8 +328,8 @@ def _effort(cost: Cost) -> str:
 def _mesh_of_file(config: Config, part: MeshedPart, given: Given, sizes: Sizes, fineness: Fineness | None
                   ) -> list[Choice]:  # fmt: skip
     """What the file has, how often it is refined, and the sizes that are there then."""
-    grid, L = part.piece.grid, given.scales.length
-    found = f"{len(grid.cells)} cells, {len(grid.points)} points"
+    size, L = part.piece.size, given.scales.length
+    found = f"{size.cells} cells, {size.points} points"
     if len(part.piece.middles[0]):
         found += "; order 2: its midside nodes are the new corners of the first refinement"
     why = fineness.why(L) if fineness else "as given" if config.mesh.refinements else "the mesh as it is"

@@ -12,9 +12,9 @@ from math import pi
 
 import numpy as np
 
-from indent_sim.mesh.grid import Grid, boundary_of
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Part
+from indent_sim.mesh.piece import Size
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import UNIT_BALLS, Inclusion
 
@@ -90,8 +90,8 @@ def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, fl
 def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
     """Cells, nodes of quadratic elements, and vertices of the mesh."""
     if isinstance(part, MeshedPart):
-        grid, fold = part.piece.grid, 2 ** (part.dim * (sizes.refinements or 0))
-        return {"cells": len(grid.cells) * fold, "nodes": _nodes_of(grid) * fold, "vertices": len(grid.points) * fold}
+        size, fold = part.piece.size, 2 ** (part.dim * (sizes.refinements or 0))
+        return {"cells": size.cells * fold, "nodes": _nodes_of(size, part.dim) * fold, "vertices": size.points * fold}
     within = sum(_elements_of(*one, sizes, part) for one in sizes.inclusions)
     if part.dim == 2:
         area = _inverse_area(sizes, part) + within
@@ -100,10 +100,9 @@ def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
     return {name: inside * (volume + within) + outside * surface for name, (inside, outside) in SOLID.items()}
 
 
-def _nodes_of(grid: Grid) -> float:
+def _nodes_of(size: Size, dim: int) -> float:
     """Vertices and edges of a mesh, by Euler's formula, holes left out."""
-    cells, vertices, boundary = len(grid.cells), len(grid.points), len(boundary_of(grid.cells)[0])
-    return 2 * vertices + cells + (0 if grid.points.shape[1] == 2 else boundary / 2)
+    return 2 * size.points + size.cells + (0 if dim == 2 else size.outside / 2)
 
 
 def _inverse_area(sizes: Sizes, part: Part) -> float:

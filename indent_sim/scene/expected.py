@@ -14,6 +14,7 @@ from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body, Dome
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Material
+from indent_sim.model.symbols import ADHERENCE
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Sphere
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import ConfigError
@@ -157,10 +158,8 @@ class Adherence:
     @property
     def words(self) -> str:
         """The same as the reason of a choice."""
-        numbers = ((self.tabor, "Tabor number"), (self.maugis_lambda, "Maugis' lambda"),
-                   (self.maugis_pull_off, "pull-off by Maugis-Dugdale"), (self.jkr_pull_off, "without range (JKR)"))
-        said = [f"{name} {number:.4g}" for number, name in numbers if number is not None]
-        return "; ".join([f"cohesive zone {self.cohesive_zone:.3g}, {self.elements:.3g} elements in it", *said])
+        numbers = ((symbol.meaning, getattr(self, symbol.name)) for symbol in ADHERENCE)
+        return "; ".join(f"{words} {number:.4g}" for words, number in numbers if number is not None)
 
 
 def power_of(tip: Indenter) -> float | None:
@@ -195,8 +194,6 @@ def rubbed_words(friction: float | str, found: Rubbed) -> str:
 
 PULLS = 6.0  # edge elements in the rim that would pull, at most: Newton goes round in a circle from 5 on, measured
 NEARLY_STICK = 5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
-
-
 SURE = 0.3  # Poisson's ratio from which on the facets of a solid, which cross the edge, do not see it: at 0.1 they do
 
 

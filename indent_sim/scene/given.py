@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from indent_sim.mesh import file, inspection, meshed
+from indent_sim.mesh import inspection, meshed
 from indent_sim.mesh.part import Part, Region
-from indent_sim.mesh.piece import Piece
+from indent_sim.mesh.piece import Piece, Skin
 from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, Layer, Meshed, MeshFromFile
 from indent_sim.model.contact import Cohesion
 from indent_sim.model.experiment import Experiment
@@ -107,11 +107,14 @@ class Given:
         return self.theory.at(delta) if self.theory else None
 
 
-def given_by(config: Config) -> Given:
-    """The scene without units, its body as given; ConfigError for one that cannot exist."""
+def given_by(config: Config, piece: Piece | None = None) -> Given:
+    """The scene without units, its body as given; ConfigError for one that cannot exist.
+
+    piece: what `piece_of` finds in the config's mesh file, where somebody has read it.
+    """
     body = config.body
     if isinstance(body, MeshFromFile):
-        meshed_body, piece = _from_file(config, body)
+        meshed_body, piece = _from_file(config, body, piece or piece_of(config, body))
         return _given(config, meshed_body, meshed_body.layers, piece=piece)
     layers = _layers(config)
     if isinstance(body, Cap | Ball):
@@ -264,9 +267,9 @@ def _formulation(key: str, material: Material) -> str:
     return chosen
 
 
-def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, Piece]:
+def _from_file(config: Config, source: MeshFromFile, piece: Piece) -> tuple[Meshed, Piece]:
     """The body that a file has, lowered so that the tip first touches it at z = 0."""
-    piece, center = piece_of(config, source), config.center or source.center
+    center = config.center or source.center
     if source.hash not in (None, piece.hash):
         raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}",
                           "find the mesh that this scene was made with, or leave the hash out")  # fmt: skip
@@ -277,8 +280,16 @@ def _from_file(config: Config, source: MeshFromFile) -> tuple[Meshed, Piece]:
 
 def piece_of(config: Config, source: MeshFromFile) -> Piece:
     """The body as its file, beside the scene's, has it."""
-    found = file.read(os.path.dirname(config.source.name), source.file)
-    return inspection.piece_of(found, source, config.material is not None)
+    return inspection.piece_in(os.path.dirname(config.source.name), source, config.material is not None)
+
+
+def mapped_skin(config: Config, source: MeshFromFile) -> Skin:
+    """The skin of that body, read in the process that meshes; of the whole this one has arrays that lie in a file."""
+    from indent_sim.mesh import gmsh
+
+    what = f"'{source.file}' could not be read"
+    folder = os.path.dirname(config.source.name)
+    return gmsh.elsewhere(what, inspection.skin_in, folder, source, config.material is not None)()
 
 
 def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:

@@ -9,6 +9,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from indent_sim.mesh.part import Part
+from indent_sim.mesh.piece import Piece
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Body, HalfSpace
 from indent_sim.model.contact import ActiveSet, Anchor, ContactLaw
@@ -180,13 +181,14 @@ class Scene:
         return not peakless(self.physics.body, tip, self.physics.center, self.sizes, a)
 
 
-def resolve(config: Config, per_radius: float | None = None) -> Scene:
+def resolve(config: Config, per_radius: float | None = None, piece: Piece | None = None) -> Scene:
     """Decide everything the config leaves open.
 
     With `accuracy` there are `per_radius` elements in every contact radius, or as many as it is expected to need.
+    piece: the body of the config's mesh file, where it has been read.
     Raises ConfigError for a scene that cannot exist or that this machine cannot hold.
     """
-    given = given_by(config)
+    given = given_by(config, piece)
     if by_theory := choices.theory(config, given):
         return _by_theory(config, given, by_theory)
     return _meshed(config, on_finite_body(config, given), per_radius)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import Mpirun
 from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, meshed, scene, solve
 
-from indent_sim.config.file import from_mapping
 from indent_sim.fe import solver
 from indent_sim.run import chain
-from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.scene import Scene
 
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 SPHERE = {"shape": "sphere", "R": 1.0}
-each_nu = pytest.mark.parametrize("nu", [0.3, 0.49, 0.4999, 0.5])
+# the two ends; what lies between them in `make verify`
+each_nu = pytest.mark.parametrize(
+    "nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.49, 0.4999)), 0.5]
+)
 
 
 def ball(nu: float = 0.3, h_contact: float = 0.04, body: dict[str, Any] = WALLED, **sections: Any) -> Scene:
@@ -199,8 +199,8 @@ METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 @pytest.mark.parametrize("nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.49, 0.4999, 0.5))])
 def test_every_method_arrives(nu: float) -> None:
-    """At 0.7 R."""
-    deep = {"loading": {"delta": 0.7, "steps": 7}}
+    """At 0.7 R, in four steps."""
+    deep = {"loading": {"delta": 0.7, "steps": 4}}
     expected = solve(ball(nu, **deep))[-1].force
     for method, tolerance in METHODS.items():
         found = solve(ball(nu, contact={"method": method}, **deep))[-1]
@@ -213,7 +213,7 @@ EFFORT = {"penalty": 105, "uzawa": 240, "active_set": 70}
 
 
 @pytest.mark.parametrize("method", EFFORT)
-@pytest.mark.parametrize("nu", [0.3, 0.49])
+@pytest.mark.parametrize("nu", [pytest.param(0.3, marks=pytest.mark.verify), 0.49])
 def test_effort_of_the_other_methods(method: str, nu: float) -> None:
     states = solve(ball(nu, 0.02, contact={"method": method}, loading={"delta": 0.3, "steps": 10}))
     assert iterations(states) <= EFFORT[method]
@@ -271,7 +271,7 @@ def test_work_is_energy(body: str, nu: float) -> None:
     assert states[-1].energy - states[0].energy == pytest.approx(work, rel=1e-4)
 
 
-# ---- three dimensions, several ranks, other tips ------------------------------------------------------------
+# ---- three dimensions, other tips ------------------------------------------------------------
 
 
 def test_quarter_is_the_cylinder() -> None:
@@ -294,33 +294,6 @@ def test_half_a_strip_is_a_strip() -> None:
     )
     assert one.force == pytest.approx(two.force, rel=1e-3)
     assert one.a == pytest.approx(two.a, rel=2e-3)
-
-
-RANKS = """
-import json, sys
-from mpi4py import MPI
-from indent_sim.config.file import from_mapping
-from indent_sim.run.chain import states
-from indent_sim.scene.scene import resolve
-rows = [[s.force, s.a, s.energy, s.newton_iterations]
-        for s in states(resolve(from_mapping(json.loads(sys.argv[1]))), MPI.COMM_WORLD)]
-if MPI.COMM_WORLD.rank == 0:
-    print("RESULT" + json.dumps(rows))
-"""
-
-
-@pytest.mark.parametrize("method", ["auto", pytest.param("active_set", marks=pytest.mark.verify)])
-def test_two_ranks_are_one(method: str, mpirun: Mpirun) -> None:
-    """1e-9: round-off in another order, seen through a matrix whose condition is below 1e6."""
-    config = {
-        "body": WALLED, "material": NEO_HOOKEAN | {"nu": 0.49}, "indenter": SPHERE, "contact": {"method": method},
-        "loading": {"delta": 0.3, "steps": 3}, "mesh": {"h_contact": 0.04},
-    }  # fmt: skip
-    finished = mpirun(2, "-c", RANKS, json.dumps(config))
-    assert finished.returncode == 0, finished.stderr
-    (line,) = [line for line in finished.stdout.splitlines() if line.startswith("RESULT")]
-    alone = [[s.force, s.a, s.energy, s.newton_iterations] for s in solve(resolve(from_mapping(config)))]
-    assert np.allclose(json.loads(line.removeprefix("RESULT")), alone, rtol=1e-9, atol=0)
 
 
 CONE = {"shape": "cone", "half_angle": 88.0, "tip_radius": 0.002}
@@ -349,10 +322,11 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
 @pytest.mark.parametrize(
     ("tip", "delta"),
     [
-        (PARABOLOID, 0.5),
+        pytest.param(PARABOLOID, 0.5, marks=pytest.mark.verify),
         pytest.param({"shape": "cone", "half_angle": 60.0}, 0.3, marks=pytest.mark.verify),
         ({"shape": "cone", "half_angle": 60.0, "tip_radius": 0.02}, 0.3),
-        (PUNCH | {"edge_radius": 0.02}, 0.2),
+        (PUNCH | {"edge_radius": 0.05}, 0.2),
+        pytest.param(PUNCH | {"edge_radius": 0.02}, 0.2, marks=pytest.mark.verify),
     ],
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else None,
 )

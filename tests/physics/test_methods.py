@@ -116,7 +116,7 @@ def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["active_set", "nitsche"])
-@pytest.mark.parametrize("tip", TIPS)
+@pytest.mark.parametrize("tip", ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify), "cone"])
 def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
     """0.15 % at every step: the set of nodal pressures ends at a node, which shows at the first, where eight elements
     are in contact, and six of the cone's (0.08 and 0.06 % found)."""
@@ -138,7 +138,7 @@ def test_hertz_at_every_step(name: str) -> None:
 
 # ---- the parameter --------------------------------------------------------------------------------------------
 
-DECADES = {"augmented_lagrangian": range(-3, 4), "uzawa": range(0, 4)}
+DECADES = {"augmented_lagrangian": (-3, 0, 3), "uzawa": (0, 1, 3)}
 FAR_DECADES = {"augmented_lagrangian": (-6, 6), "uzawa": (5,), "nitsche": (6,), "penalty": (6,)}
 
 
@@ -159,7 +159,7 @@ def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
     assert np.ptp(forces) / forces.mean() < 1e-3
     assert np.abs(forces / FORCES[-1] - 1).max() < 1e-3
     depths = [state.penetration for state in states]
-    assert max(depths) / min(depths) < 10.0 ** (len(depths) / 3)
+    assert max(depths) / min(depths) < 10.0 ** ((max(DECADES[name]) - min(DECADES[name])) / 3)
 
 
 @pytest.mark.parametrize(
@@ -220,6 +220,15 @@ def test_ten_steps_in_fifty_iterations(name: str, solver: str) -> None:
     assert solve(scene(CYLINDER, **base))[-1].force == pytest.approx(states[-1].force, rel=1e-8)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_step_takes_no_more_iterations_on_a_finer_mesh(solver: str) -> None:
+    """Beyond the second step, from ten elements in the last radius to forty: two each, where an edge two thirds of its
+    way off took a step one more iteration with each halving."""
+    for h in (0.01, 0.0025):
+        states = solve(scene(CYLINDER, loading=TEN_STEPS, solver={"method": solver}, mesh={"h_contact": h}))
+        assert sum(state.newton_iterations for state in states[2:]) <= 2.5 * len(states[2:])
+
+
 @pytest.mark.parametrize("name", ["uzawa", "nitsche", "penalty"])
 def test_one_step_or_ten_by_the_other_methods(name: str) -> None:
     """1e-8; Uzawa, which stops at 1e-8 of its multiplier, ten times that."""
@@ -246,7 +255,8 @@ def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None
 
 @pytest.mark.parametrize(
     ("name", "h"),
-    [("augmented_lagrangian", 0.02), ("uzawa", 0.02), ("active_set", 0.02), ("nitsche", 0.03),
+    [("augmented_lagrangian", 0.02), ("active_set", 0.02), ("nitsche", 0.03),
+     pytest.param("uzawa", 0.02, marks=pytest.mark.verify),
      *[pytest.param(name, h, marks=pytest.mark.verify) for name in METHODS[:3] for h in (0.015, 0.01)],
      pytest.param("nitsche", 0.02, marks=pytest.mark.verify)],
 )  # fmt: skip

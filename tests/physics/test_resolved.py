@@ -35,12 +35,13 @@ SCENES: dict[str, dict[str, Any]] = {
     "off the axis": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
         "indenter": BALL | {"center": [1.3, 0.4]},
-        "mesh": {"h_contact": 0.9},
+        "mesh": {"h_contact": 1.2},
     },
     "hyperelastic": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},
         "material": {"model": "neo_hookean", "E": 3.7, "nu": 0.3},
         "indenter": {"shape": "cone", "half_angle": 70.0},
+        "mesh": {"h_contact": 0.06},
     },
     "nitsche": {
         "body": {"shape": "cylinder", "radius": 13.0, "height": 7.3},

@@ -71,7 +71,7 @@ def test_box_by_its_quarter_and_half(
 ) -> None:
     """Three dimensions, tip in the middle; on rollers the whole is held by its pins alone."""
     body, contact = BOX | {"base": base, "sides": sides}, {"method": method, "gap": gap}
-    quarter, half, full = (scene(body, contact=contact, mesh={"h_contact": 0.15, "symmetry": symmetry}, **DEEP)
+    quarter, half, full = (scene(body, contact=contact, mesh={"h_contact": 0.2, "symmetry": symmetry}, **DEEP)
                            for symmetry in ("quarter", "half", "full"))  # fmt: skip
     assert (quarter.physics.part.copies, half.physics.part.copies, full.physics.part.copies) == (4, 2, 1)
     grid = grid_of(quarter)

@@ -171,15 +171,20 @@ class TestNotOurs:
         assert victim.read_bytes() == before
 
 
+def with_a_cell(out: Path, column: int, cell: str) -> None:
+    """A result of three rows, in the second of which a cell says something else."""
+    write_run(out, 3)
+    table = out / "force_indentation.csv"
+    lines = [line.split(",") for line in table.read_text().splitlines()]
+    lines[2][column] = cell
+    table.write_text("".join(",".join(line) + "\n" for line in lines))
+
+
 class TestDamaged:
     @pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "1e999", ""])
     @pytest.mark.parametrize("column", [1, 2, 3, 6])
     def test_a_resumed_run_keeps_no_row_that_is_no_result(self, tmp_path, cell, column):
-        write_run(tmp_path / "out", 3)
-        table = tmp_path / "out" / "force_indentation.csv"
-        lines = [line.split(",") for line in table.read_text().splitlines()]
-        lines[2][column] = cell
-        table.write_text("".join(",".join(line) + "\n" for line in lines))
+        with_a_cell(tmp_path / "out", column, cell)
         found = earlier_run(tmp_path / "out", CONFIG)
         assert found is not None and [state.step for state in found.states] == [1]
 
@@ -238,11 +243,7 @@ class TestDamaged:
     @pytest.mark.parametrize("cell", ["1_000", "0x1F", "1e3_0", "\u0661", "\uff11", "1 2", "1'000"])
     @pytest.mark.parametrize("column", [0, 1, 2, 4])
     def test_only_what_every_program_reads_is_a_number(self, tmp_path, cell, column):
-        write_run(tmp_path / "out", 3)
-        table = tmp_path / "out" / "force_indentation.csv"
-        lines = [line.split(",") for line in table.read_text().splitlines()]
-        lines[2][column] = cell
-        table.write_text("".join(",".join(line) + "\n" for line in lines))
+        with_a_cell(tmp_path / "out", column, cell)
         with pytest.raises(UsageError, match=rf"line 3, column {column + 1} is not a number"):
             reader.read(tmp_path / "out")
         found = earlier_run(tmp_path / "out", CONFIG)

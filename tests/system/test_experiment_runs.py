@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import ROOT, Mpirun
+from conftest import Mpirun
+from test_theory_runs import ran
 
 from indent_sim.config.file import from_mapping, to_yaml
 
@@ -33,13 +34,6 @@ def written(folder: Path, **sections: Any) -> Path:
     path = folder / "scene.yaml"
     path.write_text(to_yaml(from_mapping(SCENE | sections)))
     return path
-
-
-def ran(*words: str | Path, code: int = 0) -> str:
-    command = [sys.executable, "-m", "indent_sim.cli.commands", *map(str, words)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    assert done.returncode == code, done.stderr
-    return done.stdout
 
 
 def rows(folder: Path, name: str = "experiment.csv") -> list[dict[str, str]]:

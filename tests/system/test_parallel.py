@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import MPI_ENVIRONMENT, ROOT, Mpirun
+from mesh_files import block, write
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 
 from indent_sim.config.file import from_mapping, to_yaml
@@ -67,6 +68,17 @@ SCENES: dict[str, dict[str, Any]] = {
         "contact": {"method": "auto", "friction": 0.3},
         "mesh": {"h_contact": 0.2},
         "loading": {"delta": 0.04, "steps": 2},
+    },
+    **{
+        f"finite_strain_{method}": {
+            "body": CYLINDER,
+            "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49},
+            "indenter": {"shape": "sphere", "R": 1.0},
+            "contact": {"method": method},
+            "mesh": {"h_contact": 0.04},
+            "loading": {"delta": 0.3, "steps": 3},
+        }
+        for method in ("auto", "active_set")
     },
     "sticky": {
         "body": CYLINDER,
@@ -169,11 +181,16 @@ def assert_same_curves(here: dict[str, Any], there: dict[str, Any], name: str) -
         assert several[:, column] == pytest.approx(one[:, column], rel=SAME, abs=floor), f"{what} of {name}"
 
 
+def assert_same_on(ranks: int, names: Iterable[str], mpirun: Mpirun, program: str = PROGRAM) -> None:
+    """Every curve of these scenes on so many ranks, as on one."""
+    together = parsed(mpirun(ranks, "-c", program, mappings(names)))
+    for name in names:
+        assert_same_curves(alone(*names)[name], together[name], name)
+
+
 @pytest.mark.slow
 def test_same_curves_on_two_ranks(mpirun: Mpirun) -> None:
-    together = parsed(mpirun(2, "-c", PROGRAM, mappings(SCENES)))
-    for name in SCENES:
-        assert_same_curves(alone(*SCENES)[name], together[name], name)
+    assert_same_on(2, SCENES, mpirun)
 
 
 TOGETHER = """
@@ -187,28 +204,21 @@ FEW = ("axisymmetric", "newton", "iterative", "rough_box", "sticky", "box")  # o
 @pytest.mark.parametrize("ranks", [3, 4])
 def test_same_curves_on_ranks_that_share_little(ranks: int, mpirun: Mpirun) -> None:
     """With four ranks some have no facet of the contact surface."""
-    together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(FEW)))
-    for name in FEW:
-        assert_same_curves(alone(*FEW)[name], together[name], name)
+    assert_same_on(ranks, FEW, mpirun)
 
 
 @pytest.mark.verify
 def test_same_curves_where_ranks_factor_a_body_together(mpirun: Mpirun) -> None:
     """As where there is no memory for the whole body on every rank."""
-    names = ("axisymmetric", "box", "rough")
     program = f"from indent_sim.run.simulation import backend\nbackend()\n{TOGETHER}{PROGRAM}"
-    together = parsed(mpirun(2, "-c", program, mappings(names)))
-    for name in names:
-        assert_same_curves(alone(*names)[name], together[name], name)
+    assert_same_on(2, ("axisymmetric", "box", "rough"), mpirun, program)
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_every_method_everywhere_on_several_ranks(ranks: int, mpirun: Mpirun) -> None:
     """The same in plane strain and in three dimensions."""
-    together = parsed(mpirun(ranks, "-c", PROGRAM, mappings(EVERYWHERE)))
-    for name in EVERYWHERE:
-        assert_same_curves(alone(*EVERYWHERE)[name], together[name], name)
+    assert_same_on(ranks, EVERYWHERE, mpirun)
 
 
 PACKED = """
@@ -253,10 +263,16 @@ def test_a_state_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun
                 assert np.abs(ours - theirs).max() <= SAME * max(1e-3, np.abs(ours).max())
 
 
-def test_files_are_written_once(mpirun: Mpirun, tmp_path: Path) -> None:
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """A scene file, alone in its folder."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
+    return path
+
+
+def test_files_are_written_once(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Two ranks leave the folder that one leaves, one row a step, and speak with one voice."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
     finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 0, finished.stderr
     assert finished.stdout.split() == [str(tmp_path / "two")]
@@ -287,10 +303,9 @@ mesh: {h_contact: 0.08, h_far: 0.2}
         assert np.abs(together[name] - values).max() <= 1e-11 * np.abs(values).max(), name
 
 
-def test_config_error_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_config_error_ends_every_rank_with_one_message(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Exit 3 of every rank is exit 3 of mpirun; nothing hangs, nothing is made."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))).replace("R: 1.0", "r: 1.0"))
+    config.write_text(config.read_text().replace("R: 1.0", "r: 1.0"))
     finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "three")
     assert finished.returncode == 3, finished.stderr
     assert finished.stderr.count("did you mean 'R'") == 1
@@ -299,9 +314,8 @@ def test_config_error_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path:
     assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
 
 
-def test_scene_that_cannot_exist_ends_every_rank(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_scene_that_cannot_exist_ends_every_rank(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """Found only when the scene is resolved, on every rank at once."""
-    config = tmp_path / "scene.yaml"
     config.write_text(to_yaml(from_mapping(mapping("axisymmetric") | {"loading": {"delta": 2.0}})))
     finished = mpirun(2, "-m", "indent_sim.cli.commands", "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 3, finished.stderr
@@ -338,11 +352,9 @@ commands.main()
     ("1", "killed", 137, "signal 9"),
 ])  # fmt: skip
 def test_an_error_on_any_rank_ends_all(
-    ranks: str, how: str, code: int, said: str, mpirun: Mpirun, tmp_path: Path
+    ranks: str, how: str, code: int, said: str, config: Path, mpirun: Mpirun, tmp_path: Path
 ) -> None:
     """One message and the exit code of the error, whether one rank fails or all; to hang would take minutes."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
     finished = mpirun(3, "-c", FAILING, ranks, how, "run", config, "--output", tmp_path / "out")
     assert finished.returncode == code, finished.stderr
     assert finished.stderr.count(said) == 1, finished.stderr
@@ -365,12 +377,124 @@ main()
 """
 
 
-def test_a_signal_while_a_row_is_written_is_everybodys(mpirun: Mpirun, tmp_path: Path) -> None:
+def test_a_signal_while_a_row_is_written_is_everybodys(config: Path, mpirun: Mpirun, tmp_path: Path) -> None:
     """The other ranks learn of it by a message, and leave rank 0 the time to close its files."""
-    config = tmp_path / "scene.yaml"
-    config.write_text(to_yaml(from_mapping(mapping("axisymmetric"))))
     finished = mpirun(2, "-c", STOPPED_IN_A_ROW, "run", config, "--output", tmp_path / "two")
     assert finished.returncode == 143 and "Traceback" not in finished.stderr, finished.stderr
     assert finished.stderr.count("stopped by SIGTERM") == 1
     report = json.loads((tmp_path / "two" / "run.json").read_text())
     assert (report["status"], report["exit_code"], report["rows"]) == ("interrupted", 143, 2)
+
+
+# What every rank gives dolfinx of a mesh (rows of points and cells), what it holds of it, and the last force; argv: the
+# scene. The process that meshes is forked first, as the command does.
+HELD = """
+import json, sys
+from indent_sim.mesh import gmsh
+from indent_sim.process.ranks import is_first
+if is_first():
+    gmsh.start()
+from pathlib import Path
+from mpi4py import MPI
+from indent_sim.config.file import load
+from indent_sim.fe import compat
+from indent_sim.run import chain, simulation
+
+simulation.backend()
+comm, given, seen, parts = MPI.COMM_WORLD, [], [], []
+create, build = compat.create_mesh, gmsh.begin
+def create_mesh(comm, cells, points, dim):
+    given.append((len(points), len(cells)))
+    return create(comm, cells, points, dim)
+def begin(part, sizes):
+    answer = build(part, sizes)
+    def grid():
+        seen.append(answer())
+        return seen[0]
+    return grid
+compat.create_mesh, gmsh.begin = create_mesh, begin
+walk = chain.Simulation.__init__
+def init(self, config, scene, *rest):
+    parts.append(scene.physics.part)
+    walk(self, config, scene, *rest)
+chain.Simulation.__init__ = init
+outcome = chain.simulate(load(Path(sys.argv[1])), comm, directory=Path(f"out{comm.size}"))
+piece = getattr(parts[0], "piece", None)
+mine = {"given": given[0], "skin": len(piece.grid.cells) if piece else 0, "whole": piece.size.cells if piece else 0,
+        "mapped": [not rows.flags.writeable for grid in seen for rows in (grid.points, grid.cells, grid.regions)]}
+everybody = comm.gather(mine)
+if comm.rank == 0:
+    whole = seen[0]
+    print("RESULT" + json.dumps({"ranks": everybody, "force": [state.force for state in outcome.states],
+                                 "points": len(whole.points), "cells": len(whole.cells), "hash": whole.hash}))
+"""
+DRAWN = """
+body: {shape: box, size: [2.0, 2.0, 1.0], base: fixed, layers: [
+  {thickness: 0.3, material: {model: linear_elastic, E: 1.0, nu: 0.3}},
+  {thickness: 0.7, material: {model: linear_elastic, E: 5.0, nu: 0.4}}]}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.04, steps: 1}
+mesh: {h_contact: 0.2}
+"""
+OF_FILE = """
+body: {shape: mesh, file: part.msh, kinematics: 3d, surfaces: {contact: top, base: bottom},
+  regions: {gel: {model: linear_elastic, E: 5.0, nu: 0.4}}}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.04, steps: 1}
+mesh: {refinements: 1}
+"""
+
+
+@pytest.mark.parametrize("text", [DRAWN, OF_FILE], ids=["of gmsh", "of a file"])
+def test_no_rank_holds_the_mesh(text: str, mpirun: Mpirun, tmp_path: Path) -> None:
+    """Each has its slice of the rows, rank 0 beside that arrays that lie in a file, and the scene no more of a mesh
+    file than the cells at its outside; each of two regions is with its own cells, or the force would be another."""
+    body = block(n=5, m=4)
+    body["regions"] = {"gel": np.flatnonzero(body["points"][body["cells"]].mean(axis=1)[:, 2] < -0.4)}
+    write(tmp_path / "part.msh", body | {"regions": {**body["regions"], "rest": np.arange(0)}})
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(text)
+    one, three = (parsed(mpirun(ranks, "-c", HELD, scene)) for ranks in (1, 3))
+    assert three["hash"] == one["hash"] and three["force"] == pytest.approx(one["force"], rel=SAME)
+    for column, name in enumerate(("points", "cells")):
+        rows = [rank["given"][column] for rank in three["ranks"]]
+        assert sum(rows) == three[name] == one[name] and max(rows) - min(rows) <= 1
+    assert three["ranks"][0]["mapped"] == [True] * 3 and one["ranks"][0]["mapped"] == [False] * 3
+    assert all(rank["mapped"] == [] for rank in three["ranks"][1:])
+    if text is OF_FILE:
+        assert all(0 < rank["skin"] < rank["whole"] == len(body["cells"]) for rank in three["ranks"])
+
+
+def test_a_mesh_file_that_is_no_body_ends_every_rank_with_one_message(mpirun: Mpirun, tmp_path: Path) -> None:
+    """It is read by a process beside rank 0, and what is wrong with it is known to all."""
+    body = block()
+    body["cells"] = np.vstack([body["cells"], body["cells"][:1]])
+    write(tmp_path / "part.msh", body)
+    (tmp_path / "scene.yaml").write_text(OF_FILE)
+    finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", tmp_path / "scene.yaml", "--output", tmp_path / "out")
+    assert finished.returncode == 3, finished.stderr
+    assert finished.stderr.count("three cells share the facet") == 1 and "scene.yaml:2: body.file" in finished.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["part.msh", "scene.yaml"]
+
+
+ROWS = """
+import sys
+import numpy as np
+from mpi4py import MPI
+from indent_sim.mesh import rows
+comm, chance = MPI.COMM_WORLD, np.random.default_rng(MPI.COMM_WORLD.rank)
+for count in (0, 1, 2, 7, 1000):
+    whole = np.arange(3 * count, dtype=np.int32).reshape(count, 3)
+    mine = rows.scatter(comm, whole if comm.rank == 0 else None)
+    assert np.array_equal(np.concatenate(comm.allgather(mine)), whole)
+    wanted = chance.integers(0, count, 50 * comm.rank) if count else np.empty(0, dtype=np.int64)
+    assert np.array_equal(rows.fetch(comm, mine, wanted), whole[wanted])
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_rows_go_to_the_ranks_and_are_found_there(ranks: int, mpirun: Mpirun) -> None:
+    """Also where there are fewer rows than ranks, and where a rank wants none."""
+    finished = mpirun(ranks, "-c", ROWS)
+    assert finished.returncode == 0, finished.stderr

@@ -122,6 +122,21 @@ def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
             np.testing.assert_allclose(ours[step][name], values, rtol=1e-5, atol=1e-7)
 
 
+@pytest.fixture
+def interrupt_and_resume(indent_sim: Resume, undisturbed: Callable[[str], Path], tmp_path: Path) -> Callable[..., None]:
+    """Stop a scene after some rows, go on with or without its checkpoint, and hold it to the run nothing stopped."""
+
+    def both(scene: str, rows: int, forget: bool, rtol: float = 1e-8) -> None:
+        (tmp_path / "scene.yaml").write_text(scene)
+        interrupt(tmp_path, rows)
+        if forget:
+            (tmp_path / "out" / "checkpoint.h5").unlink()
+        assert indent_sim("--resume").exit_code == 0
+        same_numbers(tmp_path / "out", undisturbed(scene), rtol)
+
+    return both
+
+
 class TestKilled:
     @pytest.mark.parametrize(
         ("scene", "moments"),
@@ -153,59 +168,39 @@ class TestKilled:
     @pytest.mark.parametrize(
         ("method", "rows", "forget"), [("uzawa", 4, False), ("active_set", 6, True), ("penalty", 5, False)]
     )
-    def test_any_path_by_any_method(self, indent_sim, undisturbed, tmp_path, method, rows, forget):
+    def test_any_path_by_any_method(self, interrupt_and_resume, method, rows, forget):
         scene = SCENE.format(material="model: neo_hookean", method=method, loading=UP_AND_DOWN)
-        (tmp_path / "scene.yaml").write_text(scene)
-        interrupt(tmp_path, rows)
-        if forget:
-            (tmp_path / "out" / "checkpoint.h5").unlink()
-        assert indent_sim("--resume").exit_code == 0
-        same_numbers(tmp_path / "out", undisturbed(scene), 1e-7 if method == "uzawa" else 1e-8)
+        interrupt_and_resume(scene, rows, forget, 1e-7 if method == "uzawa" else 1e-8)
 
     @pytest.mark.parametrize(("material", "friction", "loading", "rows", "forget"), [
         ("neo_hookean", "0.3", UP_AND_DOWN, 5, False), ("neo_hookean", "0.3", UP_AND_DOWN, 6, True),
         ("linear_elastic", "0.3", UP_AND_DOWN, 5, False), ("neo_hookean", "0.3", FORCES, 4, False),
         ("linear_elastic", "0.3", FORCES, 5, False), ("neo_hookean", "stick", UP_AND_DOWN, 2, False)
     ])  # fmt: skip
-    def test_a_path_with_friction(self, indent_sim, undisturbed, tmp_path, material, friction, loading, rows, forget):
+    def test_a_path_with_friction(self, interrupt_and_resume, material, friction, loading, rows, forget):
         """What the surface remembers is in the checkpoint, or found again on the same path from rest."""
         method = f"augmented_lagrangian, friction: {friction}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
-        (tmp_path / "scene.yaml").write_text(scene)
-        interrupt(tmp_path, rows)
-        if forget:
-            (tmp_path / "out" / "checkpoint.h5").unlink()
-        assert indent_sim("--resume").exit_code == 0
-        same_numbers(tmp_path / "out", undisturbed(scene))
+        interrupt_and_resume(scene, rows, forget)
 
     @pytest.mark.parametrize(("material", "loading", "rows", "forget"), [
         ("neo_hookean", STICKY, 3, False), ("neo_hookean", STICKY, 4, True), ("linear_elastic", STICKY, 3, False),
         ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False)
     ])  # fmt: skip
-    def test_a_path_with_adhesion(self, indent_sim, undisturbed, tmp_path, material, loading, rows, forget):
+    def test_a_path_with_adhesion(self, interrupt_and_resume, material, loading, rows, forget):
         """Which of two stable states holds is in the checkpoint, or found again on the same path from far away."""
         method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
         scene = scene.replace("h_contact: 0.12", "h_contact: 0.08")
-        (tmp_path / "scene.yaml").write_text(scene)
-        interrupt(tmp_path, rows)
-        if forget:
-            (tmp_path / "out" / "checkpoint.h5").unlink()
-        assert indent_sim("--resume").exit_code == 0
-        same_numbers(tmp_path / "out", undisturbed(scene))
+        interrupt_and_resume(scene, rows, forget)
 
     @pytest.mark.parametrize(("material", "rows", "forget"), [
         ("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)
     ])  # fmt: skip
-    def test_prescribed_forces(self, indent_sim, undisturbed, tmp_path, material, rows, forget):
+    def test_prescribed_forces(self, interrupt_and_resume, tmp_path, material, rows, forget):
         """A force is met within 1e-10, and its depth known as well, whatever was known of the curve before."""
         scene = SCENE.format(material=f"model: {material}", method="augmented_lagrangian", loading=FORCES)
-        (tmp_path / "scene.yaml").write_text(scene)
-        interrupt(tmp_path, rows)
-        if forget:
-            (tmp_path / "out" / "checkpoint.h5").unlink()
-        assert indent_sim("--resume").exit_code == 0
-        same_numbers(tmp_path / "out", undisturbed(scene))
+        interrupt_and_resume(scene, rows, forget)
         assert read(tmp_path / "out").report["control"] == "force"
 
 

@@ -60,6 +60,7 @@ class CondensedContact:
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
         self.scene = scene
         self._recent = [self.F]  # nodal forces of the last equilibria
+        self._expected: np.ndarray | None = None  # which points the next solve takes to be in contact at first
         self.friction = CondensedFriction(self) if self.law.friction else None
         self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
 
@@ -76,6 +77,25 @@ class CondensedContact:
             return True
         self.forces, self.lam = before
         return False
+
+    def trial(self, delta: float) -> np.ndarray:
+        """lam - epsilon_n g of the present forces, above zero in contact: at the points of the contact quadrature, and
+        of nodal pressures at the nodes that carry one, with E*/h_contact [pressure]."""
+        if self.law.multiplier == "nodal":
+            return self._nodal_trial(delta)
+        N, _, height = self.quadrature
+        epsilon_n: float = self.law.stiffness  # type: ignore[union-attr]
+        nodal = self.lam[self.places] - epsilon_n * (self.compliance.C @ self.F)
+        return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - delta))
+
+    def expect(self, trial: np.ndarray) -> None:
+        """Set out from what would be in contact with this trial pressure, in the next solve."""
+        self._expected = trial > 0
+
+    def _set_out(self, active: np.ndarray) -> np.ndarray:
+        """What is in contact at first: what is expected, or else what is in contact now."""
+        expected, self._expected = self._expected, None
+        return active if expected is None else expected
 
     def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
         """NOTHING of the largest size of the nodal forces in the last equilibria."""
@@ -182,7 +202,7 @@ class CondensedContact:
         for _ in range(ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
-            load = self.vector((W * np.where(active, p_hat, 0.0)) @ N)
+            load = self._load(p_hat, active)
             residual = F - load
             # between two Newton steps with the same active points the problem is linear: the first was exact
             settled = before is not None and np.array_equal(active, before)
@@ -191,11 +211,16 @@ class CondensedContact:
                 return True
             if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
                 return False
-            before = active
+            before = active = self._set_out(active)
             seen.add(active.tobytes())
-            F = F + self._newton_step(residual, W * active, N, D)
+            F = F + self._newton_step(F - self._load(p_hat, active), W * active, N, D)
             self.iterations += 1
         return False
+
+    def _load(self, p_hat: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """The nodal forces of a pressure at the points of the contact quadrature that are in contact."""
+        N, W, _ = self.quadrature
+        return self.vector((W * np.where(active, p_hat, 0.0)) @ N)
 
     def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
         """-(I - M_A D)^-1 residual; rows without an active point are those of the identity."""
@@ -267,14 +292,19 @@ class CondensedContact:
         Q, heights, areas, A = self._weighted
         carriers = np.flatnonzero(areas > 0)
         open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
-        scale = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        p = self.lam[self.places[carriers]]
-        p, solves = complementary(A, open_gap, p - scale * (open_gap + A @ p) / areas[carriers] > 0)
+        p, solves = complementary(A, open_gap, self._set_out(self._nodal_trial(delta) > 0))
         self.iterations += solves
         self.lam = np.zeros(len(self.lam))
         self.lam[self.places[carriers]] = p
         self.forces = (Q[:, carriers] @ p)[None]
         return True
+
+    def _nodal_trial(self, delta: float) -> np.ndarray:
+        _, heights, areas, A = self._weighted
+        on = np.flatnonzero(areas > 0)
+        p, scale = self.lam[self.places[on]], self.scene.physics.material.E_star / self.scene.sizes.h_contact
+        gaps = ((heights - delta * areas)[on] + A[np.ix_(on, on)] @ p) / areas[on]
+        return np.asarray(p - scale * gaps)
 
     # ---- what is observed ----------------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact, CondensedState
 from indent_sim.fe.condensed.punches import punches
 from indent_sim.fe.observe import measure
+from indent_sim.fe.solve.prediction import expected, shares
 from indent_sim.model.state import Surface
 from indent_sim.scene.cost import MOST_CANDIDATES
 from indent_sim.scene.scene import Scene
@@ -164,11 +165,21 @@ class CondensedEquilibrium:
         forces, lam = arrays
         return forces, lam
 
-    def blend(self, shares: Sequence[float], states: Sequence[Forces]) -> None:
-        """Take a combination of states as the present one."""
-        forces = np.tensordot(shares, [forces for forces, _ in states], axes=1)
-        self.contact.forces = forces[:, self.contact.places]
-        self.contact.lam = np.tensordot(shares, [lam for _, lam in states], axes=1)
+    def predict(self, depth: float, earlier: Sequence[tuple[float, Forces]]) -> None:
+        """Take what the states at earlier depths lead to expect at this one as the present state."""
+        depths, states = zip(*earlier, strict=True)
+        if not self.contact.friction:
+            self.contact.expect(self._expected(earlier[-2:], depth))
+        forces, lam = (np.tensordot(shares(depths, depth), fields, axes=1) for fields in zip(*states, strict=True))
+        self.restore((forces, lam), depth)
+
+    def _expected(self, earlier: Sequence[tuple[float, Forces]], depth: float) -> np.ndarray:
+        """The trial pressure to expect at a depth from those of two states."""
+        trials = []
+        for before, state in earlier:
+            self.restore(state, before)
+            trials.append(self.contact.trial(before))
+        return expected(trials, [before for before, _ in earlier], depth, max(t.max(initial=0.0) for t in trials))
 
     # ---- what is observed ----------------------------------------------------------------------------------------
 

@@ -92,6 +92,12 @@ def _edge_stiffness(body: Observed) -> np.ndarray:
     return EDGE_MULTIPLE[region.formulation] * region.material.E_star / body.trace.sizes[:, None]
 
 
+def gap(body: Observed, points: np.ndarray) -> np.ndarray:
+    """g [length] at points of every contact facet of this rank (facets, points), >= 0 open."""
+    X, u = undeformed(body.scene.physics.part, body.trace, points), body.trace.values(body.nodal_displacement(), points)
+    return _gap(body, X, u)
+
+
 def _gap(body: Observed, X: np.ndarray, u: np.ndarray) -> np.ndarray:
     scene, last = body.scene, body.trace.dim - 1
     delta = body.depth

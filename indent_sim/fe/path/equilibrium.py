@@ -72,8 +72,8 @@ class Equilibrium(Protocol):
     def unpack(self, arrays: Sequence[np.ndarray]) -> Any:
         """The state of packed arrays."""
 
-    def blend(self, shares: Sequence[float], states: Sequence[Any]) -> None:
-        """Take a combination of states as the present one."""
+    def predict(self, depth: float, earlier: Sequence[tuple[float, Any]]) -> None:
+        """Take what the states at earlier depths lead to expect at this one as the present state."""
 
     def numbers(self) -> dict[str, Any]:
         """What a State says of the present equilibrium, by the names of its fields."""

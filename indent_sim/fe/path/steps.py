@@ -30,16 +30,14 @@ class StepRule:
     def goal(self, at: float, target: float) -> float | None:
         """The next depth on the way from `at` to `target` [length]; None where it is given up.
 
-        Out of contact, below the depth `free`, the way is gone at once.
+        The part of the way out of contact, below the depth `free`, is gone at once.
         """
         if self._failures >= PATIENCE or self.longest <= self._smallest / 2:
             return None
-        if max(at, target) <= self._free:
-            return target
-        start = max(at, min(target, self._free))
-        parts = max(1, ceil(abs(target - start) / self.longest - 1e-9))
-        self._step = abs(target - start) / parts
-        return target if parts == 1 else start + (target - start) / parts
+        start, end = max(at, self._free), max(target, self._free)
+        parts = max(1, ceil(abs(end - start) / self.longest - 1e-9))
+        self._step = abs(end - start) / parts
+        return target if parts == 1 else start + (end - start) / parts
 
     def succeeded(self) -> None:
         """The step worked."""

@@ -45,7 +45,8 @@ class Walk:
         self._adheres, self._drags = physics.adheres, physics.has_friction
         self._range = (physics.contact.adhesion.range or 0.0) if physics.contact.adhesion else 0.0
         self.started = time.perf_counter() if started is None else started
-        self._points = [Point(0.0 - FAR * self._range, equilibrium.snapshot())]  # the untouched body at rest
+        outset = -FAR * self._range if self._adheres else 0.0
+        self._points = [Point(outset, equilibrium.snapshot())]  # the untouched body at rest
         self._row = self._untouched = self._points[0]
         self._before = self._points  # the search for a force
         self._steps = self._step_rule()
@@ -122,9 +123,8 @@ class Walk:
     def _press(self, force: float, step: int) -> int:
         """Find the depth of a force; the number of steps to it, 0 when it is not found."""
         self._before, substeps = self._points, self._substeps
-        physics = self.equilibrium.scene.physics
-        expected = physics.deltas[step - 1] or (physics.contact.adhesion.range if physics.contact.adhesion else 0.0)
-        if not self._control.press(force, expected or 0.0):
+        expected = self.equilibrium.scene.physics.deltas[step - 1] or self._range
+        if not self._control.press(force, expected):
             return 0
         # the tries between them are too close together to extrapolate from
         self._points = [*self._before[-2:], self._last]
@@ -221,9 +221,7 @@ class Walk:
         points = _leading(self._points, delta)
         if len(points) < 2:
             return False
-        depths = [point.delta for point in points]
-        shares = [float(np.prod([(delta - b) / (a - b) for b in depths if b != a])) for a in depths]
-        self.equilibrium.blend(shares, [point.state for point in points])
+        self.equilibrium.predict(delta, [(point.delta, point.state) for point in points])
         return True
 
 

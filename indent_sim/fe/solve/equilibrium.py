@@ -7,14 +7,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from indent_sim.fe.observe import measure
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import linear
 from indent_sim.fe.solve.algorithms import ALGORITHMS, with_friction
-from indent_sim.fe.solve.newton import Newton, finest
+from indent_sim.fe.solve.newton import Newton, finest, stages
 from indent_sim.fe.solve.numbering import Numbering
+from indent_sim.fe.solve.prediction import expected, shares
 from indent_sim.fe.terms.strain import Crushed
 from indent_sim.fe.terms.traction import Traction
 from indent_sim.model.state import Surface
@@ -151,15 +153,47 @@ class BodyEquilibrium:
                 field.scatter(next(rest), vector.array)
         return state
 
-    def blend(self, shares: Sequence[float], states: Sequence[Sequence[PETSc.Vec]]) -> None:
-        """Take a combination of states as the present one."""
-        guess = [vector.copy() for vector in states[-1]]
-        for vector in guess:
+    def predict(self, depth: float, earlier: Sequence[tuple[float, Sequence[PETSc.Vec]]]) -> None:
+        """Take what the states at earlier depths lead to expect at this one as the present state."""
+        depths, states = zip(*earlier, strict=True)
+        trial = self._expected(earlier[-2:], depth) if self._foresees else None
+        guess = [vector.duplicate() for vector in states[-1]]
+        for k, vector in enumerate(guess):
             vector.set(0.0)
-        for share, state in zip(shares, states, strict=True):
-            for vector, part in zip(guess, state, strict=True):
-                vector.axpy(share, part)
-        self.problem.restore(guess)
+            vector.maxpy(shares(depths, depth), [state[k] for state in states])
+        self.restore(guess, depth)
+        if trial is not None:
+            self._correct_edge(trial)
+
+    def _correct_edge(self, trial: np.ndarray) -> None:
+        """Change the multiplier where the present state is in contact and a trial pressure is not, or the reverse."""
+        contact, stiffness = self.problem.contact, self.problem.stiffness_scale
+        assert isinstance(contact, Traction)
+        lam, gap = self._contact_at_nodes()
+        agrees = (lam > stiffness * gap) == (trial > 0)
+        contact.field.fill(np.where(agrees, lam, trial + stiffness * gap))
+
+    @cached_property
+    def _foresees(self) -> bool:
+        """Whether the multiplier of the next solve can say what is in contact: not where that begins with another
+        stiffness, nor where a tip's attraction acts in the gap."""
+        law = self.scene.physics.contact
+        return law.multiplier == "unknown" and not law.adhesion and not stages(law, self.scene)
+
+    def _expected(self, earlier: Sequence[tuple[float, Sequence[PETSc.Vec]]], depth: float) -> np.ndarray:
+        """The trial pressure to expect at a depth from those of two states (facets, nodes)."""
+        trials = []
+        for before, state in earlier:
+            self.restore(state, before)
+            lam, gap = self._contact_at_nodes()
+            trials.append(lam - self.problem.stiffness_scale * gap)
+        largest = self.problem.comm.allreduce(max(trial.max(initial=0.0) for trial in trials), op=MPI.MAX)
+        return expected(trials, [before for before, _ in earlier], depth, largest)
+
+    def _contact_at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """lam [pressure] and gap [length] at the nodes of the contact surface's facets (facets, nodes)."""
+        points = self.problem.trace.node_points()
+        return self.problem.multiplier_at(points), measure.gap(self.problem, points)
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""

@@ -44,6 +44,12 @@ class SurfaceField:
         nodal = from_midpoints(self._nodal(), partial(_summed, self.vector, self._places))
         return self._trace.values(nodal[..., None], points)[..., 0]
 
+    def fill(self, nodal: np.ndarray) -> None:
+        """Set the values at the nodes of the facets (facets, nodes) [pressure] (collective)."""
+        total, count = (_sums(self.vector, self._places, values) for values in (nodal, np.ones_like(nodal)))
+        with self.vector.localForm() as local:
+            local.array[count > 0] = total[count > 0] / count[count > 0]
+
     def _nodal(self) -> np.ndarray:
         with self.vector.localForm() as local:
             return local.array[self._places]
@@ -63,7 +69,12 @@ def given_field(body: Body) -> SurfaceField:
 
 
 def _summed(vector: PETSc.Vec, places: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-    """Contributions (facets, nodes) summed over the facets and ranks that share a node, laid out as `vector`."""
+    """Contributions (facets, nodes) summed over the facets and ranks that share a node, at these nodes."""
+    return _sums(vector, places, nodal)[places]
+
+
+def _sums(vector: PETSc.Vec, places: np.ndarray, nodal: np.ndarray) -> np.ndarray:
+    """The same laid out as the local array of `vector`."""
     work = vector.duplicate()
     with work.localForm() as local:
         local.set(0.0)
@@ -71,4 +82,4 @@ def _summed(vector: PETSc.Vec, places: np.ndarray, nodal: np.ndarray) -> np.ndar
     work.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     work.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
     with work.localForm() as local:
-        return local.array[places]
+        return np.asarray(local.array.copy())

@@ -57,7 +57,6 @@ STYLE: dict[str, Any] = {
     "legend.edgecolor": "none",
     "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
     "lines.linewidth": 1.6,
-    "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-3, 4),
     "text.usetex": False,  # titles are text, and LaTeX is a program
     "svg.hashsalt": "indent-sim",  # the same results give the same file
@@ -188,8 +187,26 @@ def element(draw: Callable[[Path], None]) -> str:
     return text.replace("<svg ", '<svg role="img" ', 1)
 
 
+def _write_numbers_as_text(figure: Figure) -> None:
+    """Numbers along the axes as text; only the power of ten beside an axis is a formula, which is slow to lay out."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class Numbers(ScalarFormatter):
+        def get_offset(self) -> str:
+            self.set_useMathText(True)
+            try:
+                return super().get_offset()
+            finally:
+                self.set_useMathText(False)
+
+    for along in (along for axes in figure.axes for along in (axes.xaxis, axes.yaxis)):
+        if type(along.get_major_formatter()) is ScalarFormatter:
+            along.set_major_formatter(Numbers(useMathText=False))
+
+
 def keep_ticks_apart(figure: Figure) -> None:
     """Fewer numbers along every axis whose numbers would touch."""
+    _write_numbers_as_text(figure)
     figure.draw_without_rendering()
     for axes in figure.axes:
         for along in (along for along in (axes.xaxis, axes.yaxis) if along.get_scale() == "linear"):

@@ -51,6 +51,9 @@ def test_no_step_is_longer_than_the_limit_but_through_the_air() -> None:
     for _ in range(4):
         rule.succeeded()
     assert rule.longest == 0.25
+    assert rule.goal(1.0, -9.0) == 0.75  # to 0 in four parts
+    assert rule.goal(0.25, -9.0) == -9.0
+    assert rule.goal(-9.0, -1.0) == -1.0
 
 
 def test_a_target_is_given_up_after_many_failures_and_not_by_chance_of_its_size() -> None:
@@ -93,7 +96,7 @@ class Spring:
     def restore(self, state: Any, depth: float) -> None:
         self.depth, self.worn = state
 
-    def blend(self, shares: Any, states: Any) -> None:
+    def predict(self, depth: float, earlier: Any) -> None:
         """A guess changes nothing here."""
 
     def numbers(self) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from mesh_files import block, section, write
 
 from indent_sim.config.file import load, loads
 from indent_sim.mesh import file, inspection
-from indent_sim.mesh.grid import boundary_of
-from indent_sim.mesh.meshed import MeshedPart, first_touch
+from indent_sim.mesh.grid import boundary_of, facets_of
+from indent_sim.mesh.meshed import MeshedPart, first_touch, refined
 from indent_sim.mesh.piece import Piece, as_msh, halved
 from indent_sim.model.body import MeshFromFile, MeshSurfaces
 from indent_sim.model.tips import Paraboloid
@@ -94,7 +94,7 @@ def test_the_copy_of_a_piece_is_the_piece(tmp_path: Path, body: dict[str, Any], 
     body["points"][:, :2] *= 1 / 3
     found = piece(tmp_path, body, kinematics, has_material=False, regions={"gel": None})
     source = MeshFromFile("copy.msh", kinematics, SURFACES, regions={"gel": None})  # type: ignore[dict-item]
-    (tmp_path / "copy.msh").write_text(as_msh(found, source), encoding="utf-8")
+    (tmp_path / "copy.msh").write_text("".join(as_msh(found, source)), encoding="utf-8")
     again = inspection.piece_of(file.read(str(tmp_path), "copy.msh"), source, False)
     assert again.hash == found.hash and again.names == found.names == ("gel",)
 
@@ -156,6 +156,46 @@ def test_refinement_puts_new_corners_on_midside_nodes(tmp_path: Path) -> None:
     assert sorted(map(tuple, top.tolist())) == [(0.0, 0.0), (0.5, 0.06), (0.5, 0.06), (1.0, 0.0)]
     # where it is curved a tip touches it at the midside node, though the unrefined mesh has no point there
     assert first_touch(Paraboloid(R=1e9), found, (0.5,)) == pytest.approx(0.06, abs=1e-9)
+
+
+# ---- the skin of a body ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("body", "kinematics"), [(section(), "axisymmetric"), (block(n=8, m=6), "3d")])
+def test_a_scene_of_the_skin_is_that_of_the_body(tmp_path: Path, body: dict[str, Any], kinematics: Any) -> None:
+    """Sizes, choices and pins are those of the whole mesh; and the whole is put where the skin is."""
+    body["regions"] = {"gel": np.flatnonzero(np.arange(len(body["cells"])) % 3), "rest": np.arange(0)}
+    write(tmp_path / "part.msh", body)
+    regions = "body.regions={gel: {model: linear_elastic, E: 2.0, nu: 0.3}}"
+    whole = scene(tmp_path, "part.msh", kinematics, regions, "mesh.refinements=1")
+    config = load(tmp_path / "scene.yaml", (regions, "mesh.refinements=1"))
+    assert isinstance(config.body, MeshFromFile)
+    skin = inspection.skin_in(str(tmp_path), config.body, True)
+    found = resolve(config, piece=skin)
+    assert found.sizes == whole.sizes and found.plan.choices == whole.plan.choices
+    assert found.physics.body.height == whole.physics.body.height and found.plan.prediction == whole.plan.prediction
+    parts = [one.physics.part for one in (found, whole)]
+    assert isinstance(parts[0], MeshedPart) and isinstance(parts[1], MeshedPart)
+    assert parts[0].pins == parts[1].pins and parts[0].extent == parts[1].extent
+    grids = [refined(part, whole.sizes) for part in parts]
+    assert grids[0].hash == grids[1].hash and np.array_equal(grids[0].regions, grids[1].regions)
+    for name, facets in grids[1].surfaces.items():
+        assert np.array_equal(grids[0].surfaces[name], facets)
+    assert len(skin.grid.cells) < len(body["cells"]) or kinematics == "axisymmetric"
+
+
+@pytest.mark.parametrize("body", [section(), block()])
+def test_facets_in_lots_are_all_facets_and_neighbours_stay_together(body: dict[str, Any]) -> None:
+    cells = body["cells"]
+    lots = list(facets_of(cells, lot=50))
+    assert len(lots) > 1 and sum(len(facets) for facets, _, _ in lots) == cells.size
+    seen: set[tuple[int, ...]] = set()
+    for facets, cell, corner in lots:
+        here = {tuple(sorted(facet)) for facet in facets.tolist()}
+        assert not here & seen
+        seen |= here
+        whole = np.sort(np.column_stack([facets, cells[cell, corner]]), axis=1)
+        assert np.array_equal(whole, np.sort(cells[cell], axis=1))
 
 
 # ---- where the tip touches -------------------------------------------------------------------------------------------
@@ -351,7 +391,11 @@ def unfolding_numbers(store: h5py.File) -> None:
     store.create_dataset("data0", (2**40, 2), "f8", chunks=(2**16, 2), compression="gzip")
 
 
-@pytest.mark.parametrize("kept", [external_numbers, external_link, unfolding_numbers])
+def zeros_that_take_no_room(store: h5py.File) -> None:
+    store.create_dataset("data0", (2**24, 2), "f8", chunks=(2**16, 2))  # 268 MB
+
+
+@pytest.mark.parametrize("kept", [external_numbers, external_link, unfolding_numbers, zeros_that_take_no_room])
 def test_an_hdf5_file_has_its_numbers_itself(tmp_path: Path, kept: Callable[[h5py.File], None]) -> None:
     write(tmp_path / "part.xdmf", section())
     with h5py.File(tmp_path / "part.h5", "a") as store:
