@@ -95,7 +95,7 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
         found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
     curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
     return {
-        "name": f"{theory.name} with friction" if scene.plan.friction else theory.name,
+        "name": _name(scene, theory),
         "exact": not unlike,
         "why": "; ".join(unlike) or theory.why,
         "delta": solution.delta * D,
@@ -167,6 +167,13 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
             "a": [found.a * L for found in curve],
         },
     }
+
+
+def _name(scene: Scene, theory: Theory) -> str:
+    """Theory's name, with what it knows of the scene's friction."""
+    if not scene.physics.has_friction:
+        return theory.name
+    return f"{theory.name} {'with' if scene.plan.friction else 'without'} friction"
 
 
 def _unlike(scene: Scene) -> tuple[str, ...]:

@@ -84,21 +84,24 @@ def prediction_of(path: LoadPath, theory: Theory | None, tip: Indenter, material
 @dataclass(frozen=True)
 class Stick:
     """What pure stick instead of no friction would change the deepest force by [per cent]: between low and high, and
-    the number itself where it is known; source says from what."""
+    the number itself where it is known; None where only the like at small strain is known to tell. source says from
+    what."""
 
     percent: float | None
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     source: str
 
     @property
     def is_telling(self) -> bool:
         """Whether it may be worth a sentence."""
-        return max(abs(self.low), abs(self.high)) >= TELLING
+        return self.low is None or self.high is None or max(abs(self.low), abs(self.high)) >= TELLING
 
     @property
     def words(self) -> str:
         """The same as a sentence."""
+        if self.low is None or self.high is None:
+            return f"pure stick instead of no friction may change this force noticeably: {self.source}"
         between = f"between {self.low:+.1f} and {self.high:+.1f}"
         if self.percent is None:
             change = f"{between} % ({self.source})"
@@ -109,18 +112,31 @@ class Stick:
         return f"pure stick instead of no friction would change this force by {change}"
 
 
-def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool, is_linear: bool) -> Stick | None:
+def stick(part: Part, tip: Indenter, a: float, rim: float, *, is_half_space: bool, is_linear: bool,
+          is_solvable: bool = True) -> Stick | None:  # fmt: skip
     """What no slip would change at a contact of radius a, `rim` away from the side walls [length]: exactly on a
     half-space, a range of the map of bonded layers elsewhere; None where neither knows the scene.
 
-    is_linear: at small strain, the gap at the undeformed point; a half-space is not known otherwise.
+    is_linear: at small strain, the gap at the undeformed point; any other scene has no number, and only a sentence
+    where the like of it at small strain tells. is_solvable: whether error bars would solve it.
     """
+    found = _at_small_strain(part, tip, a, rim, is_half_space)
+    if is_linear or found is None:
+        return found
+    source = BEYOND + (SOLVED if is_solvable else "")
+    return Stick(None, None, None, source) if found.is_telling else None
+
+
+BEYOND = "it could at small strain, and here the change may be larger"
+SOLVED = "; --error-bars solves it"
+
+
+def _at_small_strain(part: Part, tip: Indenter, a: float, rim: float, is_half_space: bool) -> Stick | None:
+    """What no slip would change at small strain, the gap at the undeformed point."""
     power = power_of(tip)
     if power is None or not _is_plain(part) or part.kinematics.name == "plane_strain" or a <= 0:
         return None
     nu = part.regions[0].material.constants.nu
-    if is_half_space and not is_linear:
-        return None
     if is_half_space:
         percent = 100 * (no_slip.force_ratio(nu, power) - 1)
         return Stick(percent, percent, percent, _exact(tip))

@@ -229,7 +229,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
               *tip_choice, *wall_choice, *_peak(given, tip, sizes), *choices.mesh(config, given, sizes, fineness),
               solver, linear, *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _prediction(given, doubted, cost.with_error_bars if fineness else cost)
-    said = None if law.friction or law.adhesion else _stick(config, given, gap)
+    said = None if law.friction or law.adhesion else _stick(config, given, gap, str(linear.value))
     is_known = isinstance(config.body, HalfSpace) and law.friction and given.deepest > 0 and _is_linear(given, gap)
     rough = rubbed(given.part, given.tip, config.contact.friction, given.path) if is_known else None
     plan = Plan(config.title, config.units, given.theory, fineness, chosen, doubted, predicted, said, rough, adherence,
@@ -238,12 +238,13 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
 
 
-def _stick(config: Config, given: Given, gap: str = "reference") -> Stick | None:
+def _stick(config: Config, given: Given, gap: str = "reference", linear: str = "direct") -> Stick | None:
     """What no slip would change at the deepest contact."""
     if given.deepest <= 0:
         return None
     return stick(given.part, given.tip, given.a, given.body.rim_distance(given.center),
-                 is_half_space=isinstance(config.body, HalfSpace), is_linear=_is_linear(given, gap))  # fmt: skip
+                 is_half_space=isinstance(config.body, HalfSpace), is_linear=_is_linear(given, gap),
+                 is_solvable=not given.part.pins and linear != "iterative")  # fmt: skip
 
 
 def _is_linear(given: Given, gap: str) -> bool:

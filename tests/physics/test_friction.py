@@ -75,6 +75,14 @@ def test_little_friction_stuck_on_the_way() -> None:
     assert solve(base.with_physics(anchor="mid"))[-1].force / paraboloid(0.0, 0.3) == pytest.approx(1.01446, abs=5e-4)
 
 
+@pytest.mark.parametrize(("nu", "exact"), [(0.0, 1.045248), (0.3, 1.013967)])
+def test_cone_on_a_half_space(nu: float, exact: float) -> None:
+    """Superposed no-slip punches, at the cone's own radius, twenty steps as its map has: 1e-3."""
+    cone, delta = {"shape": "cone", "half_angle": 85.0}, 0.0137  # (pi/2) A tan 5 degrees
+    rubbed, smooth = (rough(f, nu, {"delta": delta, "steps": n}, cone)[-1].force for f, n in (("stick", 20), (0.0, 1)))
+    assert rubbed / smooth == pytest.approx(exact, abs=1e-3)
+
+
 def no_slip(nu: float) -> float:
     """Force of a bonded flat punch over that of a smooth one (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) (Spence 1968)."""
     return (1 - nu) * log(3 - 4 * nu) / (1 - 2 * nu)
@@ -122,23 +130,21 @@ def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
     assert rubbed / smooth == pytest.approx(3.292, rel=0.01)
 
 
-@cache
-def shipped(name: str) -> list[cases.Case]:
-    """The runs of a study of friction."""
-    return cases.of(file.read(STUDIES / f"{name}.yaml"))
-
-
-@pytest.mark.parametrize(("name", "width", "power"), [("paraboloid", "indenter.R", 2.0),
-                                                      ("flat_punch", "indenter.radius", inf)])  # fmt: skip
+@pytest.mark.parametrize(("name", "power"), [("paraboloid", 2.0), ("cone", 1.0), ("flat_punch", inf)])
 @pytest.mark.parametrize(("nu", "slender"), [(0.0, 1.0), (0.49, 3.0), (0.5, 10.0)])
-def test_the_shipped_map_is_that_of_plan(name: str, width: str, power: float, nu: float, slender: float) -> None:
+def test_the_shipped_map_is_that_of_plan(name: str, power: float, nu: float, slender: float) -> None:
     """Three of its cells, within the map's own error; scripts/make_friction_page holds all of them to it."""
-    wanted = slender * (10.0 if power == 2.0 else 1.0)  # a smooth paraboloid touches a tenth of its radius
-    forces = {case.values["contact.friction"]: solve(case.scene)[-1].force
-              for case in shipped(name)
-              if case.values["material.nu"] == nu and case.values[width] == wanted}  # fmt: skip
+    forces = {case.values["contact.friction"]: solve(case.scene)[-1].force for case in shipped(name)
+              if case.values["material.nu"] == nu
+              and case.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)}  # fmt: skip
     known = LAYER[power][COMPRESSIBLE.index(nu)][SLENDER.index(slender)]
     assert forces["stick"] / forces[0] == pytest.approx(known, rel=MAP_ERROR)
+
+
+@cache
+def shipped(name: str) -> list[cases.Case]:
+    """The cases of a study of the map."""
+    return cases.of(file.read(STUDIES / f"{name}.yaml"))
 
 
 @pytest.mark.parametrize(("friction", "sticks"), [(0.1, 0.20), (0.2, 0.70), (0.3, 0.896), (0.5, 0.984)])
@@ -158,6 +164,15 @@ def test_theory_beside_a_rough_run() -> None:
         assert said and said["exact"] and said["name"] == "half-space theory with friction"
         assert abs(said[f"{asked}_deviation"]) < 1e-3
         assert abs(said["a_deviation"]) < 5e-3  # it is read off elements of a tenth of it
+
+
+def test_theory_without_friction_beside_a_rough_layer_says_so() -> None:
+    """Its name is that of the legend, of the report and of the last lines of a run."""
+    for friction, name in ((0.3, "layer theory without friction"), (0.0, "layer theory")):
+        base = scene(THICK | {"height": 1.0}, contact={"method": "augmented_lagrangian", "friction": friction},
+                     mesh={"h_contact": A / 5}, loading={"delta": A**2, "steps": 1})  # fmt: skip
+        said = theory_comparison(base, solve(base))
+        assert said and said["name"] == name
 
 
 @pytest.mark.parametrize("friction", ["stick", 0.5, 1.0])

@@ -193,6 +193,17 @@ class TestPressure:
         assert line.get_xdata() == pytest.approx(result.surface["x"])
         assert line.get_ydata() == pytest.approx(result.surface["pressure"])
 
+    def test_the_stick_radius_has_a_name(self, drawn):
+        """A dotted line there, and one more name in the legend; neither where nothing sticks."""
+        for sticks, shown in ((0.7, True), (0.0, False)):
+            result = a_result(units={})
+            result.surface["shear"] = 0.1 * result.surface["pressure"]
+            result.table["stick_radius"] = sticks * result["a"]
+            axes = drawn([result], what=("pressure",)).axes[0]
+            at = [line.get_xdata()[0] for line in axes.get_lines() if line.get_ls() == ":" and len(line.get_xdata())]
+            assert at == pytest.approx([0.7 * result["a"][-1]] if shown else [])
+            assert ("stick radius" in axes.get_legend_handles_labels()[1]) == shown
+
     def test_steps_that_are_not_there_are_refused(self, drawn):
         with pytest.raises(UsageError, match=r"no surface of step 3, only of 5; output\.surface: all"):
             drawn([a_result()], what=("pressure",), steps=("3",))

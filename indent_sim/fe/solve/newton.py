@@ -58,17 +58,17 @@ class Newton:
     def _create(self, *, symmetric: bool) -> PETSc.SNES:
         self._halved = not self._iterative and linear.halves(self._user_options, symmetric)
         self._has_tangent = False
-        linear.install(self._user_options, symmetric=symmetric)
+        linear.install({"pc_type": "python"} if self._iterative else self._user_options, symmetric=symmetric)
         snes = PETSc.SNES().create(self.problem.comm)
         snes.setOptionsPrefix(linear.PREFIX)
         snes.setFunction(self._function, self.problem.b.duplicate())
         snes.setJacobian(self._jacobian, self._tangent)
         snes.setTolerances(max_it=self.max_iterations)
         snes.setConvergenceTest(self._converged)
+        if self._iterative:  # before its options are read: PETSc would look for a preconditioner of this matrix
+            self._iterative.attach(snes.getKSP())
         with linear.blamed(self._user_options):
             snes.setFromOptions()
-        if self._iterative:
-            self._iterative.attach(snes.getKSP())
         return snes
 
     def _function(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:

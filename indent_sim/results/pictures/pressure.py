@@ -27,6 +27,7 @@ BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in
 BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
 TOUCHED = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
 INFINITE = "∞"
+STICKS = "stick radius"
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,11 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, objec
         x, shear = contact.shear_profile(is_half, middle)
         own = colour if name else COLOURS[1]
         axes.plot(length(x), pressure(shear), color=own, ls="--", label=", ".join(filter(None, [name, "shear"])))
-        for end in [contact.sticks] if is_half else [-contact.sticks, contact.sticks]:
+        ends = [] if contact.sticks == 0 else [contact.sticks] if is_half else [-contact.sticks, contact.sticks]
+        for end in ends:
             axes.axvline(length(middle + end), color=own if name else GREY, lw=0.8, ls=":")
+    if any(contact.sticks > 0 for contact, *_ in rubbed):  # named once
+        axes.plot([], [], color=GREY, lw=0.8, ls=":", label=STICKS)
     name_axes(axes, length.label, pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
     from_zero(axes, np.array(tops))

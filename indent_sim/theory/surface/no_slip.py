@@ -15,6 +15,7 @@ Sources: Mossakovskii (1963), J. Appl. Math. Mech. 27, 627; Spence (1968), Proc.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,19 +23,33 @@ import numpy as np
 from indent_sim.theory.hankel import gauss
 
 # Force without slip over the frictionless one on a layer bonded to its base, by contact radius over thickness (columns)
-# and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the frictionless paraboloid has the radius,
-# punch of that radius; solved by finite elements, new contact sticking half way through twenty steps
-SLENDER = (0.1, 1.0, 3.0, 10.0)
+# and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the frictionless tip has the radius, punch
+# of that radius; solved by finite elements in twenty steps (configs/studies/friction)
+SLENDER = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
 COMPRESSIBLE = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
 LAYER = {
-    2.0: ((1.058, 1.044, 1.014, 1.002), (1.018, 1.003, 1.001, 1.000), (1.006, 1.001, 1.021, 1.006),
-          (1.002, 1.014, 1.083, 1.027), (1.000, 1.044, 1.337, 1.241), (1.000, 1.059, 1.580, 2.740)),
-    1.0: ((1.049, 1.031, 1.006, 1.001), (1.015, 1.000, 1.000, 1.000), (1.005, 1.008, 1.015, 1.002),
-          (1.001, 1.038, 1.065, 1.010), (1.000, 1.130, 1.378, 1.093), (1.000, 1.184, 2.190, 3.270)),
-    math.inf: ((1.106, 1.080, 1.034, 1.010), (1.031, 1.010, 1.004, 1.001), (1.011, 1.005, 1.024, 1.010),
-               (1.003, 1.022, 1.094, 1.042), (1.000, 1.066, 1.378, 1.283), (1.000, 1.086, 1.657, 2.778)),
+    2.0: ((1.057, 1.060, 1.043, 1.023, 1.013, 1.006, 1.002),
+          (1.017, 1.016, 1.003, 1.000, 1.001, 1.001, 1.000),
+          (1.006, 1.004, 1.001, 1.017, 1.021, 1.015, 1.006),
+          (1.002, 1.000, 1.014, 1.066, 1.083, 1.066, 1.026),
+          (1.000, 1.000, 1.045, 1.211, 1.339, 1.398, 1.241),
+          (1.000, 1.001, 1.059, 1.304, 1.585, 2.057, 2.731)),
+    1.0: ((1.049, 1.051, 1.038, 1.020, 1.012, 1.005, 1.001),
+          (1.015, 1.014, 1.003, 1.000, 1.000, 1.000, 1.000),
+          (1.005, 1.003, 1.001, 1.015, 1.020, 1.014, 1.005),
+          (1.001, 1.000, 1.011, 1.060, 1.078, 1.062, 1.023),
+          (1.000, 1.000, 1.039, 1.196, 1.320, 1.381, 1.230),
+          (1.000, 1.001, 1.051, 1.282, 1.553, 2.011, 2.683)),
+    math.inf: ((1.106, 1.110, 1.081, 1.050, 1.035, 1.022, 1.011),
+               (1.030, 1.029, 1.010, 1.005, 1.004, 1.003, 1.001),
+               (1.010, 1.007, 1.005, 1.022, 1.024, 1.019, 1.010),
+               (1.003, 1.001, 1.022, 1.079, 1.093, 1.077, 1.041),
+               (1.000, 1.001, 1.065, 1.254, 1.382, 1.434, 1.284),
+               (1.000, 1.001, 1.084, 1.366, 1.659, 2.126, 2.781)),
 }  # fmt: skip
 MAP_ERROR = 0.005  # of the force
+DIGIT = 0.001  # of the map
+PEAK, DIP = 0.02, 0.004  # beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
 
 FAR = 20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
 PANEL, POINTS = 2.0, 24  # the integrands are analytic to pi/2 beside the angle: rounding remains
@@ -72,18 +87,30 @@ def force_ratio(nu: float, power: float = math.inf) -> float:
 
 
 def layer_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
-    """Least and largest force ratio at the corners of the map's cell around a bonded layer; None beyond the map.
+    """Least and largest force ratio in the map's cell around a bonded layer; None beyond the map.
 
-    slenderness: contact radius over thickness; power: that of the tip's profile, 1, 2 or infinite. Below a slenderness
-    of 0.1 the other corners are the half-space's.
+    Those at the corners of the cell, or at the ends of the line of the map that the layer is on, down by DIP and up by
+    PEAK, which hold what lies between them. slenderness: contact radius over thickness; power: that of the tip's
+    profile, 1, 2 or infinite. Below a slenderness of 0.1 the other corners are the half-space's.
     """
-    if power not in LAYER or not COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] or slenderness > SLENDER[-1]:
+    if power not in LAYER or not COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] or not 0 <= slenderness <= SLENDER[-1]:
         return None
-    row, column = int(np.searchsorted(COMPRESSIBLE, nu)), int(np.searchsorted(SLENDER, slenderness))
-    rows = [k for k in (row - 1, row) if k >= 0]
-    corners = [LAYER[power][k][column] for k in rows]
-    corners += [LAYER[power][k][column - 1] if column else force_ratio(COMPRESSIBLE[k], power) for k in rows]
-    return min(corners), max(corners)
+    rows, columns = _beside(COMPRESSIBLE, nu), _beside((0.0, *SLENDER), slenderness)
+    corners = [_known(row, column, power) for row in rows for column in columns]
+    low, high = min(corners), max(corners)
+    return low - DIP, high + DIGIT + PEAK * (high - 1.0)
+
+
+def _beside(lines: Sequence[float], at: float) -> list[int]:
+    """The lines of a map on either side of a value between its ends, or the one that it is on."""
+    on = [k for k, line in enumerate(lines) if math.isclose(line, at, rel_tol=1e-9)]
+    above = int(np.searchsorted(lines, at))
+    return on or [above - 1, above]
+
+
+def _known(row: int, column: int, power: float) -> float:
+    """The force ratio at a corner of the map's cells; column 0: the half-space."""
+    return LAYER[power][row][column - 1] if column else force_ratio(COMPRESSIBLE[row], power)
 
 
 def punch_ratio(nu: float) -> float:

@@ -98,6 +98,44 @@ def test_what_stick_would_change() -> None:
     assert scene({}, body=CYLINDER | {"base": "roller"}).plan.stick is None
 
 
+SPHERE = {"shape": "sphere", "R": 1.0}
+
+
+@pytest.mark.parametrize("beyond", [
+    {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49}, "indenter": SPHERE, "loading": {"delta": 0.3}},
+    {"material": SOFT | {"nu": 0.49}, "contact": {"gap": "current"}, "loading": {"delta": 0.3}},
+    {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}, "body": {"shape": "half_space"}}],
+    ids=["finite strain", "current gap", "half-space"])  # fmt: skip
+def test_beyond_small_strain_stick_has_no_number(beyond: dict[str, Any]) -> None:
+    """The ball would gain 10.0 %, solved, where the map at small strain knows of less than five."""
+    said = scene(**({"contact": {}} | beyond)).plan.stick
+    assert said and said.is_telling and (said.percent, said.low, said.high) == (None, None, None)
+    assert "%" not in said.words and "--error-bars" in said.words
+
+
+def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
+    """They need a factored body."""
+    box = {"body": {"shape": "box", "size": [8.0, 8.0, 1.0], "base": "fixed"}, "mesh": {"h_contact": 0.2},
+           "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.45}, "loading": {"delta": 0.2}}  # fmt: skip
+    for linear, promised in (("direct", True), ("iterative", False)):
+        said = scene({}, solver={"linear": linear}, **box).plan.stick
+        assert said and ("--error-bars" in said.words) == promised
+
+
+def test_what_would_not_tell_at_small_strain_is_not_said() -> None:
+    """Nearly incompressible and thick: it would hardly slip anyway."""
+    material = {"model": "neo_hookean", "E": 1.0, "nu": 0.49}
+    assert scene({}, material=material, loading={"delta": 0.001}).plan.stick is None
+
+
+def test_a_cone_is_looked_up_at_its_own_radius() -> None:
+    """1.72 %, solved, at 2.21 thicknesses, between two columns of the cone's map."""
+    wide = {"body": CYLINDER | {"radius": 12.0}, "indenter": {"shape": "cone", "half_angle": 80.0}}
+    said = scene({}, material=SOFT | {"nu": 0.4}, loading={"delta": 0.4}, **wide).plan.stick
+    assert said and said.low is not None and said.high is not None
+    assert said.low < 1.72 < said.high < 2.5
+
+
 HALF_SPACE = {"shape": "half_space"}
 
 

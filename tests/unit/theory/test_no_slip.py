@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from indent_sim.theory.surface.no_slip import displacement_beside_punch, force_ratio, radius_ratio
+from indent_sim.theory.surface.no_slip import LAYER, displacement_beside_punch, force_ratio, layer_range, radius_ratio
 
 # Force without slip over the frictionless one: flat punch, cone, paraboloid, by superposed bonded punches on rings
 RATIOS = {
@@ -54,3 +54,32 @@ def test_a_high_power_is_a_punch() -> None:
 def test_no_such_body(nu: float, power: float) -> None:
     with pytest.raises(ValueError):
         force_ratio(nu, power)
+
+
+# Force without slip over the frictionless one on bonded layers beside the map's lines, by finite elements: where the
+# effect is largest over the contact radius, where it is nearly nothing, and in the middle of cells
+BESIDE = [
+    (2.0, 0.49, 5.26, 1.396), (2.0, 0.49, 4.5, 1.401), (math.inf, 0.49, 4.5, 1.437), (1.0, 0.4, 2.21, 1.0172),
+    (2.0, 0.36, 1.0, 0.9997), (2.0, 0.43, 0.6, 0.9998), (1.0, 0.38, 0.8, 0.9994), (math.inf, 0.4, 0.7, 1.0018),
+    (2.0, 0.498, 8.5, 1.900), (2.0, 0.0, 0.2, 1.0594),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("power", "nu", "slenderness", "solved"), BESIDE)
+def test_a_cell_holds_what_lies_inside(power: float, nu: float, slenderness: float, solved: float) -> None:
+    low, high = layer_range(nu, slenderness, power) or (math.inf, -math.inf)
+    assert low <= solved <= high
+
+
+def test_a_layer_on_a_line_of_the_map_is_of_no_other() -> None:
+    """At nu = 0.3 a thick layer gains as little as a half-space does, 1.6 %, whatever it gains at nu = 0."""
+    for nu in (0.3, 0.3 * (1 - 1e-12), 0.3 * (1 + 1e-12)):
+        low, high = layer_range(nu, 0.08, 2.0) or (0.0, math.inf)
+        assert 1.01 < low < 1.0162 < high < 1.02
+    low, high = layer_range(0.49, 5.0, math.inf) or (0.0, math.inf)
+    assert high - low < 0.03 and low < LAYER[math.inf][4][5] < high
+
+
+@pytest.mark.parametrize(("nu", "slenderness", "power"), [(0.3, 10.1, 2.0), (-0.1, 1.0, 2.0), (0.3, 1.0, 3.0)])
+def test_beyond_the_map(nu: float, slenderness: float, power: float) -> None:
+    assert layer_range(nu, slenderness, power) is None
