@@ -121,11 +121,14 @@ class Penalty(_NormalStiffness):
 
     multiplier: ClassVar[Multiplier] = "none"
     auto_multiple: ClassVar[float] = 100.0  # of E*/h_contact, at least: 0.1 % of the force on HERTZ
+    smallest_tangential: ClassVar[float] = 0.1  # of E*/h_contact: below, four fifths of what friction adds are lost
 
 
 @dataclass(frozen=True)
 class AugmentedLagrangian(_NormalStiffness):
-    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only steers it."""
+    """Displacement and multiplier together in one semismooth Newton (notes 3.6-3.7); epsilon_n only steers it, and so
+    does epsilon_t what slides; where the surface sticks, what it adds to the force moves by 0.35 h_contact/a of itself
+    per decade."""
 
     method: Literal["augmented_lagrangian"] = "augmented_lagrangian"
     epsilon_n: ContactStiffness | Auto = "auto"
@@ -136,6 +139,8 @@ class AugmentedLagrangian(_NormalStiffness):
 
     multiplier: ClassVar[Multiplier] = "unknown"
     auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
+    # Below, steps fail or end in forces without friction: from 1e-4 on with Coulomb's law; cut back from 1e-3 on
+    smallest_tangential: ClassVar[float] = 0.01
 
 
 @dataclass(frozen=True)

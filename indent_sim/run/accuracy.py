@@ -40,7 +40,7 @@ class Attempt:
         if fineness is None or worst is None or found <= fineness.target:
             return
         tried = (*self.tried, fineness.n)
-        finer, end = _finer(resolve, fineness, found, worst, len(tried))
+        finer, end = _finer(resolve, fineness, found, worst, _from_rest(states, bars.budgets), len(tried))
         if finer is not None and finer.plan.fineness is not None:
             end = f"refining to {finer.plan.fineness.n:.3g} elements in the contact radius"
             ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
@@ -89,14 +89,16 @@ def worst_of(states: Sequence[State], budgets: Sequence[Budget]) -> tuple[float,
 
 
 def _finer(
-    resolve: Resolve, fineness: Fineness, found: float, worst: Budget, attempts: int
+    resolve: Resolve, fineness: Fineness, found: float, worst: Budget, from_rest: float, attempts: int
 ) -> tuple[Scene | None, str]:
-    """The next scene, or why there is none."""
+    """The next scene, or why there is none; `from_rest`: what the path costs the first row."""
     allowed = fineness.target * worst.total / found
     if worst.enforcement >= allowed and fineness.stiffness_given:
         return None, f"the penalty's epsilon_n alone costs {found * worst.enforcement / worst.total:.2g}"
     if worst.path >= allowed:
-        return None, f"the steps of the path alone cost {found * worst.path / worst.total:.2g}: more of them may help"
+        return None, f"the steps of the path alone cost {found * worst.path / worst.total:.2g}: " + (
+            "more of them may help" if from_rest < fineness.target else
+            f"{from_rest:.2g} at the first row, which is one step from rest however many there are")  # fmt: skip
     if worst.truncation >= allowed:
         return None, "the finite body that stands for the half-space costs more"
     if attempts >= ATTEMPTS:
@@ -110,6 +112,14 @@ def _finer(
         return resolve(fineness.n * factor), ""
     except ConfigError as limit:
         return None, f"the next mesh is beyond this machine ({limit.problem})"
+
+
+def _from_rest(states: Sequence[State], budgets: Sequence[Budget]) -> float:
+    """What the path costs the first row that has a force, relative to it."""
+    floor = _floor(states)
+    costs = (budget.path / abs(state.force) for state, budget in zip(states, budgets, strict=True)
+             if abs(state.force) > floor)  # fmt: skip
+    return next(costs, 0.0)
 
 
 def entry(config: Config, fineness: Fineness | None, tried: Sequence[float]) -> dict[str, Any] | None:

@@ -158,8 +158,7 @@ class Run:
             companions = attempt.companions or self._companions(attempt)
             own = companions[0].scene
             soft = self._curve(softer(own)) if own is not None and isinstance(own.physics.contact, Penalty) else None
-            along = ways(own, self._curve) if own is not None else None
-            return ErrorBars(attempt.scene, companions, soft, along)
+            return ErrorBars(attempt.scene, companions, soft, ways(companions[0], self._curve))
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
         """What no slip would change of the deepest force: as the plan knows it, or solved beside the run, in three

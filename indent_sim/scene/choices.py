@@ -19,7 +19,7 @@ from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
-from indent_sim.scene.doubts import STIFFEST, TELLING, penalty_loss
+from indent_sim.scene.doubts import FREE, STIFFEST, TELLING, penalty_loss
 from indent_sim.scene.expected import NEARLY_STICK, Adherence, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
 from indent_sim.scene.given import Given
@@ -133,11 +133,9 @@ def contact(wanted: Contact, given: Given, sizes: Sizes, fineness: Fineness | No
     law = dataclasses.replace(law, **{name: value})  # type: ignore[arg-type]
     if law.friction and law.epsilon_t == "auto":
         law = dataclasses.replace(law, epsilon_t=value)
+    _refuse_slippery(law, unit, scales.stiffness)
     why = f"{why}; {source}: {value / unit:.3g} E*/h_contact"
     return law, Choice("contact", f"{law.method}, {name} = {value * scales.stiffness:.6g}", why)
-
-
-FREE = 0.3  # friction up to which steps of a tenth of the path need no second pass: 0.01 % of the force, measured
 
 
 def friction(law: ContactLaw, given: Given) -> tuple[Anchor, list[Choice]]:
@@ -243,6 +241,20 @@ def _refuse_soft(law: Any, name: str, multiple: float, unit: float) -> None:
             f"is {multiple:.2g} E*/h_contact; below {smallest:g} E*/h_contact {law.method} gives wrong forces",
             f"at least {smallest * unit:.4g}, or auto ({law.auto_multiple:g} E*/h_contact)",
         )
+
+
+def _refuse_slippery(law: Any, unit: float, stiffness: float) -> None:
+    """ConfigError for an epsilon_t so soft that the surface slips where it should stick; unit: E*/h_contact, without
+    units, whose scale is `stiffness`."""
+    if not law.friction or law.epsilon_t >= law.smallest_tangential * unit * (1 - 1e-9):
+        return
+    given = ", or auto (epsilon_n)" if law.epsilon_t != law.stiffness else ""
+    raise ConfigError(
+        "contact.epsilon_t",
+        f"is {law.epsilon_t / unit:.2g} E*/h_contact; below {law.smallest_tangential:g} E*/h_contact {law.method} "
+        "loses friction, or does not converge",
+        f"at least {law.smallest_tangential * unit * stiffness:.4g}{given}",
+    )
 
 
 def solver(config: Config, given: Given, law: ContactLaw, gap: str, nodes: float) -> Choice:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from math import inf, log
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,11 @@ def rough(friction: float | str, nu: float, loading: dict[str, Any], tip: dict[s
     return solve(scene(THICK, indenter=tip, contact=contact, loading=loading, **sections))
 
 
+def in_and_out(depth: float, steps: int) -> list[float]:
+    """Depths of so many steps in and as many out again."""
+    return [depth * (k if k <= steps else 2 * steps - k) / steps for k in range(1, 2 * steps + 1)]
+
+
 @cache
 def paraboloid(friction: float | str, nu: float, steps: int = 1, h: float = A / 30) -> float:
     """Force of a paraboloid at the depth of A."""
@@ -61,6 +67,14 @@ def test_paraboloid_on_a_half_space(friction: float | str, nu: float, steps: int
     assert paraboloid(friction, nu, steps) / paraboloid(0.0, nu) == pytest.approx(exact, abs=5e-4)
 
 
+def test_little_friction_stuck_on_the_way() -> None:
+    """The anchor of stick does for friction 0.3 too, whose own is that of the step's beginning."""
+    base = scene(THICK, contact={"method": "augmented_lagrangian", "friction": 0.3}, mesh={"h_contact": A / 30},
+                 loading={"delta": A**2, "steps": 10})  # fmt: skip
+    assert base.physics.anchor == "implicit"
+    assert solve(base.with_physics(anchor="mid"))[-1].force / paraboloid(0.0, 0.3) == pytest.approx(1.01446, abs=5e-4)
+
+
 @pytest.mark.parametrize(("nu", "exact"), [(0.0, 1.045248), (0.3, 1.013967)])
 def test_cone_on_a_half_space(nu: float, exact: float) -> None:
     """Superposed no-slip punches, at the cone's own radius, twenty steps as its map has: 1e-3."""
@@ -82,8 +96,8 @@ PUNCHES = [("stick", nu, no_slip(nu)) for nu in (0.0, 0.3, 0.45)] + [
 
 @pytest.mark.parametrize(("friction", "nu", "exact"), PUNCHES)
 def test_flat_punch_on_a_half_space(friction: float | str, nu: float, exact: float) -> None:
-    """2e-4: what thirty elements in the radius leave of the edge's singularity, which friction makes another one."""
-    assert punch(friction, nu).force / punch(0.0, nu).force == pytest.approx(exact, abs=2e-4)
+    """2e-4: what twenty elements in the radius leave of the edge's singularity, which friction makes another one."""
+    assert punch(friction, nu, A / 20).force / punch(0.0, nu, A / 20).force == pytest.approx(exact, abs=2e-4)
 
 
 def test_stuck_beside_a_sharp_edge() -> None:
@@ -170,29 +184,57 @@ def test_half_way_lies_between_the_ends_of_the_step(friction: float | str) -> No
     assert glue < mid < implicit
 
 
-@pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
-@pytest.mark.parametrize("solver", ["condensed", "newton"])
-def test_no_friction_is_the_frictionless_scene(method: str, solver: str) -> None:
-    """Not a digit, nor an iteration."""
-    numbers = []
-    for contact in ({"method": method}, {"method": method, "friction": 0.0}):
-        base = scene(THICK, contact=contact, mesh={"h_contact": A / 6}, loading={"delta": A**2, "steps": 2},
-                     solver={"method": solver})  # fmt: skip
-        numbers.append([(state.force, state.a, state.p_max, state.newton_iterations) for state in solve(base)])
-    assert numbers[0] == numbers[1]
+# Iterations by the last commit without friction, whose forces and radii were these to the last digits
+WITHOUT = [("augmented_lagrangian", "condensed", 8), ("augmented_lagrangian", "newton", 8), ("penalty", "newton", 14)]
+
+
+@pytest.mark.parametrize(("method", "solver", "iterations"), WITHOUT)
+def test_no_friction_is_the_limit_of_little(method: str, solver: str, iterations: int) -> None:
+    """Other code, other unknowns, another factorisation: 1e-9 of each number at a friction of 1e-12. And no more
+    iterations than before."""
+    found = []
+    for friction in (0.0, 1e-12):
+        base = scene(THICK, contact={"method": method, "friction": friction}, mesh={"h_contact": A / 6},
+                     loading={"delta": A**2, "steps": 2}, solver={"method": solver})  # fmt: skip
+        found.append(solve(base))
+    smooth, rubbed = found
+    assert sum(state.newton_iterations for state in smooth) <= iterations
+    for one, other in zip(smooth, rubbed, strict=True):
+        assert (one.dissipation, one.stick_radius) == (None, None)
+        for name in ("force", "a", "p_max", "energy"):
+            assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-9)
 
 
 @pytest.mark.parametrize("friction", ["stick", 0.1, 0.3])
 def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float | str) -> None:
-    """Each step dissipates (its sum of squares is never negative), the work of the cycle is what they do in all, and
-    out of contact nothing is remembered: the second way in is the first, to Newton's tolerance."""
+    """No step gives work back, and out of contact nothing is remembered: the second way in is the first, to Newton's
+    tolerance."""
     states = rough(friction, 0.3, IN_AND_OUT, mesh={"h_contact": A / 8})
-    assert all(state.dissipation >= -1e-12 * state.force * state.delta for state in states)
+    assert all(state.dissipation >= 0 for state in states)
+    assert sum(state.dissipation for state in states) > 0 or friction == "stick"
     assert states[4].force == 0.0 and states[4].a == 0.0
     for first, again in ((0, 5), (1, 6)):
         assert states[again].force == pytest.approx(states[first].force, rel=1e-8)
         assert states[again].dissipation == pytest.approx(states[first].dissipation, rel=1e-5)
     assert states[1].stick_radius <= states[1].a
+
+
+@pytest.mark.parametrize("friction", [0.05, 0.1])
+def test_what_a_cycle_dissipates_is_its_work(friction: float) -> None:
+    """In and out in ten steps each: 2 %, for the trapezoidal rule loses 1 % of so narrow a loop; -int t . s with the
+    tractions at the end of each step is 5 and 9 % more."""
+    path = in_and_out(A**2, 10)
+    states = rough(friction, 0.3, {"deltas": path}, mesh={"h_contact": A / 8})
+    rows = pairwise([(0.0, 0.0), *((state.delta, state.force) for state in states)])
+    work = sum((one[1] + other[1]) / 2 * (other[0] - one[0]) for one, other in rows)
+    assert sum(state.dissipation for state in states) == pytest.approx(work, rel=0.02)
+
+
+def test_what_steps_dissipate_is_of_second_order() -> None:
+    """On the way in: the difference of 5 and 10 steps is 3.5 times that of 10 and 20; of first order it would be 2."""
+    five, ten, twenty = (sum(state.dissipation for state in rough(0.05, 0.3, {"delta": A**2, "steps": steps},
+                                                                  mesh={"h_contact": A / 8})) for steps in (5, 10, 20))
+    assert (five - ten) / (ten - twenty) > 2.8
 
 
 @pytest.mark.parametrize("friction", ["stick", 0.3, pytest.param(0.5, marks=pytest.mark.verify)])
@@ -204,6 +246,7 @@ def test_condensed_is_newton(friction: float | str, monkeypatch: pytest.MonkeyPa
     condensed = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "condensed"})
     for one, other in zip(condensed, whole, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-10, abs=1e-14)
+        assert one.dissipation == pytest.approx(other.dissipation, rel=1e-7, abs=1e-16)  # slip is a difference
 
 
 def test_shear_is_held_on_the_axis() -> None:
@@ -222,13 +265,25 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: 
                            "mesh": {"h_contact": A / 5}})  # fmt: skip
     base = resolve(config)
     companions = [Companion(ratio, list(states(other)), other) for ratio, other in beside(base, [])]
-    bars = ErrorBars(base, companions, None, ways(companions[0].scene, lambda one: list(states(one))))
+    bars = ErrorBars(base, companions, None, ways(companions[0], lambda one: list(states(one))))
     judged = [bars.judged(state) for state in states(base)]
     truth = {round(s.delta, 12): s.force for s in rough(friction, 0.0, {"delta": A**2, "steps": 40},
                                                        mesh={"h_contact": A / 5 * finer})}  # fmt: skip
     for state in judged[4:]:
         assert abs(state.force - truth[round(state.delta, 12)]) <= state.force_error
     assert 0 < bars.budgets[-1].path < 0.02 * judged[-1].force
+
+
+def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
+    """One step from rest, however many follow: the truth of forty is within the bar, and the bar is no more than 2 %;
+    half of what lies between the two ends of the anchor is 5 %."""
+    base = scene(THICK, material=ELASTIC | {"nu": 0.0}, mesh={"h_contact": A / 10}, loading={"delta": A**2, "steps": 1},
+                 contact={"method": "augmented_lagrangian", "friction": "stick"})  # fmt: skip
+    (row,) = solve(base)
+    found = ways(Companion(1.0, [row], base), lambda one: list(states(one)))
+    assert found
+    truth = rough("stick", 0.0, {"delta": A**2, "steps": 40}, mesh={"h_contact": A / 10})[-1].force
+    assert abs(row.force - truth) < found.error(row, "force") < 0.02 * row.force
 
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
@@ -276,8 +331,8 @@ def test_the_way_in_begins_where_the_tip_touches() -> None:
 
 
 @pytest.mark.parametrize(("friction", "nu", "F"), [
-    ("stick", 0.3, 1.015), (0.1, 0.49, 1.038), ("stick", 0.49, 1.099),
-    pytest.param(0.3, 0.49, 1.096, marks=pytest.mark.verify),
+    ("stick", 0.3, 1.015), (0.1, 0.49, 1.038), (0.5, 0.49, 1.099), ("stick", 0.49, 1.099),
+    *(pytest.param(friction, 0.49, F, marks=pytest.mark.verify) for friction, F in ((0.3, 1.096), (1.0, 1.099))),
 ])  # fmt: skip
 def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> None:
     """Over the smooth force at delta = 0.3 R, gap at the deformed point, by another program's walk: its last digit and
@@ -289,8 +344,7 @@ def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> Non
                                   loading={"delta": 0.3, "steps": 10}, contact={"method": "auto", "friction": f}))
                       for f in (friction, 0.0))  # fmt: skip
     assert rubbed[-1].force / smooth[-1].force == pytest.approx(F, abs=2e-3)
-    most = {"stick": 180, 0.1: 110}.get(friction, 70)  # the slip front of little friction crosses every element
-    assert sum(state.newton_iterations for state in rubbed) <= most
+    assert sum(state.newton_iterations for state in rubbed) <= 70  # both passes of the anchor
 
 
 @pytest.mark.parametrize("friction", [0.3, "stick"])
@@ -353,3 +407,18 @@ def test_the_same_in_other_units() -> None:
         assert other.force == pytest.approx(one.force * P * L**2, rel=1e-8)
         assert other.dissipation == pytest.approx(one.dissipation * P * L**3, rel=1e-5)
         assert other.stick_radius == pytest.approx(one.stick_radius * L, rel=1e-5)
+
+
+def test_the_same_depth_again_slides_nowhere() -> None:
+    """But for what the elements leave of the shear: 1e-4 of the force with five of them in the contact."""
+    once, again = rough(0.3, 0.3, {"deltas": [A**2, A**2]}, mesh={"h_contact": A / 5})
+    assert again.force == pytest.approx(once.force, rel=1e-4)
+    assert again.dissipation < 0.02 * once.dissipation
+
+
+def test_a_step_that_fails_names_the_stiffness_it_was_given() -> None:
+    """So stiff that Newton goes round in circles; left alone, the same step is found."""
+    stiff = scene(THICK, contact={"method": "auto", "friction": 1.0, "epsilon_t": 1e7}, mesh={"h_contact": A / 10})
+    (row,) = states(stiff)
+    assert not row.converged and "contact.epsilon_t: auto" in row.reason
+    assert rough(1.0, 0.3, {"delta": A**2, "steps": 1}, mesh={"h_contact": A / 10})[-1].converged

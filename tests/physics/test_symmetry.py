@@ -158,3 +158,18 @@ def test_rough_strip_and_its_mirror_image(friction: float | str, gap: str, monke
     assert_same(here, there)
     assert here[-1].side_force_x == pytest.approx(-there[-1].side_force_x, rel=1e-6)
     assert abs(here[-1].side_force_x) > 1e-6 * here[-1].force
+
+
+@pytest.mark.parametrize("friction", [0.3, "stick"])
+def test_rough_box_and_its_mirror_image(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same in three dimensions, off the middle both ways: one of the two side forces turned round."""
+    left, right = (scene(BOX, contact={"method": "auto", "friction": friction}, mesh={"h_contact": 0.2},
+                         indenter=PARABOLOID | {"center": [x, 0.9]}, **DEEP) for x in (0.8, 1.2))  # fmt: skip
+    grid = grid_of(left)
+    image = Grid(grid.points * [-1.0, 1.0, 1.0] + [2.0, 0.0, 0.0], grid.cells)
+    here, there = on_grid(left, grid, monkeypatch), on_grid(right, image, monkeypatch)
+    assert_same(here, there)
+    size = here[-1].force
+    assert here[-1].side_force_x == pytest.approx(-there[-1].side_force_x, abs=SAME * size)
+    assert here[-1].side_force_y == pytest.approx(there[-1].side_force_y, abs=SAME * size)
+    assert min(abs(here[-1].side_force_x), abs(here[-1].side_force_y)) > 1e-5 * size

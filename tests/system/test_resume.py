@@ -172,14 +172,14 @@ class TestKilled:
         scene = SCENE.format(material="model: neo_hookean", method=method, loading=UP_AND_DOWN)
         interrupt_and_resume(scene, rows, forget, 1e-7 if method == "uzawa" else 1e-8)
 
-    @pytest.mark.parametrize(("material", "loading", "rows", "forget"), [
-        ("neo_hookean", UP_AND_DOWN, 5, False), ("neo_hookean", UP_AND_DOWN, 6, True),
-        ("linear_elastic", UP_AND_DOWN, 5, False), ("neo_hookean", FORCES, 4, False),
-        ("linear_elastic", FORCES, 5, False)
+    @pytest.mark.parametrize(("material", "friction", "loading", "rows", "forget"), [
+        ("neo_hookean", "0.3", UP_AND_DOWN, 5, False), ("neo_hookean", "0.3", UP_AND_DOWN, 6, True),
+        ("linear_elastic", "0.3", UP_AND_DOWN, 5, False), ("neo_hookean", "0.3", FORCES, 4, False),
+        ("linear_elastic", "0.3", FORCES, 5, False), ("neo_hookean", "stick", UP_AND_DOWN, 2, False)
     ])  # fmt: skip
-    def test_a_path_with_friction(self, interrupt_and_resume, material, loading, rows, forget):
+    def test_a_path_with_friction(self, interrupt_and_resume, material, friction, loading, rows, forget):
         """What the surface remembers is in the checkpoint, or found again on the same path from rest."""
-        method = "augmented_lagrangian, friction: 0.3"
+        method = f"augmented_lagrangian, friction: {friction}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
         interrupt_and_resume(scene, rows, forget)
 

@@ -127,15 +127,16 @@ class Condenser:
         space = body.unknowns.own_space("u")
         index_map = space.dofmap.index_map
         local, inverse = np.unique(trace.nodes, return_inverse=True)
-        keys = np.asarray(index_map.local_to_global(local.astype(np.int32)), dtype=np.int64)
-        own = local < index_map.size_local
-        coordinates = space.tabulate_dof_coordinates()[local[own], : trace.dim]
-        parts = body.comm.allgather((keys[own], coordinates))
-        all_keys, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-        by_place = np.lexsort(np.round(X[:, ::-1].T, 10))
-        by_key = np.argsort(all_keys[by_place])
-        rows = by_key[np.searchsorted(all_keys[by_place], keys, sorter=by_key)]
-        return local[own], rows[own], rows[inverse].reshape(trace.nodes.shape)
+        numbers = np.asarray(index_map.local_to_global(local.astype(np.int32)), dtype=np.int64)
+        coordinates = space.tabulate_dof_coordinates()[local, : trace.dim]
+        parts = body.comm.allgather((numbers, coordinates))
+        everyone, first = np.unique(np.concatenate([p[0] for p in parts]), return_index=True)
+        X = np.concatenate([p[1] for p in parts])[first]
+        row = np.argsort(np.lexsort(np.round(X[:, ::-1].T, 10)))
+        begin, end = index_map.local_range
+        own = (begin <= everyone) & (everyone < end)  # of these some may lie on facets of other ranks alone
+        rows = row[np.searchsorted(everyone, numbers)]
+        return everyone[own] - begin, row[own], rows[inverse].reshape(trace.nodes.shape)
 
     def _whole_surface(self) -> Trace:
         """The contact surface of all ranks, its facets sorted by place and its nodes numbered by row."""

@@ -40,7 +40,7 @@ class Rest:
 @dataclass(frozen=True)
 class Trial:
     """p_hat (facets, points) and t_hat (axes, facets, points) [pressure], where something holds the surface, and the
-    gap [length] at the step's beginning, which is zero where nothing is new."""
+    gap [length] at the step's beginning, below zero where the surface was in contact."""
 
     p_hat: np.ndarray
     t_hat: np.ndarray
@@ -157,7 +157,7 @@ class CondensedFriction:
         places = [was[nodes] @ N.T + way * ((at - was)[nodes] @ N.T)
                   for at, was in zip(self._start, old.u[1:], strict=True)]  # fmt: skip
         holds = (p_hat > 0) & (self._holds_new | ~is_new)
-        return Trial(p_hat, np.array(t_hat) + epsilon_t * np.array(places), holds, is_new * opening)
+        return Trial(p_hat, np.array(t_hat) + epsilon_t * np.array(places), holds, opening)
 
     def _bound(self, trial: Trial) -> Any:
         """friction p [pressure], infinite for stick."""
@@ -237,11 +237,17 @@ class CondensedFriction:
         return np.asarray(self._bound(trial) - _length(trial.t_hat))
 
     def dissipation(self, delta: float) -> float:
-        """-int t . s of the step to the present state [energy] of the modelled part."""
+        """int friction (p + p_old)/2 |s| over what slipped in the step to the present state [energy] of the modelled
+        part."""
+        if self._law.friction == "stick":
+            return 0.0
         N, W, _ = rule = self._contact.quadrature
         trial = self._present(rule, delta)
         tau = np.array([values[self._contact.nodes] @ N.T for values in self.tau()[:, self._contact.places]])
-        return float((W * self._tractions(trial) * (trial.t_hat - tau)).sum() / self._law.epsilon_t)
+        slip = _length(trial.t_hat - tau) / self._law.epsilon_t
+        before = self._law.stiffness * np.maximum(-trial.opening, 0.0)
+        slips = (trial.p_hat > 0) & (_length(trial.t_hat) > self._bound(trial))
+        return float((W * slips * self._law.friction * (trial.p_hat + before) / 2 * slip).sum())
 
     def _present(self, rule: Any, delta: float) -> Trial:
         u, lam = self._displacements(), self._contact.lam[self._contact.places]

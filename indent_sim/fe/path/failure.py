@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from indent_sim.fe.path.load_control import Pair
 from indent_sim.model.materials import Gent
@@ -42,8 +42,10 @@ def _limit(scene: Scene) -> str:
 def _advice(scene: Scene) -> str:
     """What a user can change, the most promising first."""
     rounded = next((key for key in ("tip_radius", "edge_radius") if getattr(scene.physics.indenter, key, 0.0)), None)
+    law: Any = scene.physics.contact
     ways = [
         *(["solver.linear: direct"] if scene.solver.linear == "iterative" else []),
+        *(["contact.epsilon_t: auto"] if law.friction and law.epsilon_t != law.stiffness else []),
         *(["contact.friction: 5"] if scene.physics.contact.friction == "stick" else []),
         *(["a hyperelastic material"] if scene.physics.small_strain and scene.physics.gap == "current" else []),
         *([f"a larger indenter.{rounded}"] if rounded else []),

@@ -13,6 +13,10 @@ from indent_sim.fe.solve.anchor import anchored
 from indent_sim.fe.solve.newton import Newton, finest, stages
 from indent_sim.fe.terms.traction import Traction
 
+# Times Newton's tolerance: so well is the first pass of a step found, which says where new contact sticks. The force
+# feels a few hundredths of what it is off, and Newton's last step leaves less than it is asked to. At most ROUGH.
+LOOSELY, ROUGH = 1e3, 1e-6
+
 
 def _approaching(newton: Newton) -> Callable[[], bool]:
     """Penalty, augmented Lagrangian: one semismooth Newton, which comes to a stiff contact through softer ones.
@@ -38,9 +42,18 @@ def with_friction(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[],
     if friction is None:
         return algorithm
 
+    loosely = 1.0 if problem.scene.physics.path.control == "force" else LOOSELY  # forces are found by their differences
+
+    def find() -> bool:
+        exact = newton.rtol
+        newton.rtol = max(exact, min(loosely * exact, ROUGH))
+        found = algorithm()
+        newton.rtol = exact
+        return found
+
     def solve() -> bool:
         before = problem.snapshot()
-        if anchored(friction, problem.scene.physics.anchor, algorithm):
+        if anchored(friction, problem.scene.physics.anchor, algorithm, find):
             return True
         problem.restore(before)
         return False

@@ -19,16 +19,16 @@ class Anchored(Protocol):
         """On the way from there to the present state, the farther the later they touched."""
 
 
-def anchored(surface: Anchored, anchor: str, solve: Callable[[], bool]) -> bool:
+def anchored(surface: Anchored, anchor: str, solve: Callable[[], bool], find: Callable[[], bool] | None = None) -> bool:
     """Solve a step with the anchor `implicit` or `glue`, or both ways of it: with `mid` new points stick on the way
-    through the step that the first of two solves has found without friction for them."""
+    through the step that the first of two solves, `find` if there is one, has found without friction for them."""
     if anchor == "implicit":
         surface.stick_where_it_was()
         return solve()
     surface.let_new_slip()
-    if not solve():
-        return False
     if anchor == "glue":
-        return True
+        return solve()
+    if not (find or solve)():
+        return False
     surface.stick_on_the_way()
     return solve()

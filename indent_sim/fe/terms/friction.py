@@ -64,11 +64,11 @@ class Friction:
         is_multiplier = self._law.multiplier == "unknown"
         tau = self._tau if is_multiplier else _vector(body.unknowns.of(self._old)["tau"])
         trial = tau - self._epsilon_t * self._slip
-        self._room = self._bound() - _length(trial)
+        self._room = self._bound(normal.pressure) - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
-        self._dissipation = fem.form(body.over_contact(-ufl.dot(self._t, self._slip)))
+        self._dissipation = fem.form(body.over_contact(self._rubbed(opening)))
         self._thrust = [fem.form(body.over_contact(self._push(axis))) for axis in range(body.body_mesh.dim)]
 
     def _opening(self) -> Any:
@@ -91,17 +91,25 @@ class Friction:
             moved += ufl.as_vector([0.0] * (dim - 1) + [sunk])
         return ufl.as_vector([ufl.dot(m, moved) for m in self._tangents])
 
-    def _bound(self) -> Any:
+    def _bound(self, pressure: Any) -> Any:
         """friction p [pressure]; beyond all tractions for stick."""
         if self._law.friction == "stick":
             return ufl.as_ufl(UNBOUNDED)
-        return self._normal.symbolic_law.friction * self._normal.pressure
+        return self._normal.symbolic_law.friction * pressure
 
     def _projected(self, trial: Any) -> Any:
         """t_hat where it is within the bound, else the part of it that is."""
         if self._law.friction == "stick":
             return trial
         return ufl.conditional(ufl.ge(self._room, 0.0), trial, trial + self._room / _length(trial) * trial)
+
+    def _rubbed(self, opening: Any) -> Any:
+        """friction (p + p_old)/2 |s| of the step [pressure length] where the surface slips."""
+        law, normal = self._normal.symbolic_law, self._normal
+        before = law.stiffness * ufl.max_value(0.0, -opening)
+        rubbed = self._bound((before + normal.pressure) / 2) * ufl.sqrt(ufl.dot(self._slip, self._slip))
+        slips = ufl.And(ufl.gt(normal.trial_pressure, 0.0), ufl.lt(self._room, 0.0))
+        return ufl.conditional(slips, rubbed, 0.0)
 
     def _push(self, axis: int) -> Any:
         """The traction on the tip along an axis [pressure]: that of the pressure and that of friction."""
@@ -148,7 +156,9 @@ class Friction:
         self._epsilon_t.value = factor * self._law.epsilon_t
 
     def dissipation(self) -> float:
-        """-int t . s of the step to the present state [energy], this rank's share of the modelled part."""
+        """int friction (p + p_old)/2 |s| over what slipped in the step to the present state [energy], this rank's share
+        of the modelled part: Coulomb's traction is bounded by a pressure that grows on the way, so -int t . s is only
+        of first order in the steps."""
         return float(fem.assemble_scalar(self._dissipation))
 
     def room_at(self, points: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from indent_sim.config.file import from_mapping
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_bars import RATIOS, READING, Companion, ErrorBars, coarser
+from indent_sim.run.accuracy import Attempt
+from indent_sim.run.error_bars import RATIOS, READING, Budget, Companion, ErrorBars, coarser
 from indent_sim.scene.fineness import PRESETS, RATE, elements_for
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.scene.theories import Theory
@@ -241,3 +243,14 @@ def test_sizes_that_do_not_fit_the_scene(mesh: dict[str, float], key: str) -> No
     with pytest.raises(ConfigError) as caught:
         scene(mesh=mesh)
     assert caught.value.key == f"mesh.{key}"
+
+
+@pytest.mark.parametrize(("paths", "said"), [((0.02, 0.05), "one step from rest"), ((0.001, 0.05), "more of them may")])
+def test_more_steps_are_advised_where_they_help(paths: tuple[float, float], said: str) -> None:
+    """The first row is one step from rest, whatever the path: an accuracy it cannot have is not to be had by more."""
+    base = scene(accuracy=0.01, contact={"method": "auto", "friction": "stick"})
+    rows = states(0.0, range(1, 3))
+    budgets = [Budget(row.step, 0.0, 0.0, 0.0, path=path * row.force) for row, path in zip(rows, paths, strict=True)]
+    attempt = Attempt(base)
+    attempt.judge(lambda elements: base, rows, SimpleNamespace(budgets=budgets, companions=()))  # type: ignore[arg-type]
+    assert said in attempt.missed and attempt.following is None

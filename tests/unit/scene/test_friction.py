@@ -172,3 +172,30 @@ def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction:
     rounded = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01},
                     mesh={"h_contact": h})  # fmt: skip
     assert rounded.physics.contact.friction == "stick"
+
+
+@pytest.mark.parametrize(("method", "smallest"), [("auto", 0.01), ("augmented_lagrangian", 0.01), ("penalty", 0.1)])
+@pytest.mark.parametrize("friction", [0.1, "stick"])
+def test_a_surface_held_too_softly_is_refused(method: str, smallest: float, friction: float | str) -> None:
+    """It would slip where it should stick, and the force be that without friction; the remedy works as it is."""
+    mesh = {"h_contact": 0.01}
+    with pytest.raises(ConfigError, match=f"below {smallest:g} ") as refusal:
+        scene({"method": method, "friction": friction, "epsilon_t": 1e-4}, mesh=mesh)
+    assert refusal.value.key == "contact.epsilon_t"
+    least = smallest * 1.0 / (1 - 0.3**2) / 0.01
+    assert f"at least {least:.4g}" in (refusal.value.remedy or "")
+    scene({"method": method, "friction": friction, "epsilon_t": 1.001 * least}, mesh=mesh)
+
+
+@pytest.mark.parametrize(("contact", "said"), [
+    ({"method": "penalty", "epsilon_t": 50.0}, "about 47% of what friction adds to the force is lost"),
+    ({"method": "penalty"}, None),
+    ({"method": "auto", "epsilon_t": 1.4e4}, "friction adds about 7% more"),
+    ({"method": "auto", "epsilon_t": 1.5}, "friction adds about 6% less"),
+    ({"method": "auto"}, None),
+])  # fmt: skip
+def test_what_the_tangential_stiffness_costs_is_said(contact: dict[str, Any], said: str | None) -> None:
+    """Penalty: measured at 5 E*/a, 0.30 to 0.49 of it; at 130 E*/h_contact and ten elements, 0.09 of it."""
+    warnings = scene({"friction": "stick", **contact}, mesh={"h_contact": 0.01}).plan.warnings
+    found = [words for words in warnings if "friction" in words]
+    assert [said in words for words in found] == ([True] if said else [])
