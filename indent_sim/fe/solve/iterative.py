@@ -1,13 +1,14 @@
 """The linear systems of Newton's method by FGMRES, as exactly as each is worth.
 
 The preconditioner is the upper block factor of the tangent's Schur complement: S for each field beside the
-displacement, one cycle of multigrid for the displacement. It is kept while the iterations a digit costs stay few.
+displacement, one cycle of multigrid for the displacement. It is kept until it has cost as many iterations more as a new
+one is worth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import log10
+from math import inf, log10
 from typing import Any
 from weakref import WeakMethod
 
@@ -21,7 +22,7 @@ from indent_sim.fe.solve.multigrid import Multigrid
 RESTART = 40
 MOST = 200  # iterations of one system
 LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more, Newton needs no fewer steps
-WORN = 1.4  # times the iterations a digit cost when the preconditioner was new: it is built anew
+RENEWAL = 20.0  # iterations that a new preconditioner costs: it is built where the old one has cost as many more
 
 
 class Iterative:
@@ -40,7 +41,7 @@ class Iterative:
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._weights = [1.0, *(field.weight for field in self._beside)]
         self._multigrid = Multigrid(problem, self._A)
-        self._fresh = self._rate = 0.0
+        self._wear, self._solves, self._least = inf, 0, inf
         self._ksp = self._create()
         self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
 
@@ -71,21 +72,20 @@ class Iterative:
             field.assemble()
             field.factor()
         self._ksp.getOperators()[0].assemble()
-        if self._rate >= WORN * self._fresh:
+        if self._wear >= RENEWAL:
             self._renew()
 
     def _renew(self) -> None:
         """Build the preconditioner for the tangent as it is."""
         self._multigrid.renew()
-        self._fresh = 0.0
+        self._wear, self._solves = 0.0, 0
 
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """Solve for a step to the tolerance; what is held and idle stays."""
         self._take(residual)
         self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST)
-        is_new = not self._fresh
         self._solve()
-        if self.failed and not is_new:
+        if self.failed and self._solves > 1:
             self._renew()
             self._solve()
         self._give(step)
@@ -111,14 +111,18 @@ class Iterative:
             step.array[places] = weight * block.array_r
 
     def _solve(self) -> None:
-        """Solve for the blocks; count the iterations and what a digit costs."""
+        """Solve for the blocks; count the iterations, and those beyond the fewest that a digit has ever cost."""
         self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
+        digits = -log10(min(self.rtol, LEAST))  # of few digits the first costs most
         self.iterations += iterations
+        self._solves += 1
         self.failed = self._ksp.getConvergedReason() < 0
-        rate = iterations / -log10(min(self.rtol, LEAST))  # of few digits the first costs most
-        self._fresh = self._fresh or rate
-        self._rate = np.inf if self.failed else rate
+        if self.failed:
+            self._wear = inf
+            return
+        self._least = min(self._least, iterations / digits)
+        self._wear += iterations - self._least * digits
 
     def precondition(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """The upper factor of the block preconditioner, applied."""
