@@ -69,9 +69,9 @@ class Multigrid:
         self._keep(True)
 
     def _keep(self, is_kept: bool) -> None:
+        """Keep the levels and the factor of the coarse one; the blocks of the nodes are always those of the matrix."""
         self._pc.setReusePreconditioner(is_kept)
-        for solver in (self._pc.getMGCoarseSolve(), self._pc.getMGSmoother(1)):
-            solver.getPC().setReusePreconditioner(is_kept)
+        self._pc.getMGCoarseSolve().getPC().setReusePreconditioner(is_kept)
 
     def apply(self, residual: PETSc.Vec, correction: PETSc.Vec) -> None:
         """One cycle from zero."""
