@@ -1,7 +1,7 @@
 """Two-level p-multigrid of a displacement block: quadratic elements, corrected by linear ones on the same mesh.
 
-Smoothing by Chebyshev polynomials and the inverses of the nodes' own blocks; on linear elements a factorisation while
-it is cheap, and algebraic multigrid by smoothed aggregation with the rigid-body modes (W-cycles) beyond.
+Smoothing by Chebyshev polynomials and the diagonal; on linear elements a factorisation while it is cheap, and algebraic
+multigrid by smoothed aggregation with the rigid-body modes (W-cycles) beyond.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SMOOTHER = {
     "ksp_chebyshev_esteig": "0,0.1,0,1.1",
     "ksp_chebyshev_esteig_steps": 12,
     "esteig_ksp_type": "cg",
-    "pc_type": "pbjacobi",
+    "pc_type": "jacobi",  # PETSc 3.22 keeps the inverses of the nodes' blocks when the matrix is filled anew
 }
 FACTOR = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 AGGREGATION = {
@@ -69,7 +69,7 @@ class Multigrid:
         self._keep(True)
 
     def _keep(self, is_kept: bool) -> None:
-        """Keep the levels and the factor of the coarse one; the blocks of the nodes are always those of the matrix."""
+        """Keep the levels and the factor of the coarse one; the diagonal is always that of the matrix."""
         self._pc.setReusePreconditioner(is_kept)
         self._pc.getMGCoarseSolve().getPC().setReusePreconditioner(is_kept)
 
