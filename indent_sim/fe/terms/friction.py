@@ -64,7 +64,7 @@ class Friction:
         is_multiplier = self._law.multiplier == "unknown"
         tau = self._tau if is_multiplier else _vector(body.unknowns.of(self._old)["tau"])
         trial = tau - self._epsilon_t * self._slip
-        self._room = self._bound(normal.pressure) - _length(trial)
+        self._room = self._bound() - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
@@ -91,11 +91,11 @@ class Friction:
             moved += ufl.as_vector([0.0] * (dim - 1) + [sunk])
         return ufl.as_vector([ufl.dot(m, moved) for m in self._tangents])
 
-    def _bound(self, pressure: Any) -> Any:
+    def _bound(self) -> Any:
         """friction p [pressure]; beyond all tractions for stick."""
         if self._law.friction == "stick":
             return ufl.as_ufl(UNBOUNDED)
-        return self._normal.symbolic_law.friction * pressure
+        return self._normal.symbolic_law.friction * self._normal.pressure
 
     def _projected(self, trial: Any) -> Any:
         """t_hat where it is within the bound, else the part of it that is."""
@@ -104,12 +104,12 @@ class Friction:
         return ufl.conditional(ufl.ge(self._room, 0.0), trial, trial + self._room / _length(trial) * trial)
 
     def _rubbed(self, opening: Any) -> Any:
-        """friction (p + p_old)/2 |s| of the step [pressure length] where the surface slips."""
+        """-t . s of the step [pressure length], with t = friction (p + p_old)/2 where the surface slips."""
         law, normal = self._normal.symbolic_law, self._normal
         before = law.stiffness * ufl.max_value(0.0, -opening)
-        rubbed = self._bound((before + normal.pressure) / 2) * ufl.sqrt(ufl.dot(self._slip, self._slip))
         slips = ufl.And(ufl.gt(normal.trial_pressure, 0.0), ufl.lt(self._room, 0.0))
-        return ufl.conditional(slips, rubbed, 0.0)
+        share = ufl.conditional(slips, (normal.pressure + before) / (2 * normal.pressure), 1.0)
+        return -share * ufl.dot(self._t, self._slip)
 
     def _push(self, axis: int) -> Any:
         """The traction on the tip along an axis [pressure]: that of the pressure and that of friction."""
@@ -156,10 +156,10 @@ class Friction:
         self._epsilon_t.value = factor * self._law.epsilon_t
 
     def dissipation(self) -> float:
-        """int friction (p + p_old)/2 |s| over what slipped in the step to the present state [energy], this rank's share
-        of the modelled part: Coulomb's traction is bounded by a pressure that grows on the way, so -int t . s is only
-        of first order in the steps."""
-        return float(fem.assemble_scalar(self._dissipation))
+        """-int t . s of the step to the present state [energy], this rank's share of the modelled part, with
+        t = friction (p + p_old)/2 at what slips: Coulomb's bound grows on the way, and with t at the step's end alone
+        the sum is only of first order in the steps."""
+        return 0.0 if self._law.friction == "stick" else float(fem.assemble_scalar(self._dissipation))
 
     def room_at(self, points: np.ndarray) -> np.ndarray:
         """friction p - |t_hat| (facets, points) [pressure] at reference-facet points of the contact surface (collective
