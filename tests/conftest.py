@@ -13,9 +13,11 @@ from pathlib import Path
 
 import pytest
 
-# A shell that starts the tests in the background has SIGINT ignored, and children inherit that
+# A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP, and children inherit that
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # One BLAS thread, as the program gives itself, before anything loads numpy: two add in another order
 os.environ.setdefault("OMP_NUM_THREADS", "1")
