@@ -99,6 +99,6 @@ def facets_of(cells: np.ndarray, lot: int = LOT) -> Iterator[tuple[np.ndarray, n
         yield cells[cell][kept].reshape(-1, corners - 1), cell, corner
 
 
-def lots(count: int) -> Iterator[slice]:
-    """Slices of so many rows, some at a time."""
-    return (slice(begin, begin + LOT) for begin in range(0, count, LOT))
+def lots(count: int, lot: int = LOT) -> Iterator[slice]:
+    """Slices of so many rows, a `lot` at a time."""
+    return (slice(begin, begin + lot) for begin in range(0, count, lot))

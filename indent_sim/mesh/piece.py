@@ -267,8 +267,8 @@ def _section(name: str, count: int, lines: Iterator[str]) -> Iterator[str]:
 
 def _in_lots(rows: np.ndarray, made: Callable[[np.ndarray], np.ndarray] = np.asarray) -> Iterator[Any]:
     """The rows of an array, or what is made of some of them at a time, as Python's numbers."""
-    for begin in range(0, len(rows), LOT):
-        yield from made(rows[begin : begin + LOT]).tolist()
+    for some in lots(len(rows), LOT):
+        yield from made(rows[some]).tolist()
 
 
 def _nodes_on(cells: np.ndarray, edges: np.ndarray, count: int) -> np.ndarray:
