@@ -31,7 +31,7 @@ class Stiffness:
     """The tangent over the displacements of a space: of matter once where it is linear, of contact every time."""
 
     def __init__(self, problem: Problem, space: Any, kind: str):
-        """kind: PETSc's type of matrix."""
+        """kind: PETSc's type of matrix; of `sbaij` the upper half is kept: multiplying takes as long as reading it."""
         self._bcs = _bcs(problem, space)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         dofs = np.concatenate([bc.dof_indices()[0] for bc in self._bcs])
@@ -40,12 +40,18 @@ class Stiffness:
         matter = [term for term in problem.terms if term is not problem.contact]
         self._matter, self._contact = (_form(problem, terms, ("u", test), ("u", trial))
                                        for terms in (matter, [problem.contact]))  # fmt: skip
-        self.matrix = fem_petsc.create_matrix(self._matter, kind)
+        self.matrix = fem_petsc.create_matrix(self._matter, kind.removeprefix("s"))
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self._constant: PETSc.Mat | None = None
-        if problem.scene.physics.small_strain:
-            self._assemble_matter()
-            self._constant = self.matrix.copy()
+        self._assemble_matter()
+        if kind == "sbaij":
+            self._halve()
+        self._constant = self.matrix.copy() if problem.scene.physics.small_strain else None
+
+    def _halve(self) -> None:
+        """Keep the upper half; of what is assembled from now on, too."""
+        whole, self.matrix = self.matrix, self.matrix.convert("sbaij", PETSc.Mat())
+        self.matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
+        _discard(whole)
 
     def assemble(self) -> None:
         """Fill `matrix` at the present solution; rows and columns of what is held are those of the identity."""
@@ -130,9 +136,10 @@ class Beside:
 
     def factor(self) -> None:
         """Factor S at the present solution."""
-        before, self._S = self._S, self._schur()
+        now = self._schur()
+        now.copy(self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)  # a new matrix would be analysed anew
         self._ksp.setOperators(self._S)
-        _discard(before)
+        _discard(now)
 
     def solve(self, known: PETSc.Vec, found: PETSc.Vec) -> None:
         """S^-1 known; what stands in S after the field is its own affair."""

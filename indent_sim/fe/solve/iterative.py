@@ -36,7 +36,7 @@ class Iterative:
         space = unknowns.own_space("u")
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._problem = problem
-        self._A = Stiffness(problem, space, "baij")
+        self._A = Stiffness(problem, space, "sbaij")
         self._beside = [Beside(problem, name) for name in unknowns.names[1:]]
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._weights = [1.0, *(field.weight for field in self._beside)]

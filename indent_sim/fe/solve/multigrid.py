@@ -16,7 +16,7 @@ from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import Stiffness
 
 PREFIX = "pmultigrid_"
-FACTORED = 60_000  # unknowns of the linear elements, up to which they are factored
+FACTORED = 20_000  # unknowns of the linear elements, up to which they are factored: on several ranks that gains little
 SMOOTHER = {
     "ksp_type": "chebyshev",
     "ksp_max_it": 3,
@@ -31,7 +31,7 @@ AGGREGATION = {
     "pc_type": "gamg",
     "pc_gamg_agg_nsmooths": 1,
     "pc_gamg_threshold": 0,
-    "pc_gamg_aggressive_coarsening": 0,
+    "pc_gamg_aggressive_coarsening": 1,
     "pc_gamg_esteig_ksp_type": "cg",
     "pc_gamg_coarse_eq_limit": 1000,
     "pc_mg_cycle_type": "w",
