@@ -127,8 +127,8 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
     """Here because MUMPS is given a hundredth of the memory that it wants."""
     install, tried = linear.install, []
 
-    def starved(user, *, symmetric):
-        install(user, symmetric=symmetric)
+    def starved(user, *, symmetric, line_search):
+        install(user, symmetric=symmetric, line_search=line_search)
         tried.append(symmetric)
         if symmetric:
             PETSc.Options(linear.PREFIX).setValue("mat_mumps_icntl_14", -99)

@@ -29,11 +29,13 @@ class LoadControl:
     """Finds depths of forces on a curve that `reach` follows: it goes to a depth, or as near as it can, and returns
     that depth and the force there."""
 
-    def __init__(self, reach: Callable[[float], Pair], deepest: float, tolerance: float = TOLERANCE):
-        """reach: depth -> (force, depth) where it then stands; deepest: no depth beyond this is tried."""
+    def __init__(self, reach: Callable[[float], Pair], deepest: float, tolerance: float = TOLERANCE,
+                 *, from_row: bool = False):  # fmt: skip
+        """reach: depth -> (force, depth) where it then stands; deepest: no depth beyond this is tried; from_row: it
+        sets out from the last row each time, and what stops it once stops it again."""
         self.failure = ""  # why the last force was not found, "" when a depth was not reached
         self._reach = reach
-        self._deepest = deepest
+        self._deepest, self._from_row = deepest, from_row
         self._tolerance = tolerance
         self._curve: list[Pair] = []  # in order of the force
         self._pull: float | None = None  # of a tip that adheres, at delta = 0
@@ -84,7 +86,8 @@ class LoadControl:
     def _is_at_its_end(self, force: float, last: Pair, wanted: float, lower: float, upper: float) -> bool:
         """Whether no other depth is worth a try; `failure` says why, where it is not the equilibrium that failed."""
         found, reached = last
-        if found < force and reached != wanted:
+        is_blocked_out = self._from_row and found > force and reached > wanted
+        if (found < force and reached != wanted) or is_blocked_out:
             self.failure = ""
         elif found < force and reached >= self._deepest:
             self.failure = "the body pushes back with less even when the tip is all but at its base"

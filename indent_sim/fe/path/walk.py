@@ -51,7 +51,8 @@ class Walk:
         self._before = self._points  # the search for a force
         self._steps = self._step_rule()
         self._substeps = 0  # so far
-        self._control = LoadControl(self._go, equilibrium.scene.physics.body.height, equilibrium.force_tolerance)
+        self._control = LoadControl(self._go, equilibrium.scene.physics.body.height, equilibrium.force_tolerance,
+                                    from_row=equilibrium.has_memory)  # fmt: skip
 
     def _step_rule(self) -> StepRule:
         """Of a path on which nothing has failed yet; a tip that adheres is felt before it touches."""

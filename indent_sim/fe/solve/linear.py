@@ -14,11 +14,10 @@ from indent_sim.process.errors import ConfigError
 
 PREFIX = "indent_sim_"
 DIRECT = ("lu", "cholesky")
-DEFAULTS = {"snes_linesearch_type": "basic"}
 FACTORISATION = {"ksp_type": "preonly", "pc_factor_mat_solver_type": "mumps"}
 
 
-def install(user: Mapping[str, Any], *, symmetric: bool) -> None:
+def install(user: Mapping[str, Any], *, symmetric: bool, line_search: str = "basic") -> None:
     """Put the options of one solver into PETSc's database, in place of those of the solver before.
 
     The factorisation's defaults are left out where the user's `pc_type` is none: they would clash with it.
@@ -28,7 +27,7 @@ def install(user: Mapping[str, Any], *, symmetric: bool) -> None:
         database.delValue(name)
     kind = {"pc_type": "cholesky" if halves(user, symmetric) else "lu"}
     direct = user.get("pc_type", "lu") in DIRECT
-    for name, value in (DEFAULTS | (kind | FACTORISATION if direct else {}) | dict(user)).items():
+    for name, value in ({"snes_linesearch_type": line_search} | (kind | FACTORISATION if direct else {}) | dict(user)).items():
         database.setValue(name, value)
 
 

@@ -61,7 +61,8 @@ class Newton:
     def _create(self, *, symmetric: bool) -> PETSc.SNES:
         self._halved = not self._iterative and linear.halves(self._user_options, symmetric)
         self._has_tangent = False
-        linear.install({"pc_type": "python"} if self._iterative else self._user_options, symmetric=symmetric)
+        options = {"pc_type": "python"} if self._iterative else self._user_options
+        linear.install(options, symmetric=symmetric, line_search=line_search(self.problem))
         snes = PETSc.SNES().create(self.problem.comm)
         snes.setOptionsPrefix(linear.PREFIX)
         snes.setFunction(self._function, self.problem.b.duplicate())
@@ -263,12 +264,23 @@ class Newton:
             return f"no equilibrium within {self.max_iterations} iterations"
         if reason == reasons.DIVERGED_FNORM_NAN:
             return "the residual is not a number"
+        if reason == reasons.DIVERGED_LINE_SEARCH:
+            return "no part of Newton's step comes nearer"
         return f"SNES reason {reason}"
 
 
 def finest(problem: Problem) -> float:
     """The smallest relative residual that is not noise."""
     return max(FINE, NOISE * problem.stiffness_scale)
+
+
+def line_search(problem: Problem) -> str:
+    """PETSc's line search: none, but for a penalty with friction.
+
+    Where a point turns back, t goes from one bound to the other over a slip of t/epsilon_t, too short for Newton: full
+    steps leap over it and back, for ever. A step that does not lessen the residual is shortened.
+    """
+    return "bt" if problem.friction and problem.law.multiplier == "none" else "basic"
 
 
 def stages(law: Any, scene: Any) -> list[float]:

@@ -9,8 +9,8 @@ with p = <p_hat> the pressure, t = 0 out of contact, and no bound for stick. The
     s_k = u_k - u0_k                                        reference gap, the tip moves along z alone
     s_k = m_k . (u - u0 + (delta - delta0) e_z)             current gap
 
-(a penalty has the tau of the last equilibrium instead: it slips back by t/epsilon_t each step) since the points
-stuck at u0 and delta0: those of the last equilibrium for what was in contact then, see `Anchor` of
+(a penalty has the tau of the last equilibrium instead: of s it gives way by (tau - t)/epsilon_t, which comes back, and
+the rest (t - t_hat)/epsilon_t slips) since the points stuck at u0 and delta0: those of the last equilibrium for what was in contact then, see `Anchor` of
 `model.contact` for what was not. There is no potential: the virtual work is
 
     - int t . ds    and, for the multiplier,    int (t - tau)/epsilon_t . dtau,
@@ -61,12 +61,13 @@ class Friction:
         self._closed = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), is_new * opening, 0.0)
         self._slip = self._slips(is_new * self._way(opening))
         self._tau = _vector(body.unknowns.fields["tau"])
-        is_multiplier = self._law.multiplier == "unknown"
-        tau = self._tau if is_multiplier else _vector(body.unknowns.of(self._old)["tau"])
+        has_multiplier = self._law.multiplier == "unknown"
+        tau = self._tau if has_multiplier else _vector(body.unknowns.of(self._old)["tau"])
         trial = tau - self._epsilon_t * self._slip
         self._room = self._bound() - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
+        self._lost = self._slip if has_multiplier else (self._t - trial) / self._epsilon_t
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
         self._dissipation = fem.form(body.over_contact(self._rubbed(opening)))
         self._thrust = [fem.form(body.over_contact(self._push(axis))) for axis in range(body.body_mesh.dim)]
@@ -104,12 +105,13 @@ class Friction:
         return ufl.conditional(ufl.ge(self._room, 0.0), trial, trial + self._room / _length(trial) * trial)
 
     def _rubbed(self, opening: Any) -> Any:
-        """-t . s of the step [pressure length], with t = friction (p + p_old)/2 where the surface slips."""
+        """-t . s of the step [pressure length], with t = friction (p + p_old)/2 where the surface slips; of a penalty
+        without what comes back."""
         law, normal = self._normal.symbolic_law, self._normal
         before = law.stiffness * ufl.max_value(0.0, -opening)
         slips = ufl.And(ufl.gt(normal.trial_pressure, 0.0), ufl.lt(self._room, 0.0))
         share = ufl.conditional(slips, (normal.pressure + before) / (2 * normal.pressure), 1.0)
-        return -share * ufl.dot(self._t, self._slip)
+        return -share * ufl.dot(self._t, self._lost)
 
     def _push(self, axis: int) -> Any:
         """The traction on the tip along an axis [pressure]: that of the pressure and that of friction."""
