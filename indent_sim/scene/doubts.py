@@ -175,7 +175,7 @@ def _of_friction(given: Given, law: ContactLaw, sizes: Sizes) -> Iterator[Doubt]
     multiple, elements = law.epsilon_t * sizes.h_contact / given.material.E_star, given.a / sizes.h_contact
     if isinstance(law, Penalty):
         share = slipped_back(multiple * elements)
-        words = (f"penalty: the surface slips back by t/epsilon_t in every step: about {share:.0%} of what "
+        words = (f"penalty: the surface gives way by t/epsilon_t: about {share:.0%} of what "
                  "friction adds to the force is lost at this epsilon_t")  # fmt: skip
     else:
         share = abs(shifted(multiple, elements)) if law.friction == "stick" or law.friction > FREE else 0.0

@@ -34,9 +34,9 @@ IN_AND_OUT = {"deltas": [0.004, 0.01, 0.007, 0.003, 0.0, 0.004, 0.01]}
 def rough(friction: float | str, nu: float, loading: dict[str, Any], tip: dict[str, Any] = PARABOLOID, **more: Any
           ) -> list[State]:  # fmt: skip
     """The states of a thick body under a tip, thirty elements in its contact radius."""
-    sections = {"material": {"model": "linear_elastic", "E": 1.0, "nu": nu}, "mesh": {"h_contact": A / 30}} | more
-    contact = {"method": "augmented_lagrangian", "friction": friction}
-    return solve(scene(THICK, indenter=tip, contact=contact, loading=loading, **sections))
+    sections = {"material": {"model": "linear_elastic", "E": 1.0, "nu": nu}, "mesh": {"h_contact": A / 30},
+                "contact": {"method": "augmented_lagrangian", "friction": friction}} | more  # fmt: skip
+    return solve(scene(THICK, indenter=tip, loading=loading, **sections))
 
 
 def in_and_out(depth: float, steps: int) -> list[float]:
@@ -219,15 +219,66 @@ def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float |
     assert states[1].stick_radius <= states[1].a
 
 
-@pytest.mark.parametrize("friction", [0.05, 0.1])
-def test_what_a_cycle_dissipates_is_its_work(friction: float) -> None:
+LOOPS = [("augmented_lagrangian", 0.05, 0.02), ("augmented_lagrangian", 0.1, 0.02), ("penalty", 0.1, 0.1)]
+
+
+@pytest.mark.parametrize(("method", "friction", "tolerance"), LOOPS)
+def test_what_a_cycle_dissipates_is_its_work(method: str, friction: float, tolerance: float) -> None:
     """In and out in ten steps each: 2 %, for the trapezoidal rule loses 1 % of so narrow a loop; -int t . s with the
-    tractions at the end of each step is 5 and 9 % more."""
+    tractions at the end of each step is 5 and 9 % more. A penalty, whose pressure ends inside an element, 10 %: on
+    the way out that is 7 % less, with forty steps 2 %."""
     path = in_and_out(A**2, 10)
-    states = rough(friction, 0.3, {"deltas": path}, mesh={"h_contact": A / 8})
+    states = rough(friction, 0.3, {"deltas": path}, mesh={"h_contact": A / 8},
+                   contact={"method": method, "friction": friction})  # fmt: skip
     rows = pairwise([(0.0, 0.0), *((state.delta, state.force) for state in states)])
     work = sum((one[1] + other[1]) / 2 * (other[0] - one[0]) for one, other in rows)
-    assert sum(state.dissipation for state in states) == pytest.approx(work, rel=0.02)
+    assert all(state.dissipation >= 0 for state in states)
+    assert sum(state.dissipation for state in states) == pytest.approx(work, rel=tolerance)
+
+
+# nu, h_contact, sides, friction, depths: rows of each by a penalty that full Newton steps never found
+TURNS = [(0.3, 0.06, "roller", 0.05, [0.03, 0.049, 0.03, 0.0, 0.03]), (0.3, 0.03, "free", 0.1, [0.03, 0.049, 0.03]),
+         (0.0, 0.03, "roller", 0.1, [0.03, 0.049, 0.045]), (0.3, 0.06, "roller", 0.3, [0.03, 0.049, 0.03, 0.0, 0.03])]
+
+
+@pytest.mark.parametrize(("nu", "h", "sides", "friction", "deltas"), TURNS)
+def test_points_turn_back_under_a_penalty(nu: float, h: float, sides: str, friction: float, deltas: list[float]
+                                          ) -> None:  # fmt: skip
+    """Out and in again without a step cut back, in at most 17 to 30 iterations a row and not 900 to 3700: 40. Forces
+    are those of the multiplier to what a penalty of 100 E*/h_contact lets the tip sink in, 0.4 %; out of contact
+    nothing is left; and what comes back of the surface's own giving way is no loss."""
+    layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": sides}
+    sections = {"material": {"model": "linear_elastic", "E": 2.0, "nu": nu}, "mesh": {"h_contact": h},
+                "loading": {"deltas": deltas}}  # fmt: skip
+    held, exact = (solve(scene(layer, contact={"method": method, "friction": friction}, **sections))
+                   for method in ("penalty", "augmented_lagrangian"))  # fmt: skip
+    assert {state.substeps for state in held} == {1}
+    assert max(state.newton_iterations for state in held) <= 40
+    assert all(state.dissipation >= 0 for state in held)
+    for one, other in zip(held, exact, strict=True):
+        assert one.force == pytest.approx(other.force, rel=4e-3)
+        assert (one.force == 0.0 and one.a == 0.0) or one.delta > 0
+    assert len(held) < 5 or held[4].force == pytest.approx(held[0].force, rel=1e-7)
+
+
+def test_forces_by_a_penalty_in_and_out() -> None:
+    """Each from the row before; the depths that are found give them again, to the search's tolerance."""
+    layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": "roller"}
+    forces = [0.02, 0.04, 0.025, 0.0]
+    base = scene(layer, contact={"method": "penalty", "friction": 0.1}, mesh={"h_contact": 0.06},
+                 material=ELASTIC | {"E": 2.0}, loading={"forces": forces})  # fmt: skip
+    found = solve(base)
+    depths = tuple(state.delta / base.physics.scales.depth for state in found)
+    again = solve(base.with_physics(path=LoadPath("depth", depths), deltas=depths))
+    assert [state.force for state in found] == pytest.approx(forces, rel=1e-8)
+    assert [state.force for state in again] == pytest.approx(forces, rel=1e-7)
+
+
+def test_a_penalty_loses_nothing_where_it_sticks() -> None:
+    """A punch with friction 5 slips nowhere: what a soft epsilon_t gives way, 1e-3 of the energy, comes back."""
+    soft = {"method": "penalty", "friction": 5.0, "epsilon_t": 200.0}
+    states = rough(5.0, 0.3, {"deltas": [0.001, 0.0005, 0.001]}, PUNCH, mesh={"h_contact": A / 10}, contact=soft)
+    assert [state.dissipation for state in states] == [0.0, 0.0, 0.0]
 
 
 def test_what_steps_dissipate_is_of_second_order() -> None:
@@ -374,8 +425,8 @@ def test_a_step_that_failed_leaves_no_trace(friction: float | str, monkeypatch: 
 
 @pytest.mark.parametrize("friction", [0.1, "stick"])
 def test_penalty_has_the_same_friction(friction: float | str) -> None:
-    """What friction adds, 1 to 6 % of the force, by both methods: a tenth of it, for a penalty slips back by
-    t/epsilon_t in every step."""
+    """What friction adds, 1 to 6 % of the force, by both methods: a tenth of it, for under a penalty the
+    surface gives way by t/epsilon_t."""
     body = {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": "roller"}
     added = []
     for method in ("augmented_lagrangian", "penalty"):

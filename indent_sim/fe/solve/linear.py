@@ -27,7 +27,8 @@ def install(user: Mapping[str, Any], *, symmetric: bool, line_search: str = "bas
         database.delValue(name)
     kind = {"pc_type": "cholesky" if halves(user, symmetric) else "lu"}
     direct = user.get("pc_type", "lu") in DIRECT
-    for name, value in ({"snes_linesearch_type": line_search} | (kind | FACTORISATION if direct else {}) | dict(user)).items():
+    defaults = {"snes_linesearch_type": line_search} | (kind | FACTORISATION if direct else {})
+    for name, value in (defaults | dict(user)).items():
         database.setValue(name, value)
 
 

@@ -185,7 +185,8 @@ class Newton:
         problem, failure = self.problem, self.failure
         reason, reasons = self.snes.getConvergedReason(), PETSc.SNES.ConvergedReason
         is_thrown_out = reason == reasons.DIVERGED_FNORM_NAN and is_stiff(problem.law, problem.scene)
-        if self.problem.law.adhesion or (reason != reasons.DIVERGED_MAX_IT and not is_thrown_out):
+        is_stuck = reason in (reasons.DIVERGED_MAX_IT, reasons.DIVERGED_LINE_SEARCH)
+        if self.problem.law.adhesion or not (is_stuck or is_thrown_out):
             return False  # where a tip snaps in or lets go, no softer contact leads to the other state
         start, solved = problem.x.copy(), False
         for factor in softening(problem.law, problem.scene):
@@ -275,12 +276,13 @@ def finest(problem: Problem) -> float:
 
 
 def line_search(problem: Problem) -> str:
-    """PETSc's line search: none, but for a penalty with friction.
+    """PETSc's line search: none, but for a penalty with Coulomb's law.
 
-    Where a point turns back, t goes from one bound to the other over a slip of t/epsilon_t, too short for Newton: full
-    steps leap over it and back, for ever. A step that does not lessen the residual is shortened.
+    There t goes from one bound to the other over a slip of 2 friction p/epsilon_t. Where a point turns back full steps
+    leap over that and back again, for ever; a step that does not lessen the residual is shortened.
     """
-    return "bt" if problem.friction and problem.law.multiplier == "none" else "basic"
+    leaps = problem.law.multiplier == "none" and problem.law.friction not in (0, "stick")
+    return "bt" if leaps else "basic"
 
 
 def stages(law: Any, scene: Any) -> list[float]:

@@ -78,6 +78,17 @@ def test_where_equilibria_end() -> None:
     assert control.press(0.25, expected=0.4)
 
 
+def test_where_equilibria_end_on_the_way_out() -> None:
+    """A body with memory sets out from the row again each time and is stopped again: one try, and the solver's own
+    reason."""
+    body = Curve(lambda delta: max(delta, 0.3))
+    control = LoadControl(lambda delta: (body(delta)[0], max(delta, 0.3)), deepest=1.0, from_row=True)
+    assert control.press(0.5, expected=0.4)
+    before = body.asked
+    assert not control.press(0.1, expected=0.1) and control.failure == ""
+    assert body.asked == before + 1
+
+
 def test_prediction_far_from_what_is_known_is_no_polynomial() -> None:
     """Three points within 2 % say nothing of the curvature four decades away."""
     points = [(1.0 + n * 0.01, (1.0 + n * 0.01) ** (2 / 3) * (1 + 1e-9 * n**2)) for n in range(3)]
