@@ -32,7 +32,7 @@ PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 POINTS = 50  # of an integral over a body, in each direction
 KRYLOV, KRYLOV_SECONDS = 10.0, 3e-7  # iterations of a linear system, and the time of one per unknown
-KRYLOV_BYTES = 5e3  # per unknown of an iterative solver
+KRYLOV_BYTES = 3.3e3  # per unknown of an iterative solver
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
