@@ -244,7 +244,7 @@ TURNS = [(0.3, 0.06, "roller", 0.05, [0.03, 0.049, 0.03, 0.0, 0.03]), (0.3, 0.03
 @pytest.mark.parametrize(("nu", "h", "sides", "friction", "deltas"), TURNS)
 def test_points_turn_back_under_a_penalty(nu: float, h: float, sides: str, friction: float, deltas: list[float]
                                           ) -> None:  # fmt: skip
-    """Out and in again without a step cut back, in at most 17 to 30 iterations a row and not 900 to 3700: 40. Forces
+    """Out and in again without a step cut back, in at most 21 to 27 iterations a row and not 900 to 3700: 40. Forces
     are those of the multiplier to what a penalty of 100 E*/h_contact lets the tip sink in, 0.4 %; out of contact
     nothing is left; and what comes back of the surface's own giving way is no loss."""
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": sides}

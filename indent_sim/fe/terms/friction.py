@@ -11,8 +11,7 @@ with p = <p_hat> the pressure, t = 0 out of contact, and no bound for stick. The
 
 (a penalty has the tau of the last equilibrium instead: of s it gives way by (tau - t)/epsilon_t, which comes back, and
 slips by the rest, (t - t_hat)/epsilon_t) since the points stuck at u0 and delta0: those of the last equilibrium for
-what was in contact then, see `Anchor` of `model.contact` for what was not. There is no potential: the
-virtual work is
+what was in contact then, see `Anchor` of `model.contact` for what was not. There is no potential: the virtual work is
 
     - int t . ds    and, for the multiplier,    int (t - tau)/epsilon_t . dtau,
 
