@@ -63,7 +63,7 @@ TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at an
 
 @dataclass(frozen=True)
 class Units:
-    """Labels of the units the numbers are meant in, for plots and provenance only."""
+    """The units that plain numbers are meant in, by name; quantities with a unit of their own are converted to them."""
 
     length: str = ""
     force: str = ""
