@@ -94,9 +94,12 @@ class Problem:
 
     @cached_property
     def weights(self) -> dict[str, float]:
-        """The factor of each field beside the displacement that turns its rows into forces."""
-        pressures = {name: region.material.constants.E for region, name in self.body.pressures.items()}
-        return pressures | {"lam": self.stiffness_scale, "tau": self.stiffness_scale}
+        """The factor of each field beside the displacement that turns its rows into forces.
+
+        A volume that an incompressible region lacks pushes what is around it: it is worth the stiffest region's E.
+        """
+        E = max(region.material.constants.E for region in self.scene.physics.part.regions)
+        return dict.fromkeys(self.body.pressures.values(), E) | dict.fromkeys(("lam", "tau"), self.stiffness_scale)
 
     # ---- what is observed of it ----------------------------------------------------------------------------
 

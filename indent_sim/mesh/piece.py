@@ -144,7 +144,7 @@ def skin_of(piece: Piece) -> Skin:
     numbers, cells = np.unique(grid.cells[touching], return_inverse=True)
     cells = cells.reshape(-1, piece.dim + 1)
     surfaces = {name: np.searchsorted(numbers, facets) for name, facets in grid.surfaces.items()}
-    inside = np.isin(edges, numbers).all(axis=1)
+    inside = np.all(np.isin(edges, numbers), axis=1)
     inside[inside] = np.isin(keys_of(np.searchsorted(numbers, edges[inside])), keys_of(edges_of(cells)))
     middles = np.searchsorted(numbers, edges[inside]), places[inside]
     skin = Grid(grid.points[numbers], cells, grid.regions[touching], surfaces)

@@ -132,27 +132,27 @@ class _Conduct:
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None
-            found = theory.contact.curve(np.geomspace(SHALLOWEST * top, DEEPER * top, SAMPLES).tolist())
+            found = theory.contact.curve(_samples(SHALLOWEST * top, DEEPER * top))
             return _curve([s.delta for s in found], [s.force for s in found], [s.a for s in found])
         if not self._equilibrium.solve(top * DEEPER):  # which condenses to as much surface as is needed
             raise ValueError(f"the depth {top * self.D:g} was not reached: {self._equilibrium.failure}")
         try:
-            radii = np.geomspace(self.punches.smallest, radius_at(self.punches, DEEPER * top), SAMPLES)
+            radii = _samples(self.punches.smallest, radius_at(self.punches, DEEPER * top))
         except (ValueError, ArithmeticError):
             return self._solved(top)
-        samples = [self.punches.at(float(a)) for a in radii]
-        return _curve([p.delta for p in samples], [p.force for p in samples], radii.tolist())
+        samples = [self.punches.at(a) for a in radii]
+        return _curve([p.delta for p in samples], [p.force for p in samples], radii)
 
     def _solved(self, top: float) -> ElasticCurve:
         """The same by equilibria at depths at which some elements touch."""
         found, h = [], self.scene.sizes.h_contact
-        for delta in np.geomspace(DEEPER * top, SHALLOWEST * top, SAMPLES):
-            if not self._equilibrium.solve(float(delta)):
+        for delta in _samples(DEEPER * top, SHALLOWEST * top):
+            if not self._equilibrium.solve(delta):
                 break
             numbers = self._equilibrium.numbers()
             if numbers["a"] < FEW * h:
                 break
-            found.append((float(delta), numbers["force"], numbers["a"]))
+            found.append((delta, numbers["force"], numbers["a"]))
         if len(found) < LEAST_SAMPLES:
             few = f"the contact has {FEW:g} elements at {len(found)} of {SAMPLES} depths"
             raise ValueError(f"{few}: give a smaller mesh.h_contact")
@@ -374,6 +374,10 @@ class _Conduct:
             stiffness = float(curve.stiffness(np.array(delta))) * self.F / self.D
         found = [(f, stiffness * self.modulus.complex(2 * np.pi * f)) for f in self.experiment.frequencies]
         return [Dynamic(f, K.real, K.imag) for f, K in found]
+
+
+def _samples(first: float, last: float) -> list[float]:
+    return [float(x) for x in np.geomspace(first, last, SAMPLES)]
 
 
 def _curve(delta: Sequence[float], force: Sequence[float], a: Sequence[float]) -> ElasticCurve:

@@ -34,6 +34,7 @@ THEORY_FORCE_WHY = "forces are given: theory finds the depth of each"
 CORNER_WHY = "the contact feels bonded corners or the gap up to a side: sizes grow from this with the distance"
 PINS_WHY = "roller base and free sides leave rigid modes; reactions audited to be zero"
 FEW = 15_000  # unknowns below which a factorisation costs next to nothing and never fails
+CLEARLY = 0.8  # of a factorisation's seconds, below which iterations are chosen: a prediction is no better
 NEEDLE = 1e3  # depth over a tip's radius beyond which a deformed body cannot be followed around it
 
 
@@ -326,7 +327,7 @@ def linear(config: Config, given: Given, law: ContactLaw, sizes: Sizes, direct: 
         return Choice("solver.linear", wanted, "as given")
     if obstacle:
         return Choice("solver.linear", "direct", obstacle)
-    is_cheaper = direct.dofs >= FEW and iterative.seconds < direct.seconds
+    is_cheaper = direct.dofs >= FEW and iterative.seconds < CLEARLY * direct.seconds
     is_needed = direct.memory > room >= iterative.memory
     chosen = "iterative" if is_cheaper or is_needed else "direct"
     return Choice("solver.linear", chosen, f"factored {_effort(direct)}, iteratively {_effort(iterative)}")

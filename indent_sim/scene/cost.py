@@ -31,8 +31,8 @@ COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coars
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
 POINTS = 50  # of an integral over a body, in each direction
-KRYLOV, KRYLOV_SECONDS = 9.0, 4e-7  # iterations of a linear system, and the time of one per unknown
-KRYLOV_BYTES = {False: 6.4e3, True: 7e3}  # per unknown of an iterative solver; with a pressure field
+KRYLOV, KRYLOV_SECONDS = 10.0, 3e-7  # iterations of a linear system, and the time of one per unknown
+KRYLOV_BYTES = 3.3e3  # per unknown of an iterative solver
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
@@ -80,7 +80,7 @@ def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
 def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, float]:
     """Memory [bytes] and processor time [s] of the solution."""
     if work.linear == "iterative":
-        return KRYLOV_BYTES[work.mixed] * dofs, _iterative(dofs, work)
+        return KRYLOV_BYTES * dofs, _iterative(dofs, work)
     if work.method == "newton":
         return (6e3 * dofs if part.dim == 2 else 1100.0 * dofs**1.25), _newton(part.dim, dofs, work)
     n = candidates(sizes, part) * (part.dim if work.rough else 1)
@@ -175,7 +175,7 @@ def _newton(dim: int, dofs: float, work: Work) -> float:
 def _iterative(dofs: float, work: Work) -> float:
     """Assembly and Krylov iterations at every iteration of Newton's method on the whole body [s]."""
     newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13  # the contact's edge crosses more elements a step
-    return dofs * (3e-5 + newton * ((8e-6 if work.nonlinear else 2.5e-6) + KRYLOV * KRYLOV_SECONDS))
+    return dofs * (3e-5 + newton * ((8e-6 if work.nonlinear else 8e-7) + KRYLOV * KRYLOV_SECONDS))
 
 
 def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:

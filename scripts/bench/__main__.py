@@ -143,7 +143,8 @@ def deep(repeat: int) -> str:
 
 def ranks(repeat: int) -> str:
     """What more ranks buy."""
-    lines, alone = [], {}
+    lines: list[list[str]] = []
+    alone: dict[tuple[str, ...], tuple[float, float]] = {}
     for scene, count, done in processes.on_ranks(RANKED, repeat):
         work = sum(done.report["timings"][stage] for stage in ("assemble", "solve"))
         whole, part = alone.setdefault(scene, (done.wall, work))

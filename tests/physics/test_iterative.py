@@ -203,7 +203,7 @@ def test_multigrid_renewed_is_multigrid_built_anew() -> None:
 
     base = on("iterative", {"contact": {"method": "penalty", "epsilon_n": 1e4}})
     problem = Problem(base, meshed(base))
-    fine = Stiffness(problem, problem.unknowns.own_space("u"), "baij")
+    fine = Stiffness(problem, problem.unknowns.own_space("u"), "sbaij")
 
     def cycle(multigrid: Multigrid) -> np.ndarray:
         load, found = fine.matrix.createVecs()

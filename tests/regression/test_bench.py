@@ -60,8 +60,10 @@ def test_the_scaling_page_measures_what_it_has_not_kept(tmp_path, monkeypatch):
     loader.exec_module(page)
     runs = []
 
-    def measured(config, *settings, ranks):
+    def measured(config, *settings, ranks, PETSC_OPTIONS):
         runs.append((config, *settings, ranks))
+        log = "PCSetUp  3 1.0 2.0e+00 1.0 0.0\nKSPSolve 9 1.0 6.0e+00 1.2 1.0\nKSPSetUp 9 1.0 1.0e+00 1.2 1.0\n"
+        Path(PETSC_OPTIONS.partition(":")[2]).write_text(log, "utf-8")
         audit = {"newton_iterations": 40} | ({"krylov_iterations": 300} if settings[-1].endswith("iterative") else {})
         report = {"dofs": 20000, "audit": audit, "timings": {"mesh": 1.0, "assemble": 2.0, "solve": 9.0 / ranks}}
         return SimpleNamespace(cpu=12.0, wall=13.0, memory=500.0, force=[1.0, 2.0], report=report)
@@ -74,7 +76,7 @@ def test_the_scaling_page_measures_what_it_has_not_kept(tmp_path, monkeypatch):
     page.main(1e6)
     assert len(runs) == len(set(runs)) == len(page.ROWS)
     text = (tmp_path / "scaling.md").read_text("utf-8")
-    assert "$" not in text and "| 20000 | iterative | 2 | 12 |" in text
+    assert "$" not in text and "| 20000 | iterative | 2 | 12 |" in text and "| 6.5 | 8 | 40 | 300 |" in text
     next((tmp_path / "kept").glob("*-2.json")).unlink()
     page.main(1e6, is_kept=True)
     assert len(runs) == len(page.ROWS)

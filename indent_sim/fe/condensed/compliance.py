@@ -190,7 +190,7 @@ class Condenser:
         own, dofs, is_free = self._solved(places, axes)
         up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
         C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
-        old = np.zeros(n, dtype=bool)
+        old: np.ndarray = np.zeros(n, dtype=bool)
         if known is not None:
             old = np.tile(np.isin(places, known.places), len(axes))
             there = np.tile(np.isin(known.places, places), len(axes))

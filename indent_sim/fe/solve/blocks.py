@@ -139,6 +139,7 @@ class Beside:
         now = self._schur()
         now.copy(self._S, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)  # a new matrix would be analysed anew
         self._ksp.setOperators(self._S)
+        self._ksp.setUp()
         _discard(now)
 
     def solve(self, known: PETSc.Vec, found: PETSc.Vec) -> None:

@@ -54,7 +54,8 @@ class Iterative:
     def _create(self) -> PETSc.KSP:
         tangent = _nested(self._A.matrix, self._beside)
         blocks = [self._A.matrix, *(field.C for field in self._beside)]
-        self._b, self._x = (PETSc.Vec().createNest([block.createVecLeft() for block in blocks]) for _ in range(2))
+        self._b, self._x = (PETSc.Vec().createNest([block.createVecLeft() for block in blocks], comm=tangent.comm)
+                            for _ in range(2))  # fmt: skip
         self._work = self._A.matrix.createVecLeft(), self._A.matrix.createVecLeft()
         ksp = PETSc.KSP().create(self._problem.comm)
         ksp.setOperators(tangent)

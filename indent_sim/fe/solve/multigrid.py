@@ -31,7 +31,7 @@ AGGREGATION = {
     "pc_type": "gamg",
     "pc_gamg_agg_nsmooths": 1,
     "pc_gamg_threshold": 0,
-    "pc_gamg_aggressive_coarsening": 1,
+    "pc_gamg_aggressive_coarsening": 1,  # the finest level alone
     "pc_gamg_esteig_ksp_type": "cg",
     "pc_gamg_coarse_eq_limit": 1000,
     "pc_mg_cycle_type": "w",

@@ -123,6 +123,7 @@ class Newton:
         the solution is left as it was before.
         """
         solved = self._solve(rtol) or self._solve_from_softer_contact()
+        PETSc.garbage_cleanup(self.problem.x.comm)  # or vectors that Python let go of stay, also on one rank
         if solved:
             self._solved_at = self.problem.depth
         return solved

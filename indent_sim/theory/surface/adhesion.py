@@ -91,7 +91,7 @@ class Jkr:
         found = float(minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x)
         around = max(found - NARROW, low), min(found + NARROW, high)
         near = Chebyshev.interpolate(np.vectorize(lambda x: value(math.exp(x))), POINTS, domain=around)
-        flat = near.deriv().roots()
+        flat = np.asarray(near.deriv().roots(), dtype=complex)
         inside = [x.real for x in flat if abs(x.imag) < 1e-6 and around[0] < x.real < around[1]]
         if not inside:
             raise ValueError(f"the contact at pull-off, about {math.exp(found):.3g}, is too small to be known")

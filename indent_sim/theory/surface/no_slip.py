@@ -155,5 +155,5 @@ def _moment(t: np.ndarray, n: float) -> np.ndarray:
 
 def _angles(end: float) -> tuple[np.ndarray, np.ndarray]:
     """Gauss nodes and weights on [0, end], panel by panel."""
-    panels = [gauss(start, start + PANEL, POINTS) for start in np.arange(0.0, end, PANEL)]
+    panels = [gauss(start, start + PANEL, POINTS) for start in map(float, np.arange(0.0, end, PANEL))]
     return np.concatenate([nodes for nodes, _ in panels]), np.concatenate([weights for _, weights in panels])

@@ -92,8 +92,9 @@ class FittedPunches:
 
     def __init__(self, a: np.ndarray, K: np.ndarray, P: np.ndarray, tip: Tip, E_star: float):
         self._tip, self._E_star = tip, E_star
+        a, K, P = (values[a < tip.reach] for values in (a, K, P))  # beyond its end g is unknown
         P_0 = np.array([self._half_space(radius) for radius in a])
-        curved = (FLAT * P_0.max(initial=0.0) < P_0) & (a < tip.reach)  # a punch's rounded edge begins somewhere
+        curved = FLAT * P_0.max(initial=0.0) < P_0  # a punch's rounded edge begins somewhere
         if np.count_nonzero(curved) < VERTICES:
             raise ValueError(f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least {VERTICES}")
         a, K, P, P_0 = a[curved], K[curved], P[curved], P_0[curved]

@@ -112,7 +112,7 @@ class SurfaceContact:
         if surface.is_ordered:
             self.L = cholesky(M, lower=True)
             self.one = solve_triangular(self.L, surface.areas, lower=True)
-        self._touching = np.zeros(len(M), dtype=bool)
+        self._touching: np.ndarray = np.zeros(len(M), dtype=bool)
         self.radius, self.stiffness = 0.0, 0.0
 
     def pressures(self, o: np.ndarray) -> np.ndarray:
@@ -177,7 +177,7 @@ class StepByStep:
         n = len(surface.areas)
         self._g, self._tau = np.array(modulus.fractions), np.array(modulus.times)
         self._h = np.zeros((len(self._g), n))  # stress left in each exponential
-        self._phi = np.zeros(n)
+        self._phi: np.ndarray = np.zeros(n)
         self._longest = 0.0
         self._contacts: dict[float, SurfaceContact] = {}
 

@@ -62,6 +62,16 @@ def test_punches_from_samples(tip: profiles.Tip) -> None:
         assert radius_at(found, theirs.delta) == pytest.approx(radius, rel=1e-4)
 
 
+def test_radii_beyond_the_end_of_a_tip_are_left_out() -> None:
+    """A mesh has elements beside a ball, where its g is no number."""
+    a, ball = np.linspace(0.02, 0.6, 30), profiles.sphere(0.4)
+    under = a < 0.4
+    assert not under.all()
+    found, alone = (FittedPunches(x, 2 * x, x**3, ball, 1.0) for x in (a, a[under]))
+    assert found.at(0.3) == alone.at(0.3)
+    assert found.largest == alone.largest == a[under][-1]
+
+
 def test_too_little_is_refused() -> None:
     a = np.linspace(0.1, 0.5, 4)
     with pytest.raises(ValueError, match="too few"):
