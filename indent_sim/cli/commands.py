@@ -127,13 +127,12 @@ def say_failure(error: BaseException, code: int, kind: str) -> None:
 
 
 def described(error: BaseException, kind: str) -> dict[str, Any]:
-    """An error as JSON: type, message, and for a config error where it is and what would be right."""
+    """An error as JSON: type, message, and for one of config or usage where it is and what would be right, if known."""
     message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-    place = {name: getattr(error, name, None) or None for name in ("file", "line", "key", "remedy")}
-    if isinstance(error, ConfigError):
+    place: dict[str, Any] = dict.fromkeys(("file", "line", "key", "remedy"))
+    if isinstance(error, ConfigError | UsageError):
         message = printable(error.problem)
-    else:
-        place = dict.fromkeys(place)
+        place = {name: getattr(error, name, None) or None for name in place}
     return {"type": kind.removesuffix("s") if kind == "ConfigErrors" else kind, "message": message, **place}
 
 
@@ -594,12 +593,13 @@ def _name_partial(directory: Path) -> None:
 
 def _conclude(outcome: Outcome, as_json: bool, quiet: bool) -> None:
     from indent_sim.cli import terminal
+    from indent_sim.results.folder import read_report
     from indent_sim.results.reader import rows_of
     from indent_sim.results.writer import to_json
 
     if as_json:
-        rows = rows_of(outcome.states)
-        say(to_json(DONE | {"directory": outcome.directory, "rows": rows, "report": outcome.report}))
+        rows, written = rows_of(outcome.states), read_report(outcome.directory)  # with the entries of the writer
+        say(to_json(DONE | {"directory": outcome.directory, "rows": rows, "report": written | outcome.report}))
     else:
         say(str(outcome.directory))
     for line in terminal.warnings(outcome) if quiet else terminal.conclusion(outcome):

@@ -130,7 +130,7 @@ def _content(name: str) -> bytes:
             content = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise UsageError(f"cannot read the config {name}: {reason}") from None
+        raise UsageError(f"cannot read the config {name}: {reason}", file=name) from None
     if len(content) > MAX_BYTES:
         raise ConfigError("", f"longer than {MAX_BYTES} bytes", "this is no scene", name)
     return content

@@ -33,6 +33,9 @@ from indent_sim.model.units import DIMENSIONS, unit_of
 
 QUANTITY = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
 
+UNLESS = {"material": "**required** unless every layer, or region of a mesh file, has its own",
+          "loading": "**required** unless `experiment` has a history"}  # fmt: skip
+
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
@@ -71,7 +74,7 @@ def config_markdown() -> str:
         "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
         "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those, times\n"
         "to seconds.\n"
-        "A section without a default is required. Unknown and repeated keys are errors.\n",
+        "Unknown and repeated keys are errors.\n",
         _table(["section", "default", "meaning"], map(_section_row, schema.keys_at((), {}))),
     ]
     for section, kinds in schema.sections().items():
@@ -161,14 +164,15 @@ def _section_row(name: str) -> list[str]:
     field = Config.model_fields[name]
     if name not in schema.sections():
         return [f"`{name}`", _shown(field.default), _meaning(name)]
-    required = field.is_required() or (field.default is None and name != "experiment")
-    default = "**required**" if required else _shown_section(name) if field.default is not None else "none"
+    default = "**required**" if field.is_required() else UNLESS.get(name, _shown_section(name))
     return [f"[`{name}`](#{name})", default, _meaning(name)]
 
 
 def _shown_section(name: str) -> str:
-    tag = schema.tags().get(name)
-    return f"`{tag}: {getattr(Config.model_fields[name].default, tag)}`" if tag else "as below"
+    tag, default = schema.tags().get(name), Config.model_fields[name].default
+    if default is None:
+        return "none"
+    return f"`{tag}: {getattr(default, tag)}`" if tag else "as below"
 
 
 def _kind_markdown(section: str, kind: type) -> str:

@@ -63,7 +63,7 @@ TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at an
 
 @dataclass(frozen=True)
 class Units:
-    """Labels of the units the numbers are meant in, for plots and provenance only."""
+    """The units that plain numbers are meant in, by name; quantities with a unit of their own are converted to them."""
 
     length: str = ""
     force: str = ""
@@ -195,7 +195,7 @@ def _cap(config: Config) -> Iterator[ConfigError]:
 
 
 def _layers(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with the layers: a material that is missing or of no use, thicknesses that are not the body's."""
+    """What is wrong with the layers: a material that is missing, thicknesses that are not the body's."""
     layers = config.body.layers or ()
     needed = [k for k, layer in enumerate(layers) if layer.material is None]
     if not layers and not getattr(config.body, "regions", None):
@@ -203,8 +203,6 @@ def _layers(config: Config) -> Iterator[ConfigError]:
     if needed and config.material is None:
         said = f"this section is missing, and {key_of_layer(needed[0])} has no material of its own" if layers else ""
         yield ConfigError("material", said or "this section is missing", _kinds_of_material())
-    if layers and not needed and config.material is not None:
-        yield ConfigError("material", "every layer has a material of its own", "leave this section out")
     without = [k for k, layer in enumerate(layers) if layer.thickness is None]
     if isinstance(config.body, HalfSpace):
         without = [k for k in without if k < len(layers) - 1]
@@ -304,7 +302,8 @@ def _kinds_of_material() -> str:
 
 
 def _constants(config: Config) -> Iterator[ConfigError]:
-    materials = [(config.material_key(k), layer.material) for k, layer in enumerate(config.layers)]
+    materials: list[tuple[str, Material | None]] = [("material", config.material)]
+    materials += [(f"{key_of_layer(k)}.material", layer.material) for k, layer in enumerate(config.body.layers or ())]
     materials += [(f"body.regions.{name}", own) for name, own in (getattr(config.body, "regions", None) or {}).items()]
     inclusions = enumerate(config.body.inclusions or ())
     materials += [(f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions]

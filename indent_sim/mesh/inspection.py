@@ -141,8 +141,6 @@ def _regions(file: MeshFile, body: MeshFromFile, dim: int, count: int, has_mater
     if rest.any() and not has_material:
         raise refused(f"{rest.sum()} cells are of no region, and the scene has no material", f"{file.names}",
                       "body.regions")  # fmt: skip
-    if names and has_material and not rest.any():
-        raise refused("every cell is of a region that has a material of its own", "leave this section out", "material")
     found[rest] = len(names)
     return (*names, "") if rest.any() else names, found
 

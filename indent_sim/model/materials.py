@@ -473,6 +473,13 @@ class ArrudaBoyce(_OfInvariants):
 Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
 
 
+NEEDED = {  # of two constants whose numbers do not show what a stable material is
+    frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",
+    frozenset({"kappa", "lame_lambda"}): "lame_lambda < kappa",
+    frozenset({"nu", "lame_lambda"}): "lame_lambda of the sign of nu, which is not 0",
+}
+
+
 def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     """E and nu from exactly two isotropic constants.
 
@@ -486,9 +493,10 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     except ZeroDivisionError:
         E, nu = math.nan, math.nan
     if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
-        raise ValueError(
-            f"these constants give E = {E:g} and nu = {nu:g}; a stable material has E > 0 and -1 < nu <= 0.5"
-        )
+        found = f"E = {E:g} and nu = {nu:g}" if math.isfinite(E) else "no E"
+        needed = NEEDED.get(frozenset(given), "")
+        stable = "a stable material has E > 0 and -1 < nu <= 0.5" + (f", and so {needed}" if needed else "")
+        raise ValueError(f"these constants give {found}; {stable}")
     return E, nu
 
 

@@ -31,9 +31,19 @@ class IndentSimError(Exception):
 
 
 class UsageError(IndentSimError):
-    """CONFIG missing or unreadable, output folder unwritable, foreign or in use."""
+    """CONFIG missing or unreadable, output folder unwritable, foreign or in use.
+
+    problem: what is wrong; `remedy` and `file` where they are known, for scripts too.
+    """
 
     exit_code = 2
+
+    def __init__(self, problem: str, remedy: str = "", file: str = ""):
+        super().__init__(problem, remedy, file)
+        self.problem, self.remedy, self.file = problem, remedy, file
+
+    def __str__(self) -> str:
+        return f"{self.problem}; {self.remedy}" if self.remedy else self.problem
 
 
 @dataclass

@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.results.folder import TABLE
-from indent_sim.results.reader import COMPARED, read, read_table
+from indent_sim.results.reader import COMPARED, force_table, read, read_table
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORDS
 
 SHOWN = 10  # differences told one by one
@@ -115,7 +115,7 @@ def _compared(
 
 def _table(path: Path) -> Table:
     """The columns of a result folder's or any other force table, with or without steps, or of a table beside one."""
-    file = path / TABLE if path.is_dir() else path
+    file = force_table(path)
     found = read_table(file, (), words=WORDS)
     if "branch" in found or "frequency" in found:
         return {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)} | found

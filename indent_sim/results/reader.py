@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -21,6 +21,9 @@ from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, r
 from indent_sim.results.tables import EXPERIMENT, SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
 from indent_sim.results.xdmf import lost_fields
 
+STUDY = "study.json"  # in the folder of a study
+RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --output for that"
+RUN_AGAIN = "run its scene again without --resume, or with another --output"
 COMPARED = ("delta", "force", "a")
 
 
@@ -59,12 +62,26 @@ def read(path: Path | str) -> Results:
 
 
 def _force_table(path: Path) -> dict[str, np.ndarray]:
-    if not path.is_dir():
+    file = force_table(path)
+    if file == path:
         columns = read_table(path, ("delta", "force"))
         if "step" not in columns:
             rows = len(columns["delta"])
             return {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
-    return read_steps(path / TABLE if path.is_dir() else path, ("delta", "force"), unknown=("a",))
+    return read_steps(file, ("delta", "force"), unknown=("a",))
+
+
+def force_table(path: Path) -> Path:
+    """The force table of a result folder, and of a file itself; UsageError for a folder without one."""
+    if not path.is_dir():
+        return path
+    if os.path.lexists(file := path / TABLE):
+        return file
+    if os.path.lexists(path / STUDY):
+        remedy = f"name {path / 'runs' / 'NAME'}, the folder of a run"
+        raise UsageError(f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path))
+    remedy = RUN_AGAIN if read_report(path) else "name the folder of a result"
+    raise UsageError(f"cannot read {file}: there is none", remedy, str(file))
 
 
 def read_run(path: Path) -> Results:
@@ -204,17 +221,21 @@ def checked_report(folder: Path) -> dict[str, Any]:
     """The run.json of a folder, empty when there is none; UsageError when it is not what the program writes."""
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
-        raise UsageError(f"{folder / REPORT} is damaged: no JSON object that says program: {PROGRAM}")
+        raise _damaged(folder, f"no JSON object that says program: {PROGRAM}")
     try:
         _shape().validate_python(report, strict=True)
         _check_theory(report.get("theory") or {})
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False, include_context=False)[0]
         place = ".".join(str(part) for part in found["loc"] if isinstance(part, int) or str(part).isidentifier())
-        raise UsageError(f"{folder / REPORT} is damaged: {place}: {found['msg']}") from None
+        raise _damaged(folder, f"{place}: {found['msg']}") from None
     except ValueError as error:
-        raise UsageError(f"{folder / REPORT} is damaged: theory: {error}") from None
+        raise _damaged(folder, f"theory: {error}") from None
     return report
+
+
+def _damaged(folder: Path, why: str) -> UsageError:
+    return UsageError(f"{folder / REPORT} is damaged: {why}", RUN_ELSEWHERE, str(folder / REPORT))
 
 
 def _check_theory(theory: dict[str, Any]) -> None:
@@ -238,28 +259,29 @@ def read_table(
     there, and in other columns, an empty cell is NaN. Columns of `words` are text as it stands.
     """
     if path.name == EXPERIMENT and not words:
-        raise UsageError(f"{path} is the table of an experiment: its picture is experiment.png in the result folder")
+        raise UsageError(f"{path} is the table of an experiment: its picture is experiment.png in the result folder",
+                         file=str(path))  # fmt: skip
     try:
         text = content(path).decode("utf-8")
     except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror or error}") from None
+        raise UsageError(f"cannot read {path}: {error.strerror or error}", file=str(path)) from None
     except ValueError:
-        raise UsageError(f"{path} is not a table of numbers with a header: not UTF-8 text") from None
+        raise UsageError(f"{path} is not a table of numbers with a header: not UTF-8 text", file=str(path)) from None
     lines = [line for line in text[: text.rfind("\n") + 1].split("\n") if line.strip()]
     if not lines:
-        raise UsageError(f"{path} is empty")
+        raise UsageError(f"{path} is empty", file=str(path))
     header = [name.strip() for name in lines[0].split(",")]
     for name in (*needed, *unknown):
         if name not in header:
-            raise UsageError(f"{path} has no column '{name}': not a table of results")
+            raise UsageError(f"{path} has no column '{name}': not a table of results", file=str(path))
     if len(set(header)) < len(header):
-        raise UsageError(f"{path} has two columns of one name")
+        raise UsageError(f"{path} has two columns of one name", file=str(path))
     rows = [_row(line, header, words, f"{path}: line {number}") for number, line in enumerate(lines[1:], start=2)]
     cells = list(zip(*rows, strict=True)) or [()] * len(header)
     columns = {name: np.array(cells[i], dtype=str if name in words else float) for i, name in enumerate(header)}
     for name in needed:
         if name not in unknown and not np.isfinite(columns[name]).all():
-            raise UsageError(f"{path}: column '{name}' holds a cell that is no number")
+            raise UsageError(f"{path}: column '{name}' holds a cell that is no number", file=str(path))
     return columns
 
 
@@ -286,9 +308,9 @@ def read_steps(path: Path, needed: Sequence[str], unknown: Sequence[str] = ()) -
     columns = read_table(path, ["step", *needed], unknown)
     steps = columns["step"]
     if not ((steps >= 0) & (steps < WHOLE) & (steps == np.floor(steps))).all():
-        raise UsageError(f"{path}: a step is not a whole number")
+        raise UsageError(f"{path}: a step is not a whole number", file=str(path))
     if len(set(steps)) != len(steps):
-        raise UsageError(f"{path} holds a step twice")
+        raise UsageError(f"{path} holds a step twice", file=str(path))
     return columns
 
 
@@ -307,11 +329,14 @@ class Earlier:
 
     def check(self, deltas: Sequence[float] | None, steps: int, folder: Path) -> None:
         """UsageError when these are not rows of a path of so many steps, to these depths where they are prescribed."""
+        table = str(folder / TABLE)
         if len(self.states) > steps:
-            raise UsageError(f"{folder / TABLE} has {len(self.states)} rows, the scene {steps} steps: it is damaged")
+            problem = f"{table} has {len(self.states)} rows, the scene {steps} steps: it is damaged"
+            raise UsageError(problem, RUN_AGAIN, table)
         for state, delta in zip(self.states, deltas or (), strict=False):
             if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH, abs_tol=0):
-                raise UsageError(f"{folder / TABLE}: row {state.step} is not at the scene's depth: it is damaged")
+                problem = f"{table}: row {state.step} is not at the scene's depth: it is damaged"
+                raise UsageError(problem, RUN_AGAIN, table)
 
     def finished(self, steps: int) -> bool:
         """Whether that run came to its end."""
@@ -342,10 +367,12 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
         _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml)
         unknown = ("energy",) if report.get("method") == "theory" else ()
         return Earlier(*_rows(folder / TABLE, unknown), report)
-    except (FileNotFoundError, UnicodeDecodeError) as error:
-        raise UsageError(f"{folder} has {REPORT} but not all that belongs to it: {error}") from error
+    except FileNotFoundError as error:
+        raise UsageError(f"{folder} has {REPORT} but no {Path(error.filename).name}", RUN_AGAIN, str(folder)) from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{folder} holds a {CONFIG} or {TABLE} that is no text", RUN_AGAIN, str(folder)) from error
     except OSError as error:
-        raise UsageError(f"cannot read {folder}: {error.strerror or error}") from error
+        raise UsageError(f"cannot read {folder}: {error.strerror or error}", RUN_AGAIN, str(folder)) from error
 
 
 def lost_files(folder: Path, surface: bool, fields: bool) -> list[str]:
@@ -365,14 +392,28 @@ def _has_last_surface(folder: Path) -> bool:
 def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
     if theirs == ours:
         return
-    there, here = ([line.strip() for line in text.splitlines()] for text in (theirs, ours))
-    news = [f"'{line[:80]}' {where}" for where, one, other in (("there", there, here), ("here", here, there))
-            for line in [line for line in one if line not in other][:1]]  # fmt: skip
+    there, here = (dict(_keyed(text)) for text in (theirs, ours))
+    only_there, only_here = (_first_of_its_own(*pair) for pair in ((there, here), (here, there)))
+    told = [f"'{text}' {where}" for (_, text), where in ((only_there, "there"), (only_here, "here")) if text]
     raise ConfigError(
-        "",
-        f"{folder} holds a run of another config ({', '.join(news) or 'the same lines in another order'})",
+        only_here[0],
+        f"{folder} holds a run of another config ({', '.join(told) or 'the same lines in another order'})",
         "give the same scene and --set as then, or another --output, or leave --resume out to replace it",
     )
+
+
+def _first_of_its_own(one: dict[str, str], other: dict[str, str]) -> tuple[str, str]:
+    """Key and text of the first line that another config has not; empty where it has all."""
+    return next(((key, line.strip()[:80]) for key, line in one.items() if other.get(key) != line), ("", ""))
+
+
+def _keyed(config_yaml: str) -> Iterator[tuple[str, str]]:
+    """The lines of a config.yaml, each with its key: `mesh.h_far`."""
+    section = ""
+    for line in config_yaml.splitlines():
+        name = line.split(":")[0]
+        section = section if name.startswith(" ") else name
+        yield f"{section}.{name.strip()}" if name.startswith(" ") else name, line
 
 
 def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[str, ...], int]:
@@ -382,7 +423,7 @@ def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[
     names = tuple(lines[0].decode().split(","))
     known = {*READINGS, *OF_FRICTION, *EFFORT, *ERRORS}
     if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= known:
-        raise UsageError(f"{path} has other columns than this version writes")
+        raise UsageError(f"{path} has other columns than this version writes", RUN_AGAIN, str(path))
     states: list[State] = []
     size = len(lines[0]) + 1
     for line in lines[1:]:

@@ -45,6 +45,8 @@ class Readings:
 
     def _hertz(self, state: State) -> float:
         physics = self.scene.physics
+        if physics.path.control == "force" and physics.path.values[state.step - 1] == 0:  # the force found is rounding
+            return nan
         force = hertz_force(self.scene, state.delta) if state.force > 0 else None
         return physics.material.constants.E * state.force / force if force else nan
 

@@ -12,6 +12,7 @@ from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.piece import Piece, Skin, as_msh
 from indent_sim.model.body import MeshFromFile
 from indent_sim.results.folder import MESH
+from indent_sim.scene.given import with_used_material
 from indent_sim.scene.scene import Scene
 
 OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
@@ -19,6 +20,7 @@ OWN = ("h_axis", "h_edge", "h_corner")  # sizes that a scene may have or not
 
 def resolved(config: Config, scene: Scene) -> Config:
     """The same scene with nothing left to decide: it gives the same mesh and the same numbers."""
+    config = with_used_material(config, scene.physics.part)
     decided: dict[str, Any] = {
         "center": config.center or config.body.center,
         "accuracy": None,

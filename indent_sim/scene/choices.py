@@ -12,7 +12,7 @@ from indent_sim.config.strict_yaml import key_text
 from indent_sim.mesh.meshed import MeshedPart
 from indent_sim.mesh.part import Region
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import Endless, HalfSpace, Meshed
+from indent_sim.model.body import Endless, HalfSpace, MeshFromFile
 from indent_sim.model.contact import Anchor, AugmentedLagrangian, AutoContact, Cohesion, Contact, ContactLaw, Penalty
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
@@ -374,8 +374,6 @@ def against_theory(config: Config, given: Given) -> str:
     if unlike := unlike_theory(config):
         return unlike
     known, target = given.theory, target_of(config.accuracy)
-    if isinstance(given.body, Meshed):
-        return "theory does not know a body meshed elsewhere"
     if known is None:
         return "theory knows no layers with nu < 0" if shape_of(given.tip) else "theory does not know this tip"
     if not known.exact and not (known.pull and config.solver.method == "theory"):
@@ -392,6 +390,7 @@ def unlike_theory(config: Config) -> str:
     materials = [layer.material for layer in config.layers if layer.material]
     solver = dataclasses.replace(config.solver, method="auto")
     reasons = (
+        (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
         (not all(material.small_strain for material in materials), "the material is not linear"),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),

@@ -300,6 +300,22 @@ def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
     return [(key, material.canonical()) for key, material in found if material is not None]
 
 
+def unused_material(config: Config, part: Part) -> str:
+    """That nothing of a body has the material of the section `material`, in words; empty where something has."""
+    if config.material is None:
+        return ""
+    if isinstance(config.body, MeshFromFile):
+        parts, is_used = "region", any(region.name == "body" for region in part.regions)
+    else:
+        parts, is_used = "layer", any(config.material_key(k) == "material" for k in range(len(config.layers)))
+    return "" if is_used else f"nothing uses `material`: every {parts} has its own"
+
+
+def with_used_material(config: Config, part: Part) -> Config:
+    """The config without the section `material` where nothing of the body has it."""
+    return config.model_copy(update={"material": None}) if unused_material(config, part) else config
+
+
 def _modelled(
     config: Config, body: Body, center: tuple[float, ...], tip: Indenter, layers: tuple[Layer, ...],
     piece: Piece | None, scales: Scales,

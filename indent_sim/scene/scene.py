@@ -28,7 +28,7 @@ from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_theory, of_whole_contact
 from indent_sim.scene.expected import Adherence, Stick, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Given, given_by, on_finite_body
+from indent_sim.scene.given import Given, given_by, on_finite_body, unused_material
 from indent_sim.scene.sizing import AT_END
 from indent_sim.scene.theories import Theory
 from indent_sim.theory.surface.no_slip import Rubbed
@@ -201,7 +201,7 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given),
               *choices.experiment(config, given, solver))  # fmt: skip
     predicted = _expected(given) | {"seconds": float(f"{THEORY + PER_ROW * len(given.deltas):.2g}")}
-    against = (*of_theory(given), *of_whole_contact(given))
+    against = (*_of_material(config, given), *of_theory(given), *of_whole_contact(given))
     plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted, _stick(config, given))
     settings = dataclasses.replace(config.solver, method="theory")
     return Scene(physics, sizing.surface_points(given), settings, plan, config.experiment, given.asked)
@@ -221,7 +221,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     if cost.memory > machine_memory():
         work = _work(given, str(solver.value), str(linear.value), gap, law, anchor)
         raise _unaffordable(config, given, law, sizes, work, fineness is not None)
-    doubted = doubts(given, law, gap, sizes)
+    doubted = (*_of_material(config, given), *doubts(given, law, gap, sizes))
     physics = Physics(given.scales, given.body, given.part, wall, tip, given.center, law, gap, given.path,
                       given.deltas, anchor)  # fmt: skip
     chosen = (*choices.quantities(config), *choices.model(given), *choices.formulations(given), gap_choice, law_choice,
@@ -236,6 +236,12 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
                 given.jkr)  # fmt: skip
     settings = dataclasses.replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     return Scene(physics, sizes, settings, plan, config.experiment, given.asked)
+
+
+def _of_material(config: Config, given: Given) -> list[Doubt]:
+    """That the section `material` is of no use."""
+    words = unused_material(config, given.part)
+    return [Doubt("material", words)] if words else []
 
 
 def _stick(config: Config, given: Given, gap: str = "reference", linear: str = "direct") -> Stick | None:

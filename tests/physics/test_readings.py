@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import pytest
 from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
 from indent_sim.config.file import from_mapping
+from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.readings import hertz_fit
+from indent_sim.run.readings import Readings, hertz_fit
 
 SHALLOW = {"delta": 0.01, "steps": 3}
 
@@ -61,6 +64,15 @@ def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path
     for state in chain.simulate(config, directory=tmp_path / "out", error_bars=True).states:
         assert state.force_error and state.E_hertz
         assert abs(state.E_hertz - 1.0) <= state.force_error / state.force
+
+
+@pytest.mark.parametrize("rounding", [-1e-14, 2e-16])
+def test_a_force_of_zero_reads_no_modulus(rounding: float) -> None:
+    """Where an attraction balances it, at a depth > 0: the force that is found there is rounding of either sign."""
+    base = scene(WALLED, contact={"adhesion": {"work": 1e-4, "range": 1e-2}}, loading={"forces": [0.0, 1e-3]})
+    balanced = State(1, 3e-3, rounding, 0.05, nan, 0.0, nan, 1, 0.0, stiffness=1.0)
+    assert math.isnan(Readings(base).read(balanced).E_hertz or 0.0)
+    assert Readings(base).read(replace(balanced, step=2, force=1e-3)).E_hertz
 
 
 def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:

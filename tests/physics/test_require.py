@@ -304,3 +304,12 @@ def test_refusals(scene_file, words, code):
 
 def test_no_scene(tmp_path):
     assert invoke(str(tmp_path / "nothing.yaml")).exit_code == 2
+
+
+def test_a_material_that_nothing_has_is_left_out_of_account() -> None:
+    """A film on a softer half-space, each with its own; one of finite strain that neither has changes nothing."""
+    layers = [{"thickness": 0.5, "material": ELASTIC}, {"material": ELASTIC | {"E": 1.0}}]
+    film = HALF_SPACE | {"body": {"shape": "half_space", "layers": layers}}
+    film["material"] = {"model": "neo_hookean", "E": 1000.0, "nu": 0.49, "formulation": "mixed"}
+    lacking = {name: part for name, part in film.items() if name != "material"}
+    assert of(film) == of(lacking)

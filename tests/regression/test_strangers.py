@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,13 @@ class TestText:
                 for n, title in enumerate(TITLES[:6])]  # fmt: skip
         picture.draw(rows, ["contact.method"], "$\\frac{", "$x", tmp_path / "study.png")
         assert (tmp_path / "study.png").stat().st_size > 5000
+
+    @pytest.mark.parametrize("name", ["one.png", "one.svg", "one.pdf"])
+    def test_a_letter_that_the_font_lacks_is_no_warning(self, tmp_path, name):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            forces.force_indentation(a_result(title="細胞"), tmp_path / name)
+        assert (tmp_path / name).stat().st_size > 5000
 
     def test_latex_is_not_started(self, tmp_path):
         import matplotlib

@@ -29,6 +29,12 @@ indenter: {shape: paraboloid, R: 1.0}
 loading: {delta: 0.01, steps: 3}
 mesh: {h_contact: 0.03, h_far: 0.5}
 """
+THEORY = """\
+body: {shape: half_space}
+material: {model: linear_elastic, E: 1.0, nu: 0.3}
+indenter: {shape: paraboloid, R: 1.0}
+loading: {delta: 0.01, steps: 3}
+"""
 ROOT = Path(__file__).resolve().parents[2]
 
 Run = Callable[..., Result]
@@ -40,6 +46,14 @@ def indent_sim(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scene.yaml").write_text(SCENE)
     return lambda *words: CliRunner().invoke(commands.program, [str(word) for word in words])
+
+
+@pytest.fixture
+def theory_run(indent_sim: Run, tmp_path: Path) -> Path:
+    """The directory of a scene that theory solves and of its result, `out`."""
+    (tmp_path / "scene.yaml").write_text(THEORY)
+    assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
+    return tmp_path
 
 
 def left(folder: Path) -> set[str]:
@@ -232,6 +246,49 @@ class TestJson:
         assert (ended.exit_code, told["exit_code"], told["status"]) == (code, code, "failed") and ended.stderr
         assert told["error"].keys() == {"type", "message", "file", "line", "key", "remedy"}
         assert told["error"]["type"] == kind and told["error"]["message"]
+
+    def test_what_cannot_be_read_is_named(self, indent_sim):
+        for words, file in (("plan", "none.yaml"), "none.yaml"), (("compare", "none.csv", "none.csv"), "none.csv"):
+            told = json.loads(indent_sim(*words, "--json").stdout)
+            assert (told["exit_code"], told["error"]["file"]) == (2, file)
+
+    def test_what_another_config_has_is_at_its_line(self, indent_sim, theory_run):
+        (theory_run / "scene.yaml").write_text(THEORY.replace("nu: 0.3", "nu: 0.2"))
+        told = json.loads(indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout)
+        error = told["error"]
+        assert (told["exit_code"], error["file"], error["line"], error["key"]) == (3, "scene.yaml", 2, "material.nu")
+        assert "'nu: 0.3' there, 'nu: 0.2' here" in error["message"] and "--output" in error["remedy"]
+
+    @pytest.mark.parametrize("lost", ["config.yaml", "force_indentation.csv"])
+    def test_a_result_that_lost_a_file_says_what_to_do(self, indent_sim, theory_run, lost):
+        """And what it says helps."""
+        (theory_run / "out" / lost).unlink()
+        told = json.loads(indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout)
+        assert told["exit_code"] == 2 and told["error"]["message"] == f"out has run.json but no {lost}"
+        assert "without --resume" in told["error"]["remedy"]
+        assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
+        assert indent_sim("plot", "out").exit_code == 0
+
+    def test_a_damaged_run_json_says_what_to_do(self, indent_sim, theory_run):
+        (theory_run / "out" / "run.json").write_text("{")
+        told = json.loads(indent_sim("run", "scene.yaml", "--output", "out", "--resume", "--json").stdout)
+        assert (told["exit_code"], told["error"]["file"]) == (2, "out/run.json")
+        assert told["error"]["remedy"].startswith("delete the folder")
+
+    def test_a_study_has_no_curve_of_its_own(self, indent_sim, theory_run):
+        (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 2.0]}\n")
+        assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
+        for words in ("plot", "all"), ("compare", "all", "all"):
+            ended = indent_sim(*words)
+            assert ended.exit_code == 2 and "all holds a study" in ended.stderr and "all/runs/NAME" in ended.stderr
+        assert indent_sim("plot", *sorted((theory_run / "all" / "runs").iterdir())).exit_code == 0
+
+    def test_a_fresh_run_reports_what_a_resumed_one_does(self, indent_sim, theory_run):
+        fresh, resumed = (json.loads(indent_sim("run", "scene.yaml", "--output", "new", "--resume", "--json").stdout)
+                          for _ in range(2))  # fmt: skip
+        assert list(fresh["report"]) == list(resumed["report"]) and fresh["report"] == resumed["report"]
+        writers = {"program", "version", "status", "rows", "started", "finished", "reason", "exit_code"}
+        assert writers <= fresh["report"].keys()
 
     def test_a_config_error_is_at_its_line(self, indent_sim, tmp_path):
         (tmp_path / "scene.yaml").write_text(SCENE.replace("R: 1.0", "r: 1.0").replace("nu: 0.3", "nu: 0.7"))

@@ -227,7 +227,13 @@ def save(figure: Figure, path: Path | str) -> None:
     """Write PNG, SVG or PDF after the suffix, all at once."""
     path = Path(path)
     suffix = f".{format_of(path)}"
-    keep_ticks_apart(figure)
+    with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
+        warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
+        keep_ticks_apart(figure)
+        _write(figure, path, suffix)
+
+
+def _write(figure: Figure, path: Path, suffix: str) -> None:
     metadata: dict[str, Any] = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     descriptor, temporary = tempfile.mkstemp(suffix, f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
     try:

@@ -19,6 +19,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.requirements.bench import Bench
 from indent_sim.run.requirements.effects import Effect, Effects
 from indent_sim.run.requirements.sections import Document, half_space_of, is_small, of_strain, usual
+from indent_sim.scene.given import with_used_material
 from indent_sim.scene.scene import resolve
 
 OF_A_MESH = {"solver", "mesh", "contact", "accuracy"}  # sections that a scene without a mesh does without
@@ -48,7 +49,9 @@ def require(config: Config, within: float = 0.01) -> Requirements:
     Raises ConfigError for a scene that cannot be run or never touches the body, BackendError without a solver.
     """
     try:
-        bench = Bench(config, resolve(config))
+        scene = resolve(config)
+        config = with_used_material(config, scene.physics.part)
+        bench = Bench(config, scene)
     except ConfigError as error:
         raise located(config, error) from None
     with np.errstate(all="ignore"):  # theories try depths beyond a tip's end

@@ -99,11 +99,9 @@ def test_the_copy_of_a_piece_is_the_piece(tmp_path: Path, body: dict[str, Any], 
     assert again.hash == found.hash and again.names == found.names == ("gel",)
 
 
-def test_a_material_of_no_cell_is_refused(tmp_path: Path) -> None:
-    """As where every layer has its own: it would be ignored."""
-    with pytest.raises(ConfigError, match="every cell is of a region") as refused:
-        piece(tmp_path, section(), regions={"gel": None})
-    assert refused.value.key == "material"
+def test_a_material_of_no_cell_makes_no_region(tmp_path: Path) -> None:
+    """As where every layer has its own: the scene warns of it."""
+    assert piece(tmp_path, section(), regions={"gel": None}).names == ("gel",)
 
 
 @pytest.mark.parametrize("indenter", ["{shape: paraboloid, R: 1}", "{shape: cone, half_angle: 70}"])

@@ -10,6 +10,7 @@ from typing import get_args, get_origin
 import pytest
 
 from indent_sim.config import schema
+from indent_sim.config.file import from_mapping
 from indent_sim.config.key_types import core, hints, members
 from indent_sim.config.reference import config_markdown, json_schema
 from indent_sim.config.schema import Config
@@ -95,6 +96,17 @@ def test_the_json_schema_knows_walls_tags_and_defaults():
     assert kinds["Penalty"]["required"] == ["method"]
     assert "required" not in kinds["AutoContact"]
     assert kinds["SolverSettings"]["properties"]["rtol"]["maximum"] == 1e-9
+
+
+def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
+    """As a scene of layers with their own materials and of a history has neither section."""
+    layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
+    history = {"history": [[0, 0], [1, 0.01]]}
+    from_mapping({"body": {"shape": "half_space", "layers": layers}, "indenter": {"shape": "sphere", "R": 1.0},
+                  "experiment": history})  # fmt: skip
+    rows = [row.split(" | ") for row in config_markdown().splitlines() if "](#" in row and "**required**" in row]
+    unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows if not row[0].endswith("[]")}
+    assert {name for name, is_conditional in unless.items() if is_conditional} == {"material", "loading"}
 
 
 def test_the_page_of_the_scene_file_has_every_key():

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from mesh_files import section, write
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.file import from_mapping, to_mapping
 from indent_sim.run.error_bars import Companion, ErrorBars
+from indent_sim.run.resolved import resolved
 from indent_sim.scene.scene import Scene, resolve
 
 SCENES: dict[str, dict[str, Any]] = {
@@ -27,7 +30,7 @@ NUMBERS = {"plain": set(), "penalty": {"penalty"}, "coarse": {"elements"}, "seve
            "theory": set(), "corners": {"corners", "elements"}}  # fmt: skip
 
 
-def scene(**sections: Any) -> Scene:
+def document(**sections: Any) -> dict[str, Any]:
     """A paraboloid on a thick cylinder; `sections` replace whole sections of that."""
     given: dict[str, Any] = {
         "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
@@ -35,7 +38,12 @@ def scene(**sections: Any) -> Scene:
         "indenter": {"shape": "paraboloid", "R": 1.0},
         "loading": {"delta": 0.01, "steps": 1},
     }
-    return resolve(from_mapping(given | sections))
+    return {name: part for name, part in (given | sections).items() if part is not None}
+
+
+def scene(**sections: Any) -> Scene:
+    """That scene, decided."""
+    return resolve(from_mapping(document(**sections)))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -61,3 +69,29 @@ def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     bars = ErrorBars(found, [Companion(1.6, [], found)])
     (doubt,) = (doubt for doubt in found.plan.doubts if doubt.key == "truncation")
     assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
+
+
+LAYERS = [{"thickness": 0.2, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}},
+          {"thickness": 0.8, "material": {"model": "linear_elastic", "E": 10.0, "nu": 0.4}}]  # fmt: skip
+UNLIKE = {"model": "neo_hookean", "E": 1000.0, "nu": 0.49, "formulation": "mixed"}  # anything read from it would show
+OWN = {"cylinder": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "layers": LAYERS},
+       "theory": {"shape": "half_space", "layers": [LAYERS[0], {"material": LAYERS[1]["material"]}]},
+       "mesh": {"shape": "mesh", "file": "gel.msh", "kinematics": "axisymmetric",
+                "surfaces": {"contact": "top", "base": "bottom"},
+                "regions": {"gel": LAYERS[0]["material"]}}}  # fmt: skip
+
+
+@pytest.mark.parametrize("body", OWN)
+def test_a_material_that_nothing_has_is_named_and_read_by_nothing(
+    body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Choices, sizes and expectations are those of the scene without it, and so is the record of the run."""
+    write(tmp_path / "gel.msh", section())
+    monkeypatch.chdir(tmp_path)
+    lacking, having = (from_mapping(document(body=OWN[body], material=material)) for material in (None, UNLIKE))
+    expected, found = resolve(lacking), resolve(having)
+    said = f"nothing uses `material`: every {'region' if body == 'mesh' else 'layer'} has its own"
+    assert found.plan.warnings == (said, *expected.plan.warnings)
+    assert found.plan.choices == expected.plan.choices and found.plan.prediction == expected.plan.prediction
+    assert (found.sizes, found.solver) == (expected.sizes, expected.solver)
+    assert to_mapping(resolved(having, found)) == to_mapping(resolved(lacking, expected))
