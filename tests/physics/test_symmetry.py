@@ -204,3 +204,12 @@ def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
     """Either wall: what pushes the half of a tip aside, its image pushes back."""
     for x in (0.0, 4.0):
         assert scene(STRIP, contact={"friction": 0.3}, indenter=PARABOLOID | {"center": [x]}).physics.sideways == {}
+
+
+@pytest.mark.parametrize("method", ["newton", "condensed"])
+def test_no_side_force_has_no_sign(method: str) -> None:
+    """0, not -0, once the tip has left."""
+    strip = scene(STRIP | {"sides": "free"}, contact={"friction": 0.3}, mesh={"h_contact": 0.1},
+                  indenter=PARABOLOID | {"center": [1.4]}, solver={"method": method},
+                  loading={"deltas": [0.02, -0.01]})  # fmt: skip
+    assert str(solve(strip)[-1].side_force_x) == "0.0"
