@@ -186,8 +186,9 @@ class CondensedEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
+        # 0.0 - 0.0 is no -0.0
         sideways = {f"side_force_{name}": 0.0 - copies * float(contact.forces[1 + axis].sum())
-                    for name, axis in self.scene.physics.sideways.items()}  # fmt: skip; 0.0 - 0.0 is no -0.0
+                    for name, axis in self.scene.physics.sideways.items()}  # fmt: skip
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
                 "reaction": copies * float(compliance.support @ contact.forces.ravel()),
                 "stray_reaction": copies * float(compliance.stray @ np.abs(contact.forces.ravel())),
