@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, pi
 
@@ -218,7 +219,7 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
         yield Doubt("corners", words, sizes.corner_error)
     nu, a = given.material.constants.nu, given.a
     likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
-    shallowest = given.radius(min(delta for delta in given.deltas if delta > 0))
+    shallowest = _radius(given, min(delta for delta in given.deltas if delta > 0))
     words = ""
     if sizes.edge is not None and sizes.h_edge is not None and likely >= TELLING:
         words = (f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge: the force may be too low by "
@@ -260,14 +261,24 @@ def _of_truncation(given: Given) -> Iterator[Doubt]:
 def _deepest_and_last(given: Given, error: Callable[[float, float], float]) -> tuple[float, float]:
     """A relative error(depth, contact radius) at the deepest contact and at the last row, where there is contact."""
     last = given.deltas[-1]
-    known = {delta: error(delta, given.radius(delta)) for delta in {given.deepest, last} if delta > 0}
+    known = {delta: error(delta, _radius(given, delta)) for delta in {given.deepest, last} if delta > 0}
     return known[given.deepest], known.get(last, 0.0)
+
+
+def _radius(given: Given, delta: float) -> float:
+    """The contact radius [length] to expect at a depth: of a tip that adheres JKR's, infinite where nobody knows it."""
+    if given.attraction is None:
+        return given.radius(delta)
+    with suppress(ValueError, ArithmeticError):
+        if given.jkr and (found := given.jkr.stable(delta)):
+            return max(found.a, given.radius(delta))
+    return inf
 
 
 def in_words(error: float) -> str:
     """A relative error of the force in words."""
     if error >= 1:
-        return "more than there is of it"
+        return "more than its own size"
     return "tens of per cent" if error >= 0.2 else f"about {100 * error:.1g} %"
 
 

@@ -102,13 +102,14 @@ class Stick:
         """The same as a sentence."""
         if self.low is None or self.high is None:
             return f"pure stick instead of no friction may change this force noticeably: {self.source}"
-        between = f"between {self.low:+.1f} and {self.high:+.1f}"
+        low, high = f"{self.low:+z.1f}", f"{self.high:+z.1f}"
+        between = f"between {low} and {high}" if low != high else low
         if self.percent is None:
             change = f"{between} % ({self.source})"
-        elif self.low == self.high:
-            change = f"{self.percent:+.1f} % ({self.source})"
+        elif low == high:
+            change = f"{self.percent:+z.1f} % ({self.source})"
         else:
-            change = f"{self.percent:+.1f} % ({between}; {self.source})"
+            change = f"{self.percent:+z.1f} % ({between}; {self.source})"
         return f"pure stick instead of no friction would change this force by {change}"
 
 

@@ -78,12 +78,14 @@ class Physics:
 
     @property
     def sideways(self) -> dict[str, int]:
-        """The horizontal axes, by name, along which friction may push the tip: no mirror plane cuts the body there."""
+        """The horizontal axes, by name, along which friction may push the tip: it does not stand over a mirror plane
+        across, which is a roller wall, there; an edge that is free or fixed is none."""
         if not self.has_friction or self.part.kinematics.name == "axisymmetric":
             return {}
-        walls = self.part.distances(self.center)
+        under = {wall for wall, distance in self.part.distances(self.center).items() if distance <= MIRROR}
+        mirrors = {wall for wall in under if self.part.supports.get(wall) == "roller"}
         axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
-        return {name: axis for name, axis in axes.items() if walls.get(f"{name}_min", 1.0) > MIRROR}
+        return {name: axis for name, axis in axes.items() if not mirrors & {f"{name}_min", f"{name}_max"}}
 
     @property
     def columns(self) -> tuple[str, ...]:

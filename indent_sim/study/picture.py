@@ -271,21 +271,26 @@ def _last(key: str) -> str:
 def _groups(rows: Sequence[Row], keys: Sequence[str], number: str | None) -> dict[str, list[Row]]:
     """The rows by what few colours can tell apart: the contact method, else a varied word, else a number."""
     others = [key for key in keys if key != number]
-    by_words = [key for key in others if not any(_is_number(row[key]) for row in rows)]
+    by_words = [key for key in others if not _is_numeric(rows, key)]
     methods = ["method"] if any(key.split(".")[0] == "contact" for key in keys) else []
     for key in [*methods, *by_words, *others]:
         values = list(dict.fromkeys(short(row[key]) for row in rows))
         if 1 < len(values) <= MOST_COLOURS:
-            word = f"{_last(key)} " if key not in (*methods, *by_words) else ""
+            word = f"{_last(key)} " if any(_is_number(row[key]) for row in rows) else ""
             return {f"{word}{value}": [row for row in rows if short(row[key]) == value] for value in values}
     return {"": list(rows)}
 
 
 def _one_number(rows: Sequence[Row], keys: Sequence[str]) -> str | None:
     """The varied key whose values are numbers, when there is exactly one."""
-    numeric = [key for key in keys if any(_is_number(row[key]) for row in rows)]
+    numeric = [key for key in keys if _is_numeric(rows, key)]
     several = [key for key in numeric if len({row[key] for row in rows}) > 1]
     return several[0] if len(several) == 1 else None
+
+
+def _is_numeric(rows: Sequence[Row], key: str) -> bool:
+    """Whether every known value of a varied key is a number: `friction: [0.1, stick]` has words too."""
+    return all(_is_number(row[key]) for row in rows if row[key] is not None)
 
 
 def _is_number(value: Any) -> bool:

@@ -173,3 +173,43 @@ def test_rough_box_and_its_mirror_image(friction: float | str, monkeypatch: pyte
     assert here[-1].side_force_x == pytest.approx(-there[-1].side_force_x, abs=SAME * size)
     assert here[-1].side_force_y == pytest.approx(there[-1].side_force_y, abs=SAME * size)
     assert min(abs(here[-1].side_force_x), abs(here[-1].side_force_y)) > 1e-5 * size
+
+
+def test_rough_strip_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An edge is no mirror plane, the lower as little as the upper: one force, and the side force turned round."""
+    left, right = (scene(STRIP | {"sides": "free"}, contact={"friction": 0.3}, mesh={"h_contact": 0.1},
+                         indenter=PARABOLOID | {"center": [x]}, **DEEP) for x in (0.0, 4.0))  # fmt: skip
+    grid = grid_of(left)
+    image = Grid(grid.points * [-1.0, 1.0] + [4.0, 0.0], grid.cells)
+    here, there = on_grid(left, grid, monkeypatch), on_grid(right, image, monkeypatch)
+    assert_same(here, there)
+    assert here[-1].side_force_x == pytest.approx(-there[-1].side_force_x, rel=1e-6)
+    assert abs(here[-1].side_force_x) > 0.1 * here[-1].force  # the edge gives way to one side: 30 %
+
+
+def test_rough_box_under_a_tip_over_its_edge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same in three dimensions, across the edge along x."""
+    near, far = (scene(BOX, contact={"friction": 0.3}, mesh={"h_contact": 0.25}, loading={"delta": 0.04, "steps": 1},
+                       indenter=PARABOLOID | {"center": [0.3, y]}) for y in (0.0, 2.0))  # fmt: skip
+    grid = grid_of(near)
+    image = Grid(grid.points * [1.0, -1.0, 1.0] + [0.0, 2.0, 0.0], grid.cells)
+    here, there = on_grid(near, grid, monkeypatch)[-1], on_grid(far, image, monkeypatch)[-1]
+    assert there.force == pytest.approx(here.force, rel=SAME)
+    assert here.side_force_x == pytest.approx(there.side_force_x, abs=SAME * here.force)
+    assert here.side_force_y == pytest.approx(-there.side_force_y, abs=SAME * here.force)
+    assert abs(here.side_force_y) > 0.1 * here.force
+
+
+def test_a_roller_wall_under_the_tip_is_a_mirror_plane() -> None:
+    """Either wall: what pushes the half of a tip aside, its image pushes back."""
+    for x in (0.0, 4.0):
+        assert scene(STRIP, contact={"friction": 0.3}, indenter=PARABOLOID | {"center": [x]}).physics.sideways == {}
+
+
+@pytest.mark.parametrize("method", ["newton", "condensed"])
+def test_no_side_force_has_no_sign(method: str) -> None:
+    """0, not -0, once the tip has left."""
+    strip = scene(STRIP | {"sides": "free"}, contact={"friction": 0.3}, mesh={"h_contact": 0.1},
+                  indenter=PARABOLOID | {"center": [1.4]}, solver={"method": method},
+                  loading={"deltas": [0.02, -0.01]})  # fmt: skip
+    assert str(solve(strip)[-1].side_force_x) == "0.0"

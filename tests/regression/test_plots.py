@@ -180,6 +180,17 @@ class TestPressure:
         axes = drawn(result)["y"]
         assert axes.get_xlim() == axes.get_ylim() == pytest.approx((-1.5 * a, 1.5 * a))
 
+    def test_the_words_on_a_map_with_friction_stand_inside_it(self, drawn):
+        result = a_result("three_dimensional", units={})
+        result.surface["shear"] = 0.1 * result.surface["pressure"]
+        result.table["stick_radius"] = 0.5 * result["a"]
+        axes = drawn(result)["y"]
+        axes.figure.draw_without_rendering()
+        (words,) = axes.texts
+        inside, text = axes.get_window_extent(), words.get_window_extent()
+        assert "what sticks" in words.get_text()
+        assert inside.x0 < text.x0 and text.x1 < inside.x1 and inside.y0 < text.y0 and text.y1 < inside.y1
+
     @pytest.mark.parametrize("faces", [3, 4, 5])
     def test_a_map_shows_the_corners_of_a_contact(self, drawn, faces):
         """A regular polygon of the area pi a^2: the corners of a triangle are 1.56 a from its middle."""

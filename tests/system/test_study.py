@@ -281,6 +281,18 @@ class TestRuns:
         assert len(list((tmp_path / "out" / "runs").iterdir())) == 6 and done.stderr.count("force 0.00") == 6
         assert (tmp_path / "out" / "study.png").stat().st_size > 10_000
 
+    def test_a_varied_key_with_numbers_and_words(self, written, tmp_path):
+        """`stick` is no number among numbers: it is a colour of the pictures, of the study and of its report."""
+        vary = "{contact.friction: [0, 0.1, stick], contact.method: [auto, penalty]}"
+        path = written(f"base: scene.yaml\ncompare_to: finest\nset: {{loading: {{delta: 0.01}}}}\nvary: {vary}\n")
+        for words in (["study", str(path), "--output", "out"], ["report", "out"]):
+            done = CliRunner().invoke(commands.program, words)
+            assert done.exit_code == 0, done.stderr
+        assert {row["status"] for row in rows_of(tmp_path / "out")} == {"done"}
+        assert (tmp_path / "out" / "study.png").exists()
+        text = (tmp_path / "out" / "report.html").read_text()
+        assert text.count("<svg") == 2
+
     @pytest.mark.parametrize(
         ("ending", "exit_code", "reason"),
         [

@@ -186,7 +186,8 @@ class CondensedEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
-        sideways = {f"side_force_{name}": -copies * float(contact.forces[1 + axis].sum())
+        # 0.0 - 0.0 is no -0.0
+        sideways = {f"side_force_{name}": 0.0 - copies * float(contact.forces[1 + axis].sum())
                     for name, axis in self.scene.physics.sideways.items()}  # fmt: skip
         return {"force": self.force, "energy": copies * contact.energy(self.depth),
                 "reaction": copies * float(compliance.support @ contact.forces.ravel()),

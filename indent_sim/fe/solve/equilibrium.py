@@ -198,8 +198,8 @@ class BodyEquilibrium:
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         reaction, stray = self.problem.reactions()
-        axes = self.scene.physics.sideways
-        sideways = {f"side_force_{name}": float(self.problem.thrust()[axis]) for name, axis in axes.items()}
+        axes = self.scene.physics.sideways  # 0.0 + -0.0 is 0.0
+        sideways = {f"side_force_{name}": 0.0 + float(self.problem.thrust()[axis]) for name, axis in axes.items()}
         return {"force": self.force, "energy": self.problem.energy(), "reaction": reaction, "stray_reaction": stray,
                 **sideways, **measure.contact(self.problem)}  # fmt: skip
 

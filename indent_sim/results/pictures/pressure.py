@@ -27,6 +27,7 @@ BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in
 BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
 TOUCHED = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
 INFINITE = "∞"
+UNPRESSED = "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
 STICKS = "stick radius"
 
 
@@ -247,8 +248,8 @@ def _draw_rubbed(axes: Axes, contact: Contact, length: Axis) -> None:
     angle = np.linspace(0.0, 2 * np.pi, 181)
     around = contact.sticks * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     axes.plot(*map(length, around), color="black", lw=1.4, ls=":")
-    axes.annotate("lines: equal shear, dots: what sticks", (0.03, 0.03), xycoords="axes fraction", color="white",
-                  fontsize="x-small")  # fmt: skip
+    axes.annotate("lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", color="white",
+                  fontsize="x-small", bbox={"facecolor": UNPRESSED, "lw": 0, "pad": 1.5})  # fmt: skip
 
 
 def strongest_step(results: Results) -> float | None:

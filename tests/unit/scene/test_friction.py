@@ -9,6 +9,7 @@ import pytest
 from indent_sim.config.file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
+from indent_sim.scene.expected import Stick
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
@@ -126,6 +127,12 @@ def test_what_would_not_tell_at_small_strain_is_not_said() -> None:
     """Nearly incompressible and thick: it would hardly slip anyway."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.49}
     assert scene({}, material=material, loading={"delta": 0.001}).plan.stick is None
+
+
+def test_a_change_that_rounds_to_nothing_has_no_sign_and_no_range() -> None:
+    assert "by +0.0 % (a map)" in Stick(None, -0.04, -0.01, "a map").words
+    assert "by +0.0 % (a map)" in Stick(-0.02, -0.04, -0.01, "a map").words
+    assert "between -0.1 and +0.2 % (a map)" in Stick(None, -0.1, 0.2, "a map").words
 
 
 def test_a_cone_is_looked_up_at_its_own_radius() -> None:
