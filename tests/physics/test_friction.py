@@ -219,6 +219,13 @@ def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float |
     assert states[1].stick_radius <= states[1].a
 
 
+@pytest.mark.parametrize("method", ["condensed", "newton"])
+def test_no_step_gives_work_back_where_little_slips(method: str) -> None:
+    """At friction 1; -int t . s over what slips alone was below zero in the fifteenth step, by 1e-5 of the energy."""
+    states = rough(1.0, 0.3, {"deltas": in_and_out(A**2, 10)}, mesh={"h_contact": A / 8}, solver={"method": method})
+    assert min(state.dissipation for state in states) >= 0
+
+
 LOOPS = [("augmented_lagrangian", 0.05, 0.02), ("augmented_lagrangian", 0.1, 0.02), ("penalty", 0.1, 0.1)]
 
 

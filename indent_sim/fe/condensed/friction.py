@@ -237,17 +237,17 @@ class CondensedFriction:
         return np.asarray(self._bound(trial) - _length(trial.t_hat))
 
     def dissipation(self, delta: float) -> float:
-        """-int t . s of the step to the present state [energy] of the modelled part, with t = friction (p + p_old)/2 at
-        what slips."""
+        """What slip turns into heat in the step to the present state [energy], of the modelled part:
+        int t . (t_hat - t)/epsilon_t with friction (p + p_old)/2 in place of friction p."""
         if self._law.friction == "stick":
             return 0.0
-        N, W, _ = rule = self._contact.quadrature
+        _, W, _ = rule = self._contact.quadrature
         trial = self._present(rule, delta)
-        tau = np.array([values[self._contact.nodes] @ N.T for values in self.tau()[:, self._contact.places]])
+        t = self._tractions(trial)
         before = self._law.stiffness * np.maximum(-trial.opening, 0.0)
         slips = (trial.p_hat > 0) & (_length(trial.t_hat) > self._bound(trial))
-        share = np.where(slips, (trial.p_hat + before) / (2 * np.where(slips, trial.p_hat, 1.0)), 1.0)
-        rubbed = (self._tractions(trial) * (trial.t_hat - tau)).sum(axis=0) / self._law.epsilon_t
+        share = np.where(slips, (trial.p_hat + before) / (2 * np.where(slips, trial.p_hat, 1.0)), 0.0)
+        rubbed = (t * (trial.t_hat - t)).sum(axis=0) / self._law.epsilon_t
         return float((W * share * rubbed).sum())
 
     def _present(self, rule: Any, delta: float) -> Trial:

@@ -61,13 +61,12 @@ class Friction:
         self._closed = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), is_new * opening, 0.0)
         self._slip = self._slips(is_new * self._way(opening))
         self._tau = _vector(body.unknowns.fields["tau"])
-        has_multiplier = self._law.multiplier == "unknown"
-        tau = self._tau if has_multiplier else _vector(body.unknowns.of(self._old)["tau"])
+        tau = self._tau if self._law.multiplier == "unknown" else _vector(body.unknowns.of(self._old)["tau"])
         trial = tau - self._epsilon_t * self._slip
         self._room = self._bound() - _length(trial)
         holds = ufl.conditional(ufl.gt(normal.trial_pressure, 0.0), 1 - is_new * (1 - self._holds_new), 0.0)
         self._t = holds * self._projected(trial)
-        self._lost = self._slip if has_multiplier else (self._t - trial) / self._epsilon_t
+        self._slid = (trial - self._t) / self._epsilon_t
         self._expressions: dict[tuple[str, bytes], FacetValues] = {}
         self._dissipation = fem.form(body.over_contact(self._rubbed(opening)))
         self._thrust = [fem.form(body.over_contact(self._push(axis))) for axis in range(body.body_mesh.dim)]
@@ -105,13 +104,13 @@ class Friction:
         return ufl.conditional(ufl.ge(self._room, 0.0), trial, trial + self._room / _length(trial) * trial)
 
     def _rubbed(self, opening: Any) -> Any:
-        """-t . s of the step [pressure length], with t = friction (p + p_old)/2 where the surface slips; of a penalty
-        without what comes back."""
+        """What slip turns into heat [pressure length]: t . (t_hat - t)/epsilon_t, the way of what slips against its
+        traction, with friction (p + p_old)/2 in place of friction p. Never negative, and 0 at what sticks."""
         law, normal = self._normal.symbolic_law, self._normal
         before = law.stiffness * ufl.max_value(0.0, -opening)
         slips = ufl.And(ufl.gt(normal.trial_pressure, 0.0), ufl.lt(self._room, 0.0))
-        share = ufl.conditional(slips, (normal.pressure + before) / (2 * normal.pressure), 1.0)
-        return -share * ufl.dot(self._t, self._lost)
+        share = ufl.conditional(slips, (normal.pressure + before) / (2 * normal.pressure), 0.0)
+        return share * ufl.dot(self._t, self._slid)
 
     def _push(self, axis: int) -> Any:
         """The traction on the tip along an axis [pressure]: that of the pressure and that of friction."""
@@ -158,9 +157,10 @@ class Friction:
         self._epsilon_t.value = factor * self._law.epsilon_t
 
     def dissipation(self) -> float:
-        """-int t . s of the step to the present state [energy], this rank's share of the modelled part, with
-        t = friction (p + p_old)/2 at what slips: Coulomb's bound grows on the way, and with t at the step's end alone
-        the sum is only of first order in the steps."""
+        """What slip turns into heat in the step to the present state [energy], this rank's share of the modelled part.
+
+        With friction (p + p_old)/2: Coulomb's bound grows on the way, and with that of the step's end alone the sum is
+        only of first order in the steps."""
         return 0.0 if self._law.friction == "stick" else float(fem.assemble_scalar(self._dissipation))
 
     def room_at(self, points: np.ndarray) -> np.ndarray:
