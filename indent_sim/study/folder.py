@@ -20,10 +20,10 @@ from indent_sim.process.errors import UsageError
 from indent_sim.process.version import VERSION
 from indent_sim.results.folder import PROGRAM, REPORT, contents, discard, is_ours, read_report, write_atomically
 from indent_sim.results.folder import content as content_of
-from indent_sim.results.reader import read_run
+from indent_sim.results.reader import STUDY, read_run
 from indent_sim.results.writer import to_json
 
-RECORD, TABLE, PICTURE = "study.json", "study.csv", "study.png"
+RECORD, TABLE, PICTURE = STUDY, "study.csv", "study.png"
 CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
 RUNS, OLD_RUNS, LOCK = "runs", ".runs.old", ".lock"
 PATIENCE = 5.0  # s to wait for the worker of a killed study to be gone

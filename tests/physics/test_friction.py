@@ -19,7 +19,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import simulate, states
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, sticks, ways
 from indent_sim.run.summary import theory_comparison
-from indent_sim.scene.scene import resolve
+from indent_sim.scene.scene import Scene, resolve
 from indent_sim.study import cases, file
 from indent_sim.theory.surface.no_slip import COMPRESSIBLE, LAYER, MAP_ERROR, SLENDER
 
@@ -268,17 +268,22 @@ def test_points_turn_back_under_a_penalty(nu: float, h: float, sides: str, frict
     assert len(held) < 5 or held[4].force == pytest.approx(held[0].force, rel=1e-7)
 
 
+def assert_found_and_given_again(base: Scene, forces: list[float], tolerance: float) -> None:
+    """Prescribed forces are found, and the depths where they are give them again."""
+    found = solve(base)
+    depths = tuple(state.delta / base.physics.scales.depth for state in found)
+    again = solve(base.with_physics(path=LoadPath("depth", depths), deltas=depths))
+    assert [state.force for state in found] == pytest.approx(forces, rel=1e-8)
+    assert [state.force for state in again] == pytest.approx(forces, rel=tolerance)
+
+
 def test_forces_by_a_penalty_in_and_out() -> None:
     """Each from the row before; the depths that are found give them again, to the search's tolerance."""
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": "roller"}
     forces = [0.02, 0.04, 0.025, 0.0]
     base = scene(layer, contact={"method": "penalty", "friction": 0.1}, mesh={"h_contact": 0.06},
                  material=ELASTIC | {"E": 2.0}, loading={"forces": forces})  # fmt: skip
-    found = solve(base)
-    depths = tuple(state.delta / base.physics.scales.depth for state in found)
-    again = solve(base.with_physics(path=LoadPath("depth", depths), deltas=depths))
-    assert [state.force for state in found] == pytest.approx(forces, rel=1e-8)
-    assert [state.force for state in again] == pytest.approx(forces, rel=1e-7)
+    assert_found_and_given_again(base, forces, 1e-7)
 
 
 def test_a_penalty_loses_nothing_where_it_sticks() -> None:
@@ -374,11 +379,7 @@ def test_prescribed_forces_find_the_depths_that_give_them(solver: str) -> None:
     forces = [3.7e-4, 1.5e-3, 7e-4, 1.3e-4]
     base = scene(THICK, contact={"method": "auto", "friction": 0.3}, loading={"forces": forces},
                  mesh={"h_contact": A / 6}, solver={"method": solver})  # fmt: skip
-    found = solve(base)
-    depths = tuple(state.delta / base.physics.scales.depth for state in found)
-    again = solve(base.with_physics(path=LoadPath("depth", depths), deltas=depths))
-    assert [state.force for state in found] == pytest.approx(forces, rel=1e-8)
-    assert [state.force for state in again] == pytest.approx(forces, rel=1e-8)
+    assert_found_and_given_again(base, forces, 1e-8)
 
 
 def test_the_way_in_begins_where_the_tip_touches() -> None:
