@@ -34,14 +34,15 @@ check: setup lint ## ruff, mypy, and the tests that run nothing: a minute
 test: setup lint ## ruff, mypy, and all tests but `system`
 	$(VENV)/python -m pytest -q -n 2 --dist loadfile --durations=15 tests/unit tests/laws tests/physics tests/regression
 
-system: setup ## commands, ranks, signals, kills, full disks, batch jobs, studies
+system: setup ## commands, ranks, signals, kills, full disks, batch jobs, studies, pictures
 	$(VENV)/python -m pytest -q -n 2 --durations=15 tests/system
 
-lint: setup ## ruff and mypy only
+lint: setup ## ruff (rules and format) and mypy only
 	$(VENV)/ruff check .
+	$(VENV)/ruff format --check .
 	$(VENV)/mypy
 
-verify: setup ## accuracy against closed forms and converged references
+verify: setup ## accuracy against closed forms and converged references, and the full form of long tests
 	$(VENV)/python -m pytest -q -m verify --durations=15
 
 bench: setup ## speed against accuracy, into docs/accuracy.md

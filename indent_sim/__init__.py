@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from indent_sim.config.file import load
+    from indent_sim.config.scene_file import load
     from indent_sim.process.version import VERSION as __version__
     from indent_sim.results.reader import read
     from indent_sim.run.chain import condense, simulate, states
@@ -26,7 +26,7 @@ def __getattr__(name: str) -> Any:
 
         return VERSION
     if name == "load":
-        from indent_sim.config.file import load
+        from indent_sim.config.scene_file import load
 
         return load
     if name == "resolve":

@@ -22,7 +22,7 @@ if is_first():
 
 from mpi4py import MPI
 
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.process import usage
 from indent_sim.run.chain import body_from_file
 from indent_sim.run.simulation import backend
@@ -62,8 +62,10 @@ def main(path: str, *settings: str) -> None:
     took = time.monotonic() - began - ready
     found = comm.gather((watch.most - watch.first, len(mesh.regions)))
     if comm.rank == 0:
-        print(f"{len(grid.cells)} cells; {usage.ELSEWHERE.memory:.0f} MB of the process beside rank 0, {ready:.0f} s; "
-              f"divided in {took:.1f} s")  # fmt: skip
+        print(
+            f"{len(grid.cells)} cells; {usage.ELSEWHERE.memory:.0f} MB of the process beside rank 0, {ready:.0f} s; "
+            f"divided in {took:.1f} s"
+        )
         for rank, (most, cells) in enumerate(found):
             print(f"rank {rank}: {cells} cells, at most {most:.0f} MB")
 

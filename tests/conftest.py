@@ -1,17 +1,20 @@
-"""What all tests share: a way to start the program on several MPI ranks."""
+"""What all tests share: how dolfinx is loaded, runs that are made once, and a way to start several MPI ranks."""
 
 from __future__ import annotations
 
 import gc
 import os
+import pickle
 import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 # A shell that starts the tests in the background has SIGINT ignored, nohup SIGHUP, and children inherit that
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -23,7 +26,13 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-ROOT = Path(__file__).resolve().parents[1]
+# How fast inputs are drawn, and how long one takes, is the machine's affair
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
+
+TESTS = Path(__file__).resolve().parent
+ROOT = TESTS.parent
+FOLDERS_THAT_SOLVE = {"physics", "regression", "system"}
 MPI_ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -35,9 +44,22 @@ MPI_ENVIRONMENT = {
     "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",  # Open MPI 5
     "PRTE_MCA_hwloc_default_binding_policy": "none",
 }
+GRIDS_KEPT = 40
 PATIENCE = 180  # s; a run that takes longer than this hangs
 
 Mpirun = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+def pytest_collect_file(file_path: Path) -> None:
+    """dolfinx is loaded as the program loads it, for it reads the command line, which is pytest's here.
+
+    Before the first file that solves is imported, and never in the process that only shares tests out to others: MPI
+    would leave its variables to them, and every mpirun they start would take itself for a rank.
+    """
+    if file_path.relative_to(TESTS).parts[0] in FOLDERS_THAT_SOLVE:
+        from indent_sim.fe.environment import load_dolfinx
+
+        load_dolfinx()
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,12 +70,42 @@ def nothing_old_is_searched() -> None:
     gc.freeze()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
+def grids() -> dict[bytes, Any]:
+    """The grids made last, by what identifies them: the modelled part and its element sizes."""
+    return {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def grids_are_made_once(request: pytest.FixtureRequest, grids: dict[bytes, Any]) -> Iterator[None]:
+    """Tests of physics share grids, which nobody changes: more than half of them are asked for again. How grids are
+    made is tested elsewhere."""
+    if request.path.relative_to(TESTS).parts[0] != "physics":
+        yield
+        return
+    from indent_sim.mesh import gmsh
+
+    build = gmsh.build
+
+    def build_once(part: Any, sizes: Any) -> Any:
+        identity = pickle.dumps((part, sizes))
+        if identity not in grids:
+            while len(grids) >= GRIDS_KEPT:
+                grids.pop(next(iter(grids)))
+            grids[identity] = build(part, sizes)
+        return grids[identity]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gmsh, "build", build_once)
+        yield
+
+
+@pytest.fixture(scope="session")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """The folder of a scene's run that nothing disturbs; each scene is run once."""
     from mpi4py import MPI  # only the tests that run something load it
 
-    from indent_sim.config.file import load
+    from indent_sim.config.scene_file import load
     from indent_sim.run.chain import simulate
 
     done: dict[str, Path] = {}
@@ -78,7 +130,14 @@ def mpirun(tmp_path: Path) -> Mpirun:
     def start(ranks: int, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         search = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
         command = ["mpirun", "-n", str(ranks), sys.executable, *map(str, arguments)]
-        return subprocess.run(command, cwd=tmp_path, env=os.environ | MPI_ENVIRONMENT | {"PYTHONPATH": search},
-                              capture_output=True, text=True, timeout=PATIENCE, stdin=subprocess.DEVNULL)  # fmt: skip
+        return subprocess.run(
+            command,
+            cwd=tmp_path,
+            env=os.environ | MPI_ENVIRONMENT | {"PYTHONPATH": search},
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            stdin=subprocess.DEVNULL,
+        )
 
     return start

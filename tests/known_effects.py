@@ -14,7 +14,7 @@ from json import dumps, loads
 from math import hypot, log
 from typing import Any
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
 from indent_sim.run.experiment import conduct
@@ -57,31 +57,75 @@ SCENES: dict[str, Document] = {
     "stiff film": scene(film(0.2, SOLID | {"E": 10.0}, SOLID), PARABOLOID, 0.02, None),
     "soft film": scene(film(0.2, SOLID, SOLID | {"E": 5.0, "nu": 0.2}), SPHERE, 0.02, None),
     "deep sphere": scene({"shape": "half_space"}, PARABOLOID, 0.4),
-    "blunted cone": scene({"shape": "layer", "height": 1.0}, {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.2},
-                          0.05),
+    "blunted cone": scene(
+        {"shape": "layer", "height": 1.0}, {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.2}, 0.05
+    ),
     "sharp cone": scene({"shape": "layer", "height": 1.0}, {"shape": "cone", "half_angle": 80.0}, 0.05),
-    "rounded punch": scene({"shape": "layer", "height": 1.0},
-                           {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.1}, 0.01),
-    "sticky (JKR)": scene({"shape": "layer", "height": 0.5}, PARABOLOID, 0.008, SOLID | {"nu": 0.45},
-                          experiment={"adhesion": {"work": 1e-4, "range": 1e-6}}),
-    "viscous": scene({"shape": "layer", "height": 1.0}, PARABOLOID, 0.02, SOLID | {"nu": 0.45}, experiment={
-        "relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.02], [2, 0]]}),
-    "soft cantilever": scene({"shape": "half_space"}, SPHERE, 0.01, experiment={
-        "cantilever": {"stiffness": 0.3}, "history": [[0, 0], [1, 0.01]],
-        "calibration": {"stiffness": 0.1, "R": 0.05}}),
-    "cell, in SI units": scene({"shape": "cylinder", "radius": 15e-6, "height": 5e-6}, SPHERE | {"R": 2.5e-6}, 0.8e-6,
-                               {"model": "neo_hookean", "E": 1e3, "nu": 0.4999}, units={"length": "m", "force": "N"}),
-    "plane strain, friction": scene({"shape": "strip", "width": 2.0, "height": 0.5}, PARABOLOID, 0.02,
-                                    SOLID | {"nu": 0.2}, contact={"friction": 0.3}),
-    "rubber": scene(CYLINDER | {"radius": 2.0, "height": 1.5}, SPHERE, 0.3,
-                    {"model": "mooney_rivlin", "C10": 0.3, "C01": 0.05, "nu": 0.49}),
-    "stick on a thin gel": scene(CYLINDER | {"radius": 3.0, "height": 0.1, "sides": "roller"}, PARABOLOID, 0.01,
-                                 SOLID | {"nu": 0.49}, contact={"friction": "stick"}),
-    "attraction with a range": scene(CYLINDER | {"radius": 1.5}, PARABOLOID, 0.02, SOLID | {"nu": 0.45},
-                                     contact={"adhesion": {"work": 1e-3, "range": 0.02}}),
-    "block, off centre": scene({"shape": "box", "size": [2.0, 2.0, 1.0]}, PARABOLOID | {"center": [1.2, 1.1]}, 0.03,
-                               mesh={"h_contact": 0.05}),
-}  # fmt: skip
+    "rounded punch": scene(
+        {"shape": "layer", "height": 1.0}, {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.1}, 0.01
+    ),
+    "sticky (JKR)": scene(
+        {"shape": "layer", "height": 0.5},
+        PARABOLOID,
+        0.008,
+        SOLID | {"nu": 0.45},
+        experiment={"adhesion": {"work": 1e-4, "range": 1e-6}},
+    ),
+    "viscous": scene(
+        {"shape": "layer", "height": 1.0},
+        PARABOLOID,
+        0.02,
+        SOLID | {"nu": 0.45},
+        experiment={"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.02], [2, 0]]},
+    ),
+    "soft cantilever": scene(
+        {"shape": "half_space"},
+        SPHERE,
+        0.01,
+        experiment={
+            "cantilever": {"stiffness": 0.3},
+            "history": [[0, 0], [1, 0.01]],
+            "calibration": {"stiffness": 0.1, "R": 0.05},
+        },
+    ),
+    "cell, in SI units": scene(
+        {"shape": "cylinder", "radius": 15e-6, "height": 5e-6},
+        SPHERE | {"R": 2.5e-6},
+        0.8e-6,
+        {"model": "neo_hookean", "E": 1e3, "nu": 0.4999},
+        units={"length": "m", "force": "N"},
+    ),
+    "plane strain, friction": scene(
+        {"shape": "strip", "width": 2.0, "height": 0.5},
+        PARABOLOID,
+        0.02,
+        SOLID | {"nu": 0.2},
+        contact={"friction": 0.3},
+    ),
+    "rubber": scene(
+        CYLINDER | {"radius": 2.0, "height": 1.5},
+        SPHERE,
+        0.3,
+        {"model": "mooney_rivlin", "C10": 0.3, "C01": 0.05, "nu": 0.49},
+    ),
+    "stick on a thin gel": scene(
+        CYLINDER | {"radius": 3.0, "height": 0.1, "sides": "roller"},
+        PARABOLOID,
+        0.01,
+        SOLID | {"nu": 0.49},
+        contact={"friction": "stick"},
+    ),
+    "attraction with a range": scene(
+        CYLINDER | {"radius": 1.5},
+        PARABOLOID,
+        0.02,
+        SOLID | {"nu": 0.45},
+        contact={"adhesion": {"work": 1e-3, "range": 0.02}},
+    ),
+    "block, off centre": scene(
+        {"shape": "box", "size": [2.0, 2.0, 1.0]}, PARABOLOID | {"center": [1.2, 1.1]}, 0.03, mesh={"h_contact": 0.05}
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -98,12 +142,14 @@ class Row:
     def is_right(self) -> bool:
         """Whether the sign is, and the size within the factor where it tells; of a range, whether it holds."""
         if self.said is None:
-            return self.low is not None and self.high is not None and (
-                self.low - NOISE <= self.known <= self.high + NOISE)  # fmt: skip
+            return (
+                self.low is not None and self.high is not None and (self.low - NOISE <= self.known <= self.high + NOISE)
+            )
         if max(abs(self.said), abs(self.known)) <= TELLING:
             return abs(self.said - self.known) <= TELLING
         return self.known / FACTOR <= self.said <= self.known * FACTOR or (
-            self.known * FACTOR <= self.said <= self.known / FACTOR)  # fmt: skip
+            self.known * FACTOR <= self.said <= self.known / FACTOR
+        )
 
 
 @cache
@@ -114,13 +160,19 @@ def required(name: str) -> Requirements:
 
 def rows(name: str) -> Iterator[Row]:
     """The effects of a scene that tell, and thresholds, each beside what it is."""
-    for effect in required(name).effects:
+    return beside(SCENES[name], required(name))
+
+
+def beside(document: Document, found: Requirements) -> Iterator[Row]:
+    """The effects that are said of a scene and tell, and thresholds, each beside what it is."""
+    reference = Reference(document)
+    for effect in found.effects:
         if " = " in effect.needs and effect.percent is None:
-            known = _Reference(name).at_threshold(effect)
+            known = reference.at_threshold(effect)
             if known is not None:
                 yield Row(f"{effect.name}: {effect.needs.split(' from ')[1]}", 100 * WITHIN, None, None, abs(known))
         elif effect.size > TELLING and (effect.percent or effect.low or effect.high):
-            yield Row(effect.name, effect.percent, effect.low, effect.high, _Reference(name).of(effect.name))
+            yield Row(effect.name, effect.percent, effect.low, effect.high, reference.of(effect.name))
 
 
 def off(name: str) -> float:
@@ -138,11 +190,11 @@ def off(name: str) -> float:
     return 100 * (force(found, 1.0) / force(whole) - 1)
 
 
-class _Reference:
+class Reference:
     """The effects on a scene by runs that have them and runs that have them not."""
 
-    def __init__(self, name: str):
-        self.scene = SCENES[name]
+    def __init__(self, scene: Document):
+        self.scene = scene
         kept = ("body", "indenter", "mesh", "units")
         self.plain = {key: self.scene[key] for key in kept if key in self.scene} | _linear(self.scene)
         self.delta = self.scene["loading"]["delta"]
@@ -172,8 +224,9 @@ class _Reference:
             case "body.height":
                 return self._change({"body": {"shape": "layer", "height": x}})
             case "a frictionless wall at radius":
-                return self._change({"body": self.plain["body"] | {"shape": "cylinder", "radius": x,
-                                                                   "sides": "roller"}})  # fmt: skip
+                return self._change(
+                    {"body": self.plain["body"] | {"shape": "cylinder", "radius": x, "sides": "roller"}}
+                )
             case "a substrate of E":
                 layers = film(self._layer()["height"], self.plain["material"], SOLID | E_nu)
                 return self._change({"body": layers}, {"body": self._layer()})
@@ -214,9 +267,18 @@ class _Reference:
         key = "edge_radius" if self.plain["indenter"]["shape"] == "flat_punch" else "tip_radius"
         return {}, {"indenter": self.plain["indenter"] | {key: 0.0}}
 
+    def _friction(self) -> tuple[Document, ...]:
+        return self._rough(self.scene["contact"]["friction"])
+
     def _stick(self) -> tuple[Document, ...]:
-        friction = self.scene.get("contact", {}).get("friction", "stick")
+        return self._rough("stick")
+
+    def _rough(self, friction: Any) -> tuple[Document, ...]:
         return {"contact": self.plain["contact"] | {"friction": friction}} | self._steps(STEPS), {}
+
+    def _layers(self) -> tuple[Document, ...]:
+        first, layers = self.plain["body"]["layers"][0]["material"], self.plain["body"]["layers"]
+        return {}, {"body": self.plain["body"] | {"layers": [layer | {"material": first} for layer in layers]}}
 
     def _adhesion(self) -> tuple[Document, ...]:
         return {"contact": self.plain["contact"] | self.scene["contact"]} | self._steps(STEPS), {}
@@ -244,8 +306,11 @@ class _Reference:
     def _by_experiment(self, experiment: Document) -> float:
         """The force at the deepest point of the history, or of the equilibria, over that of the elastic curve."""
         history = experiment.get("history", [[0, 0], [1, self.delta]])
-        given = self.plain | {"experiment": {key: part for key, part in experiment.items() if key != "calibration"}
-                              | {"history": history}, "contact": {"method": "auto"}}  # fmt: skip
+        given = self.plain | {
+            "experiment": {key: part for key, part in experiment.items() if key != "calibration"}
+            | {"history": history},
+            "contact": {"method": "auto"},
+        }
         t = max(history, key=lambda point: (point[1], -point[0]))[0]
         try:
             base = resolve(from_mapping(given | {"solver": {"method": "condensed"}}))
@@ -310,6 +375,7 @@ def _of_model(document: Document, model: str) -> Document:
     """The sections of a scene that its materials are in."""
     found: Document = {"body": dict(document["body"])}
     if "layers" in found["body"]:
-        found["body"]["layers"] = [part | {"material": _material(part["material"], model)}
-                                   for part in found["body"]["layers"]]  # fmt: skip
+        found["body"]["layers"] = [
+            part | {"material": _material(part["material"], model)} for part in found["body"]["layers"]
+        ]
     return found | ({"material": _material(document["material"], model)} if "material" in document else {})

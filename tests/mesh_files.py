@@ -33,8 +33,12 @@ def block(size: float = 2.0, height: float = 1.0, n: int = 4, m: int = 3) -> dic
     outer = np.concatenate([np.delete(cells, k, axis=1) for k in range(4)])
     ends = {"top": (2, 0.0), "bottom": (2, -height), "wall": (0, size / 2), "far_wall": (1, size / 2)}
     on = {name: (np.abs(points[:, axis] - at) < 1e-12)[outer].all(axis=1) for name, (axis, at) in ends.items()}
-    return {"points": points, "cells": cells, "facets": {name: outer[rows] for name, rows in on.items()},
-            "regions": {"gel": np.arange(len(cells))}}  # fmt: skip
+    return {
+        "points": points,
+        "cells": cells,
+        "facets": {name: outer[rows] for name, rows in on.items()},
+        "regions": {"gel": np.arange(len(cells))},
+    }
 
 
 def write(path: Path, body: dict[str, Any], **options: Any) -> Path:

@@ -8,27 +8,21 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import click
 
-from indent_sim.process.errors import (
-    BackendError,
-    ConfigError,
-    ConfigErrors,
-    IndentSimError,
-    NotConverged,
-    UsageError,
-    VerificationError,
-    printable,
-)
-from indent_sim.process.limits import require_room, spent
+from indent_sim.cli import terminal
+from indent_sim.process import errors
+from indent_sim.process.errors import ConfigError, IndentSimError, UsageError, printable
+from indent_sim.process.limits import require_room, spent, unwritable
 from indent_sim.process.ranks import Alone, Meeting
 from indent_sim.process.signals import check, stoppable
 from indent_sim.process.version import VERSION
@@ -39,13 +33,13 @@ if TYPE_CHECKING:
     from indent_sim.run.chain import Outcome
     from indent_sim.scene.scene import Scene
 
-
+Form = Literal["text", "json"]  # of what stdout gets
+Told = Literal["all", "warnings"]  # on stderr
+LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messages
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
-AS_JSON = "indent_sim.as_json"  # in click's context: whether --json was given, also where the command refuses it
-DONE = {"status": "done", "exit_code": 0}  # first entries of a JSON object
-BUG = "this is a bug in indent-sim; please report it with the traceback above"
+FORM = "indent_sim.form"  # in click's context: json where --json was given, also where the command refuses it
 
 
 class Program(click.Group):
@@ -60,21 +54,23 @@ class Program(click.Group):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
         """Read the words before the command."""
-        as_json = "--json" in (args[: args.index("--")] if "--" in args else args)
+        form: Form = "json" if "--json" in (args[: args.index("--")] if "--" in args else args) else "text"
         try:
             ctx = super().make_context(info_name, args, *rest, **extra)
         except click.ClickException as error:
-            refuse(error, as_json)
-        ctx.meta[AS_JSON] = as_json
+            refuse(error, form)
+        ctx.meta[FORM] = form
         return ctx
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; expected failures speak for themselves, others leave a traceback."""
         try:
+            if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
             with spent():
                 return super().invoke(ctx)
         except click.ClickException as error:
-            refuse(error, ctx.meta[AS_JSON])
+            refuse(error, ctx.meta[FORM])
         except (click.exceptions.Exit, click.Abort):
             raise
         except (Exception, KeyboardInterrupt) as error:
@@ -91,9 +87,9 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(number, "w" if number else "r", closefd=False))
 
 
-def refuse(error: click.ClickException, as_json: bool) -> NoReturn:
+def refuse(error: click.ClickException, form: Form) -> NoReturn:
     """End as click does after a word or option that is none, with a JSON object where one was asked for."""
-    if as_json:
+    if form == "json":
         say_failure(error, error.exit_code, UsageError.__name__)
     error.show()
     raise click.exceptions.Exit(error.exit_code) from error
@@ -107,23 +103,34 @@ def explain(error: BaseException) -> int:
     elif isinstance(error, IndentSimError):
         tell(str(error) if isinstance(error, ConfigError) else f"error: {error}")
     else:
-        tell("".join(traceback.format_exception(error)) + BUG)
+        trace = "".join(traceback.format_exception(error))
+        tell(f"{trace}this is a bug in indent-sim; please report it with the traceback above")
     ctx = click.get_current_context(silent=True)
-    if ctx is not None and ctx.meta.get(AS_JSON):
+    if ctx is not None and ctx.meta.get(FORM) == "json":
         say_failure(error, code, type(error).__name__)
     return int(code)
 
 
-def say_failure(error: BaseException, code: int, kind: str) -> None:
-    """The JSON object of a command that failed; what it found before (`beside`) stands in it too."""
+def say_json(found: Any) -> None:
+    """Print as JSON to stdout."""
     from indent_sim.results.writer import to_json
 
+    say(to_json(found))
+
+
+def say_done(found: dict[str, Any]) -> None:
+    """The JSON object of a command that is done."""
+    say_json({"status": "done", "exit_code": 0} | found)
+
+
+def say_failure(error: BaseException, code: int, kind: str) -> None:
+    """The JSON object of a command that failed; what it found before (`beside`) stands in it too."""
     status = "interrupted" if code > 128 else "failed"
     found = {"status": status, "exit_code": code, "error": described(error, kind), **getattr(error, "beside", {})}
-    if isinstance(error, ConfigErrors):
+    if isinstance(error, errors.ConfigErrors):
         found["errors"] = [described(one, kind) for one in error.errors]
-    with suppress(NotConverged):  # a full disk: the exit code tells
-        say(to_json(found))
+    with suppress(errors.NotConverged):  # a full disk: the exit code tells
+        say_json(found)
 
 
 def described(error: BaseException, kind: str) -> dict[str, Any]:
@@ -139,12 +146,13 @@ def described(error: BaseException, kind: str) -> dict[str, Any]:
 def say(text: str) -> None:
     """Print to stdout; that nobody listens any more is no error, that it is lost for lack of space is one."""
     try:
-        click.echo(text)
-        sys.stdout.flush()
+        with suppress(UnicodeEncodeError):
+            return click.echo(text)
+        click.echo(os.fsencode(text))  # the name of a folder may be any bytes
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         if not isinstance(error, BrokenPipeError):
-            raise NotConverged(f"cannot write to stdout: {error.strerror or error}") from error
+            raise errors.NotConverged(f"cannot write to stdout: {error.strerror or error}") from error
 
 
 def tell(text: str) -> None:
@@ -167,13 +175,9 @@ class Number(click.FloatRange):
         return number if number == number else self.fail(f"'{value}' is not a number.", param, ctx)
 
 
-set_option = click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Replace one key, e.g. contact.method=penalty.",
-)
+PATH, BELOW_ONE = click.Path(path_type=Path), Number(0, 1, min_open=True, max_open=True)
+SET_HELP = "Replace one key, e.g. contact.method=penalty."
+set_option = click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=SET_HELP)
 
 
 def _shard(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[int, int] | None:
@@ -216,8 +220,12 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
     return found
 
 
-quiet_option = click.option("--quiet", is_flag=True, help="Warnings and errors alone on stderr, no progress.")
-json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+WITHIN_HELP = "Relative error of the force that is accepted."
+QUIET_HELP = "Warnings and errors alone on stderr, no progress."
+quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
+json_option = click.option("--json", "form", flag_value="json", default="text", help="Print one JSON object.")
+RTOL_HELP = "Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2."
+COLUMNS = "X|COLUMN=X,..."
 
 
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
@@ -227,18 +235,19 @@ def program() -> None:
 
 
 @program.command()
-@click.argument("config", type=click.Path(path_type=Path))
+@click.argument("config", type=PATH)
 @set_option
-@click.option("--output", type=click.Path(path_type=Path), help="Result folder [results/<CONFIG's stem>].")
+@click.option("--output", type=PATH, help="Result folder [results/<CONFIG's stem>].")
 @click.option("--resume", is_flag=True, help="Go on with a run that was stopped; a finished one stays as it is.")
+@click.option("--overwrite", is_flag=True, help="Replace the run of another CONFIG in the result folder.")
 @click.option("--error-bars", is_flag=True, help="Estimate the error of every force, from two coarser meshes.")
 @quiet_option
 @json_option
-def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bool, as_json: bool, **how: bool) -> None:
+def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Told, form: Form, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
     with stoppable():
         require_room()
-        from indent_sim.config.file import load
+        from indent_sim.config.scene_file import load
         from indent_sim.process.ranks import on_root
 
         read = cache(partial(load, config, overrides))
@@ -246,127 +255,114 @@ def run(config: Path, overrides: tuple[str, ...], output: Path | None, quiet: bo
     with together(comm), stoppable(comm.rank):
         settings = comm.bcast(on_root(comm, read))
         directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, quiet, **how)
+        outcome = _simulate(settings, comm, directory, told, **how)
     if comm.rank == 0:
-        _conclude(outcome, as_json, quiet)
+        _conclude(outcome, form, told)
 
 
 @program.command()
-@click.argument("file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.argument("file", metavar="STUDY", type=PATH)
 @click.option("--resume", is_flag=True, help="Keep the runs that have ended, do the others.")
 @click.option("--shard", callback=_shard, metavar="I/N", help="Do only every N-th run, from the I-th on; no table.")
 @click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Runs at the same time [1].")
-@click.option("--output", type=click.Path(path_type=Path), help="Folder of the study [results/<STUDY's stem>].")
+@click.option("--output", type=PATH, help="Folder of the study [results/<STUDY's stem>].")
 @quiet_option
 @json_option
-def study(file: Path, quiet: bool, as_json: bool, **how: Any) -> None:
+def study(file: Path, told: Told, form: Form, **how: Any) -> None:
     """Vary one scene: many runs, one table of what accuracy costs. Prints the folder."""
     _refuse_ranks()
     require_room()
-    from indent_sim import study as studies
-    from indent_sim.results.writer import to_json
+    from indent_sim import studies
 
-    with _quiet_libraries(_level(0, quiet)), stoppable():
-        done = studies.carry_out(file, tell=(lambda line: None) if quiet else tell, **how)
-    say(to_json(DONE | studies.as_json(done)) if as_json else str(done.directory))
-    for line in () if quiet else (*done.notes, *done.recommendations):
+    with _quiet_libraries(LEVELS[told]), stoppable():
+        done = studies.carry_out(file, tell=tell if told == "all" else (lambda line: None), **how)
+    say_done(studies.as_json(done)) if form == "json" else say(str(done.directory))
+    for line in (*done.notes, *done.recommendations) if told == "all" else ():
         tell(line)
     if done.failures:
         tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
 
 
 @program.command()
-@click.argument("config", type=click.Path(path_type=Path))
+@click.argument("config", type=PATH)
 @set_option
+@click.option("--error-bars", is_flag=True, help="Count what `run --error-bars` solves beside a scene.")
 @json_option
-def plan(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form) -> None:
     """Say what would be modelled, and why; of a study its runs and what they cost. Writes nothing."""
     if _is_study(config):
-        return _plan_study(config, overrides, as_json)
-    scene = _resolved(config, overrides)
-    if as_json:
-        from indent_sim.results.writer import to_json
-
+        return _plan_study(config, overrides, error_bars, form)
+    scene = _resolved(config, overrides, error_bars)
+    if form == "json":
         parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
-        say(to_json(DONE | {name: getattr(scene.plan, name) for name in parts}))
-        return
-    from indent_sim.cli import terminal
-
+        return say_done({name: getattr(scene.plan, name) for name in parts})
     say(terminal.plan(scene, _width()))
-    if scene.plan.stick and scene.plan.stick.is_telling:
-        say(scene.plan.stick.words)
-    if scene.plan.friction:
+    stick, rubbed = scene.plan.stick, scene.plan.friction
+    if stick and stick.is_telling:
+        say(stick.words)
+    if rubbed:
         from indent_sim.scene.expected import rubbed_words
 
-        say(rubbed_words(scene.physics.contact.friction, scene.plan.friction))
+        say(rubbed_words(scene.physics.contact.friction, rubbed))
     for warning in scene.plan.warnings:
         tell(f"warning: {warning}")
 
 
 @program.command()
-@click.argument("config", type=click.Path(path_type=Path))
+@click.argument("config", type=PATH)
 @set_option
-@click.option("--within", type=Number(0, 1, min_open=True, max_open=True), default=0.01, show_default=True,
-              help="Relative error of the force that is accepted.")  # fmt: skip
+@click.option("--within", type=BELOW_ONE, default=0.01, show_default=True, help=WITHIN_HELP)
 @json_option
-def require(config: Path, overrides: tuple[str, ...], within: float, as_json: bool) -> None:
+def require(config: Path, overrides: tuple[str, ...], within: float, form: Form) -> None:
     """Say what a scene requires: every effect in per cent of the force. Writes nothing.
 
     Ends with the cheapest model within the tolerance, as a scene that runs as it is.
     """
     _refuse_ranks()
     require_room()
-    from indent_sim.config.file import load
-    from indent_sim.results.writer import to_json
+    from indent_sim.config.scene_file import load
     from indent_sim.run.requirements import cheapest
 
     with _quiet_libraries(logging.ERROR), stoppable():
         found = cheapest.require(load(config, overrides), within)
-    if as_json:
-        return say(to_json(DONE | found.as_json()))
-    from indent_sim.cli import terminal
-
-    say(terminal.requirements(found, _width()))
+    say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
 
 
 @program.command()
-@click.argument("first", metavar="A", type=click.Path(path_type=Path))
-@click.argument("second", metavar="B", type=click.Path(path_type=Path))
-@click.option("--rtol", callback=_tolerances, metavar="X|COLUMN=X,...", default="1e-6", show_default=True,
-              help="Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2.")  # fmt: skip
+@click.argument("first", metavar="A", type=PATH)
+@click.argument("second", metavar="B", type=PATH)
+@click.option("--rtol", callback=_tolerances, metavar=COLUMNS, default="1e-6", show_default=True, help=RTOL_HELP)
 @click.option("--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol].")
 @json_option
-def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], as_json: bool) -> None:
+def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form) -> None:
     """Compare two results row by row. Exit code 6 when they differ.
 
     Rows are matched by step, or by depth where a table has no steps; those of an experiment, which of two results are
     compared as well, by number.
     """
-    from indent_sim.cli import terminal
     from indent_sim.results import compare
-    from indent_sim.results.writer import to_json
 
     comparison = compare.compare(first, second, rtol, columns or None)
-    if not as_json:
+    if form == "text":
         say(terminal.comparison(comparison))
     try:
         comparison.check()
-    except VerificationError as different:
+    except errors.VerificationError as different:
         different.beside = comparison.as_json()
         raise
-    if as_json:
-        say(to_json(DONE | comparison.as_json()))
+    if form == "json":
+        say_done(comparison.as_json())
 
 
 @program.command()
-@click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=PATH)
 @click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
 @click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
 @click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
 @click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
-@click.option("--output", type=click.Path(path_type=Path), help="Picture to write: .png, .svg or .pdf.")
+@click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf.")
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     """Draw finished results over one another. Prints the picture's path.
 
@@ -383,49 +379,52 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     runs = [reader.read(path) for path in paths]
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
-        output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.PICTURE)
+        output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.FORCE_PICTURE)
         canvas.refuse_foreign(output)
     try:
         panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
     except OSError as error:
-        raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
+        raise unwritable(output, error) from error
     say(str(output))
 
 
 @program.command()
-@click.argument("folder", metavar="RESULT|STUDY", type=click.Path(path_type=Path))
-@click.option("--output", type=click.Path(path_type=Path), help="File to write, .html or .htm [report.html in it].")
+@click.argument("folder", metavar="RESULT|STUDY", type=PATH)
+@click.option("--output", type=PATH, help="File to write, .html or .htm [report.html in it].")
 def report(folder: Path, output: Path | None) -> None:
     """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
-    from indent_sim.study import folder as studies
-    from indent_sim.study.report import of_study
+    from indent_sim.results.folder import held, is_own_file
+    from indent_sim.studies.study_report import of_study
 
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder of a result or a study")
-    output = output or folder / reports.NAME
-    if output.suffix.lower() not in reports.FORMATS:
-        raise UsageError(f"{output}: a report ends in {', '.join(reports.FORMATS)}")
-    reports.write(of_study(folder) if (folder / studies.RECORD).exists() else reports.of_run(folder), output)
+    if output is None:
+        output = folder / reports.NAME
+        if os.path.lexists(output) and not is_own_file(output):
+            raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
+    if output.suffix.lower() not in reports.REPORT_FORMATS:
+        raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
+    reports.write(of_study(folder) if held(folder) == "study" else reports.of_run(folder), output)
     say(str(output))
 
 
 @program.command()
 @click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
-@click.option("--output", type=click.Path(path_type=Path), help="File to write [KIND.yaml].")
+@click.option("--output", type=PATH, help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:
     """Write a commented scene or study to start from. Prints the file's name."""
     from importlib.resources import files
 
+    from indent_sim.results.folder import write_atomically
+
     output = output or Path(f"{kind}.yaml")
-    text = (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_text(encoding="utf-8")
+    if os.path.lexists(output):
+        raise UsageError(f"{output} is there already and stays as it is; choose another name with --output")
     try:
-        with open(output, "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise UsageError(f"{output} is there already and stays as it is; choose another name with --output") from None
+        write_atomically(output, (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_bytes())
     except OSError as error:
-        raise UsageError(f"cannot write {output}: {error.strerror or error}") from error
+        raise unwritable(output, error) from error
     say(str(output))
 
 
@@ -433,8 +432,6 @@ def init(kind: str, output: Path | None) -> None:
 @click.argument("kind", type=click.Choice(list(KINDS)), required=False)
 def list_(kind: str | None) -> None:
     """What a scene can be made of, with parameters and units."""
-    from indent_sim.cli import terminal
-
     kinds = [kind] if kind else list(KINDS)
     say("\n\n".join(f"{name}\n{terminal.alternatives(KINDS[name])}" for name in kinds))
 
@@ -443,28 +440,26 @@ def list_(kind: str | None) -> None:
 def schema() -> None:
     """JSON Schema of the scene file, for editors."""
     from indent_sim.config.reference import json_schema
-    from indent_sim.results.writer import to_json
 
-    say(to_json(json_schema()))
+    say_json(json_schema())
 
 
 @program.command()
 @json_option
-def doctor(as_json: bool) -> None:
+def doctor(form: Form) -> None:
     """Versions and health of the installation. Exit code 7 when something needed is broken."""
     from indent_sim.cli import doctor as health
-    from indent_sim.results.writer import to_json
 
     checks = health.examine()
     broken = [check.name for check in checks if check.verdict == "broken"]
-    if not as_json:
+    if form == "text":
         say("\n".join(map(str, checks)))
-    elif not broken:
-        say(to_json(DONE | {"checks": checks}))
     if broken:
-        error = BackendError(f"missing or broken: {', '.join(broken)}")
+        error = errors.BackendError(f"missing or broken: {', '.join(broken)}")
         error.beside = {"checks": checks}
         raise error
+    if form == "json":
+        say_done({"checks": checks})
 
 
 def main() -> None:
@@ -476,16 +471,12 @@ def main() -> None:
 
 
 def _starts_mesher(read: Callable[[], Config]) -> bool:
-    """Fork the process that meshes on rank 0: before MPI is up, and gmsh starts while MPI and dolfinx do.
-
-    Returns whether the others are to be met: not by a process without others whose scene theory solves. What is wrong
-    with the config is said later, by all ranks.
-    """
+    """Fork the process that meshes on rank 0, before MPI is up, unless theory solves; whether ranks are to be met."""
     from indent_sim.mesh import gmsh
     from indent_sim.process.ranks import is_first, is_one_of_several
     from indent_sim.scene.choices import needs_mesh
 
-    with suppress(IndentSimError):
+    with suppress(IndentSimError):  # what is wrong with the config is said later, by all ranks
         if is_first() and not needs_mesh(read()):
             return is_one_of_several()
     if is_first():
@@ -527,13 +518,12 @@ def together(comm: Any) -> Iterator[None]:
         comm.Abort(explain(error) if comm.rank else code)
 
 
-def _simulate(settings: Config, comm: Any, directory: Path, quiet: bool, **how: bool) -> Outcome:
-    from indent_sim.cli import terminal
+def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: bool) -> Outcome:
     from indent_sim.run.chain import simulate as simulate
 
-    shown: Callable[..., Any] = terminal.progress if comm.rank == 0 and not quiet else terminal.silence
+    shown: AbstractContextManager[Any] = terminal.progress(tell) if comm.rank == 0 and told == "all" else nullcontext()
     try:
-        with shown(tell) as show, _quiet_libraries(_level(comm.rank, quiet)):
+        with shown as show, _quiet_libraries(logging.ERROR if comm.rank else LEVELS[told]):  # rank 0 speaks for all
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
@@ -543,28 +533,20 @@ def _simulate(settings: Config, comm: Any, directory: Path, quiet: bool, **how: 
             return simulate(settings, comm, directory=directory, progress=follow, **how)
     except (IndentSimError, KeyboardInterrupt) as end:
         if comm.rank == 0 and not isinstance(end, UsageError | ConfigError):  # those refuse and compute nothing
-            _name_partial(directory)
+            _name_partial(directory, end)
         raise
-
-
-def _level(rank: int, quiet: bool) -> int:
-    """How much of our own messages is told: rank 0 speaks for all."""
-    return logging.ERROR if rank else logging.WARNING if quiet else logging.INFO
 
 
 @contextmanager
 def _quiet_libraries(level: int) -> Iterator[None]:
-    """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not.
-
-    Without a handler of the root logger, libraries that call `logging.info` would install one that prints it all.
-    """
+    """Our own messages and the warnings of others go to stderr; what compilers and their like say of their work not."""
     ours, root = logging.getLogger("indent_sim"), logging.getLogger()
     told, warned = Teller(logging.INFO), Teller(logging.WARNING)
     before = ours.level, ours.propagate
     ours.setLevel(level)
     ours.propagate = False
     ours.addHandler(told)
-    root.addHandler(warned)
+    root.addHandler(warned)  # without one, libraries that call `logging.info` would install theirs, which prints all
     try:
         yield
     finally:
@@ -582,61 +564,59 @@ class Teller(logging.Handler):
         tell(f"{of}{record.getMessage()}")
 
 
-def _name_partial(directory: Path) -> None:
+def _name_partial(directory: Path, end: BaseException) -> None:
     """Where the rows of a run that failed are."""
     from indent_sim.results.folder import read_report
 
     if (report := read_report(directory)).get("status") in ("failed", "interrupted") and report.get("rows"):
-        again = "" if report["exit_code"] == VerificationError.exit_code else "; --resume goes on from them"
+        again = "" if isinstance(end, errors.VerificationError) else "; --resume goes on from them"
         tell(f"{report['rows']} rows computed before are kept in {directory}{again}")
 
 
-def _conclude(outcome: Outcome, as_json: bool, quiet: bool) -> None:
-    from indent_sim.cli import terminal
+def _conclude(outcome: Outcome, form: Form, told: Told) -> None:
     from indent_sim.results.folder import read_report
     from indent_sim.results.reader import rows_of
-    from indent_sim.results.writer import to_json
 
-    if as_json:
+    if form == "json":
         rows, written = rows_of(outcome.states), read_report(outcome.directory)  # with the entries of the writer
-        say(to_json(DONE | {"directory": outcome.directory, "rows": rows, "report": written | outcome.report}))
+        say_done({"directory": outcome.directory, "rows": rows, "report": written | outcome.report})
     else:
         say(str(outcome.directory))
-    for line in terminal.warnings(outcome) if quiet else terminal.conclusion(outcome):
+    for line in terminal.conclusion(outcome) if told == "all" else terminal.warnings(outcome):
         tell(line)
 
 
 def _is_study(path: Path) -> bool:
     """Whether a file holds a study; False for what cannot be read, which is told when it is read as a scene."""
-    from indent_sim.config.file import OF_A_STUDY, read_document
+    from indent_sim.config.scene_file import OF_A_STUDY, read_document
 
     with suppress(IndentSimError):
         return read_document(path)[0].keys() >= OF_A_STUDY
     return False
 
 
-def _plan_study(path: Path, overrides: tuple[str, ...], as_json: bool) -> None:
+def _plan_study(path: Path, overrides: tuple[str, ...], error_bars: bool, form: Form) -> None:
     if overrides:
         raise UsageError("--set belongs to a scene; a study has set: in its file")
-    from indent_sim import study as studies
-    from indent_sim.cli import terminal
-    from indent_sim.results.writer import to_json
+    from indent_sim import studies
 
-    planned = studies.plan(path)
-    say(to_json(DONE | planned.as_json()) if as_json else terminal.study_plan(planned))
+    planned = studies.plan(path, error_bars)
+    say_done(planned.as_json()) if form == "json" else say(terminal.study_plan(planned))
     for line in planned.notes:
         tell(line)
 
 
-def _resolved(config: Path, overrides: tuple[str, ...]) -> Scene:
-    from indent_sim.config.file import load, located
+def _resolved(config: Path, overrides: tuple[str, ...], error_bars: bool) -> Scene:
+    from indent_sim.config.scene_file import load
+    from indent_sim.run.accuracy import foreseen
+    from indent_sim.run.chain import all_mistakes
     from indent_sim.scene.scene import resolve
 
     settings = load(config, overrides)
     try:
-        return resolve(settings)
+        return foreseen(resolve(settings), error_bars)
     except ConfigError as error:
-        raise located(settings, error) from None
+        raise all_mistakes(error, settings) from None
 
 
 def _width() -> int:

@@ -17,25 +17,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-NEEDED = (
-    "numpy",
-    "scipy",
-    "pydantic",
-    "yaml",
-    "click",
-    "rich",
-    "h5py",
-    "mpi4py",
-    "petsc4py",
-    "ufl",
-    "dolfinx",
-    "gmsh",
-)
-OPTIONAL = {
-    "matplotlib": "no pictures without it",
-    "pint": "no quantities with units in scenes without it",
-    "jinja2": "no reports without it",
-}
+NEEDED_PACKAGES: tuple[str, ...] = ("numpy", "scipy", "pydantic", "yaml", "click", "rich", "h5py", "mpi4py", "petsc4py")
+NEEDED_PACKAGES += ("ufl", "dolfinx", "gmsh")
+MISSED = {"matplotlib": "pictures", "pint": "quantities with units in scenes", "jinja2": "reports"}
+OPTIONAL = {name: f"no {lost} without it" for name, lost in MISSED.items()}
 BLAS = {"openblas": "OpenBLAS", "mkl": "MKL", "blis": "BLIS", "atlas": "ATLAS", "accelerate": "Accelerate"}
 
 
@@ -54,16 +39,20 @@ class Check:
 
 
 def examine() -> list[Check]:
-    """Look at everything a run needs."""
-    packages = [_package(name) for name in NEEDED] + [_package(name, remedy) for name, remedy in OPTIONAL.items()]
-    others: dict[str, Callable[[], Check]] = {
-        "MPI": _mpi,
-        "MUMPS": _mumps,
-        "BLAS": _blas,
-        "C compiler": _compiler,
-        "JIT cache": _cache,
-    }
-    return [_python(), *packages, *(_guarded(name, look) for name, look in others.items())]
+    """Look at everything a run needs, in the surroundings of a run."""
+    surroundings = [_working_directory(), _guarded("JIT cache", _cache)]
+    packages = [*map(_package, NEEDED_PACKAGES), *map(_package, OPTIONAL, OPTIONAL.values())]
+    others: dict[str, Callable[[], Check]] = {"MPI": _mpi, "MUMPS": _mumps, "BLAS": _blas, "C compiler": _compiler}
+    return [_python(), *packages, *map(_guarded, others, others.values()), *surroundings]
+
+
+def _working_directory() -> Check:
+    """Where this process stands; libraries that cannot find it out would all look broken."""
+    try:
+        return Check("directory", os.getcwd())
+    except OSError:
+        os.chdir("/")
+        return Check("directory", "it is gone", "broken", "change to a folder that is there")
 
 
 def _python() -> Check:
@@ -117,9 +106,8 @@ def _blas() -> Check:
     """Which BLAS this process has loaded, read from its memory map."""
     importlib.import_module("numpy").dot([1.0], [1.0])
     maps = Path("/proc/self/maps")
-    libraries = (
-        {line.split()[-1] for line in maps.read_text().splitlines() if ".so" in line} if maps.exists() else set()
-    )
+    lines = maps.read_text().splitlines() if maps.exists() else []
+    libraries = {line.split()[-1] for line in lines if ".so" in line}
     loaded = [str(Path(path).resolve()).lower() for path in libraries if re.search("blas|mkl|blis|atlas", path)]
     names = {nice for word, nice in BLAS.items() if any(word in path for path in loaded)}
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
@@ -131,18 +119,18 @@ def _blas() -> Check:
 
 
 def _compiler() -> Check:
-    """The compiler that turns forms into kernels."""
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")[0]
     found = shutil.which(command)
     return Check("C compiler", found) if found else Check("C compiler", f"no {command}", "broken", "install gcc")
 
 
 def _cache() -> Check:
-    """Where compiled kernels are kept."""
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics"
+    from indent_sim.run.simulation import kernel_folder
+
+    folder = kernel_folder()
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     try:
         with tempfile.TemporaryFile(dir=existing):
             return Check("JIT cache", str(folder))
     except OSError as error:
-        return Check("JIT cache", f"{folder}: {error.strerror}", "broken", "point XDG_CACHE_HOME to a writable folder")
+        return Check("JIT cache", f"{folder}: {error.strerror}", "broken", "name a writable folder as its cache_dir")

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from indent_sim.run.requirements.cheapest import Requirements
     from indent_sim.run.requirements.effects import Effect
     from indent_sim.scene.scene import Scene
-    from indent_sim.study import Plan
-
+    from indent_sim.studies import StudyPlan
 
 LINES = 200  # most progress lines in a log
 
+Report = dict[str, Any]  # of a run, or a part of one
 Follow = Callable[["State", int, int], None]
 
 
@@ -47,20 +47,15 @@ def progress(tell: Callable[[str], None]) -> Iterator[Follow]:
         yield follow
 
 
-@contextmanager
-def silence(tell: Callable[[str], None]) -> Iterator[None]:
-    """Nothing to call: the ranks that do not speak."""
-    yield None
-
-
 def conclusion(outcome: Outcome) -> list[str]:
     """The last lines of a run: its last row, theory beside it, the picture, and the warnings."""
-    report = outcome.report
+    report, theory = outcome.report, _part(outcome.report, "theory")
     lines = [f"step {state.step}: {_numbers(state)}" for state in outcome.states[-1:]]
-    if outcome.resumed_after:
-        lines.append(_resumed(outcome))
+    rows, before = len(outcome.states), outcome.resumed_after
+    if before:
+        some = f"resumed: {before} of the {rows} rows were there"
+        lines.append(f"nothing left to compute: all {rows} rows were there" if before == rows else some)
     lines += _error(outcome.states)
-    theory = report.get("theory") or {}
     if theory:
         lines.append(_theory(theory) if report.get("method") != "theory" else f"solved by theory: {theory['why']}")
     if closed := theory.get("half_space"):
@@ -69,13 +64,14 @@ def conclusion(outcome: Outcome) -> list[str]:
         beside = f"{asked} {closed[asked]:.6g}, {abs(closed['deviation']):.2%} {side} this run"
         lines.append(f"{closed['name']}, half-space, at {given} {theory[given]:.6g}: {beside}")
     if theory.get("formulas"):
-        lines.append(_formulas(theory))
+        given, asked = _given_and_asked(theory)
+        said = (f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})" for one in theory["formulas"])
+        lines.append(f"film formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}")
     if fit := report.get("hertz"):
-        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({fit['percent']:+.3g} %)")
-    if stick := report.get("stick"):
-        lines.append(stick["words"])
-    lines += _adhesion(report.get("adhesion") or {})
-    lines += _experiment(report.get("experiment") or {})
+        read = f"{fit['percent']:+.3g} %{fit.get('against', '')}"
+        lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")
+    lines += [words] if (words := _part(report, "stick").get("words")) else []
+    lines += [*_largest_pull(_part(report, "adhesion")), *_experiment(_part(report, "experiment"))]
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
     return lines + warnings(outcome)
@@ -86,7 +82,12 @@ def warnings(outcome: Outcome) -> list[str]:
     return [f"warning: {warning}" for warning in outcome.report.get("warnings", [])]
 
 
-def _adhesion(report: dict[str, Any]) -> list[str]:
+def _part(report: Report, name: str) -> Report:
+    """A section of a report, empty where there is none."""
+    return report.get(name) or {}
+
+
+def _largest_pull(report: Report) -> list[str]:
     """The largest pull of the rows, and what is known of it beforehand."""
     pulled = report.get("largest_pull")
     if pulled is None:
@@ -97,22 +98,20 @@ def _adhesion(report: dict[str, Any]) -> list[str]:
     return ["".join([line, *beside])]
 
 
-def _experiment(report: dict[str, Any]) -> list[str]:
+def _experiment(report: Report) -> Iterator[str]:
     """What an experiment came to: where the tip comes off, and how the history was followed."""
-    lines = []
-    for how, found in ((report.get("adhesion") or {}).get("pull_off") or {}).items():
+    for how, found in _part(_part(report, "adhesion"), "pull_off").items():
         words = how.replace("_", " ")
-        lines.append(f"pull-off under {words}: force {found['force']:.6g} at delta {found['delta']:.6g}")
-    for when, found in (report.get("cantilever") or {}).items():
+        yield f"pull-off under {words}: force {found['force']:.6g} at delta {found['delta']:.6g}"
+    for when, found in _part(report, "cantilever").items():
         if found:
             said = f"force {found['force']:.6g}, delta {found['delta']:.6g}"
-            lines.append(f"{when.replace('_', ' ')} at z {found['z']:.6g}: {said}")
+            yield f"{when.replace('_', ' ')} at z {found['z']:.6g}: {said}"
     if "relaxation" in report:
-        lines.append(f"relaxation by {report['relaxation']['method']}")
+        yield f"relaxation by {report['relaxation']['method']}"
     if "calibration" in report:
         force, modulus = report["calibration"]["force"], report["calibration"]["modulus"]
-        lines.append(f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}")
-    return lines
+        yield f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}"
 
 
 def plan(scene: Scene, width: int = 120) -> str:
@@ -149,8 +148,6 @@ def requirements(found: Requirements, width: int = 120) -> str:
 
 def _change(effect: Effect) -> str:
     """What an effect does to the force, as a number or a range."""
-    if effect.low is not None and effect.high is None:
-        return f"{effect.low:+.2g} % or more"
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
     between = f"{effect.low:+.2g} to {effect.high:+.2g} %"
@@ -159,7 +156,7 @@ def _change(effect: Effect) -> str:
     return f"{effect.percent:+.2g} %" + (f" ({between})" if effect.low < effect.high else "")
 
 
-def study_plan(planned: Plan) -> str:
+def study_plan(planned: StudyPlan) -> str:
     """The runs of a study, a line each, and what they cost together."""
     names = ["index", *planned.keys, "method", "force", "dofs", "memory_MB", "seconds", "warnings"]
     counted = [row | {"warnings": len(row["warnings"])} for row in planned.rows]  # --json has their words
@@ -191,30 +188,18 @@ def _worst(found: Comparison) -> str:
 def alternatives(section: str) -> str:
     """What may stand in a section of the scene file: names, first lines of docs, parameters, units."""
     from indent_sim.config import schema
-    from indent_sim.config.key_types import hints, kinds_of
+    from indent_sim.config.key_types import describe, hints, kinds_of
 
-    kinds = kinds_of(hints(schema.Config)[section], schema.tags()[section])
-    return "\n".join(
-        f"  {name}: {_first_line(kind)}\n{_parameters(section, kind)}".rstrip() for name, kind in kinds.items()
-    )
-
-
-def _parameters(section: str, kind: type) -> str:
-    from indent_sim.config import schema
-    from indent_sim.config.key_types import describe, hints
-
-    rows = []
-    for name in schema.file_order(kind):
-        if name == schema.tags()[section]:
-            continue
-        symbol = lookup(name, section)
-        unit = f"[{symbol.dimension}]" if symbol and symbol.dimension not in ("word", "1") else ""
-        rows.append([f"      {name}", describe(hints(kind)[name]), unit, symbol.meaning if symbol else ""])
-    return _aligned(rows, "<")
-
-
-def _first_line(kind: type) -> str:
-    return inspect.cleandoc(kind.__doc__ or "").split("\n")[0]
+    lines, tag = [], schema.tags()[section]
+    for choice, kind in kinds_of(hints(schema.Config)[section], tag).items():
+        rows = []
+        for name in schema.file_order(kind):
+            if name != tag and (symbol := lookup(name, section)):
+                unit = f"[{symbol.dimension}]" if symbol.dimension not in ("word", "1") else ""
+                rows.append([f"      {name}", describe(hints(kind)[name]), unit, symbol.meaning])
+        first_line = inspect.cleandoc(kind.__doc__ or "").split("\n")[0]
+        lines += [f"  {choice}: {first_line}", *([_aligned(rows, "<")] if rows else [])]
+    return "\n".join(lines)
 
 
 def _log(tell: Callable[[str], None], state: State, step: int, total: int) -> None:
@@ -228,37 +213,21 @@ def _numbers(state: State) -> str:
     return f"delta {state.delta:.6g}  force {state.force:.6g}  a {state.a:.6g}"
 
 
-def _resumed(outcome: Outcome) -> str:
-    rows = len(outcome.states)
-    if outcome.resumed_after == rows:
-        return f"nothing left to compute: all {rows} rows were there"
-    return f"resumed: {outcome.resumed_after} of the {rows} rows were there"
-
-
 def _error(states: list[State]) -> list[str]:
     """The widest error bar, relative to its force."""
     bars = [(state.force_error / abs(state.force), state.step) for state in states if state.force_error and state.force]
-    if not bars:
-        return []
-    worst, step = max(bars)
-    return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"]
+    worst, step = max(bars, default=(0.0, 0))
+    return [f"estimated error of the force: at most {worst:.2g} of it (step {step})"] if bars else []
 
 
-def _theory(theory: dict[str, Any]) -> str:
+def _theory(theory: Report) -> str:
     exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
     given, asked = _given_and_asked(theory)
     beside = f"{asked} {theory[asked]:.6g}; this run {theory[f'{asked}_deviation']:+.3%} ({exact})"
     return f"{theory['name']} at {given} {theory[given]:.6g}: {beside}"
 
 
-def _formulas(theory: dict[str, Any]) -> str:
-    """What the usual formulas for films and thin layers say, and how far that is from this run."""
-    given, asked = _given_and_asked(theory)
-    said = (f"{one['name']} {one[asked]:.6g} ({one['deviation']:+.3%})" for one in theory["formulas"])
-    return f"film formulas at {given} {theory[given]:.6g}: {asked} {', '.join(said)}"
-
-
-def _given_and_asked(theory: dict[str, Any]) -> tuple[str, str]:
+def _given_and_asked(theory: Report) -> tuple[str, str]:
     """What the path prescribes, and what theory was asked for beside the run."""
     return ("force", "delta") if "delta_deviation" in theory else ("delta", "force")
 

@@ -12,7 +12,7 @@ from indent_sim.config import key_types, schema
 from indent_sim.config.strict_yaml import KeyPath, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors
 
-MOST = 20
+MOST_PROBLEMS = 20
 
 _MISSING = {"missing", "missing_argument", "missing_keyword_only_argument"}
 _UNKNOWN = {"extra_forbidden", "unexpected_keyword_argument"}
@@ -22,14 +22,14 @@ _NO_SECTION = {"dict_type", "dataclass_type", "model_type", "dataclass_exact_typ
 def in_words(error: ValidationError, document: Mapping[str, Any]) -> ConfigError:
     """One ConfigError (ConfigErrors when there are several) for what pydantic found in the document."""
     groups: dict[KeyPath, list[Any]] = {}
-    for found in error.errors(include_url=False, include_input=False)[: 100 * MOST]:
+    for found in error.errors(include_url=False, include_input=False)[: 100 * MOST_PROBLEMS]:
         groups.setdefault(document_path(found, document), []).append(found)
     for path in list(_echoes(groups, document)):
         groups.pop(path, None)
-    problems = [_in_words(path, found, document) for path, found in list(groups.items())[:MOST]]
-    if len(groups) > MOST:
+    problems = [_in_words(path, found, document) for path, found in list(groups.items())[:MOST_PROBLEMS]]
+    if len(groups) > MOST_PROBLEMS:
         problems.append(ConfigError("", "and more errors like these"))
-    return ConfigErrors(problems) if len(problems) > 1 else problems[0]
+    return ConfigErrors.of(problems)
 
 
 def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> Iterator[KeyPath]:
@@ -39,10 +39,9 @@ def _echoes(groups: dict[KeyPath, list[Any]], document: Mapping[str, Any]) -> It
         if not path or isinstance(path[-1], int):
             continue
         if found["type"] in _UNKNOWN:
-            meant = closest(path[-1], schema.keys_at(path[:-1], document)) or ""
-            missing = (*path[:-1], meant)
-            if missing in groups and groups[missing][0]["type"] in _MISSING:
-                yield missing
+            meant = (*path[:-1], closest(path[-1], schema.keys_at(path[:-1], document)) or "")
+            if meant in groups and groups[meant][0]["type"] in _MISSING:
+                yield meant
 
 
 def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
@@ -56,7 +55,7 @@ def document_path(found: Any, document: Mapping[str, Any]) -> KeyPath:
             is_tag = False
             continue
         inner = spot.inside(part)
-        if inner.value is None and not _holds(spot.value, part):
+        if inner.value is None and not schema.holds(spot.value, part):
             is_key = found["type"] in _MISSING | _UNKNOWN and isinstance(spot.value, Mapping)
             return inner.path if is_key else spot.path
         spot, is_tag = inner, inner.tag is not None
@@ -80,12 +79,6 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _holds(value: Any, part: str | int) -> bool:
-    if isinstance(value, list):
-        return isinstance(part, int) and part < len(value)
-    return isinstance(value, Mapping) and part in value
-
-
 def _in_words(path: KeyPath, found: list[Any], document: Mapping[str, Any]) -> ConfigError:
     types = {error["type"] for error in found}
     if types & _UNKNOWN:
@@ -103,6 +96,8 @@ def _in_words(path: KeyPath, found: list[Any], document: Mapping[str, Any]) -> C
 
 
 def _unknown_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
+    if path in schema.GONE:
+        return ConfigError(key_text(path), *schema.GONE[path])
     *parents, key = path
     section = schema.spot_at(tuple(parents), document)
     valid = section.keys()
@@ -111,7 +106,7 @@ def _unknown_key(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
         problem = f"the chosen {section.tag} '{section.choice}' has no parameter '{key}' (it belongs to {owners})"
         return ConfigError(key_text(path), problem, f"remove it; valid here: {', '.join(valid)}")
     if match := closest(key, valid):
-        return ConfigError(key_text(path), f"unknown key, did you mean '{match}'?")
+        return ConfigError(key_text(path), f"unknown key, did you mean '{match}'?", meant=match)
     if homes := [name for name in schema.sections() if not section.path and key in _all_keys(name)]:
         return ConfigError(key_text(path), "unknown key", f"it belongs in {' or '.join(homes)}")
     return ConfigError(key_text(path), "unknown key", f"valid here: {', '.join(valid)}")
@@ -133,7 +128,7 @@ def _wrong_kind(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
     match = closest(spot.choice, kinds) if isinstance(spot.choice, str) else None
     guess = f", did you mean '{match}'?" if match else ""
     name = next(part for part in reversed(path) if isinstance(part, str))
-    return ConfigError(key, f"there is no {name} {shown(spot.choice)}{guess}", remedy)
+    return ConfigError(key, f"there is no {name} {shown(spot.choice)}{guess}", remedy, meant=match or "")
 
 
 def _no_section(path: KeyPath, document: Mapping[str, Any]) -> ConfigError:
@@ -152,13 +147,9 @@ def _wrong_value(spot: schema.Spot) -> ConfigError:
         allowed = allowed.removeprefix("a number ")
     if type(value) is int:
         allowed = allowed.removeprefix("a whole number ")
-    remedy = _did_you_mean(value, key_types.words_of(hint)) or key_types.remedy_of(hint)
-    return ConfigError(key_text(path), f"must be {allowed}, got {shown(value)}", remedy)
-
-
-def _did_you_mean(value: Any, words: tuple[str, ...]) -> str:
-    match = closest(value, words) if isinstance(value, str) else None
-    return f"did you mean '{match}'?" if match else ""
+    match = closest(value, key_types.words_of(hint)) if isinstance(value, str) else None
+    remedy = f"did you mean '{match}'?" if match else key_types.remedy_of(hint)
+    return ConfigError(key_text(path), f"must be {allowed}, got {shown(value)}", remedy, meant=match or "")
 
 
 def _give(spot: schema.Spot) -> str:

@@ -18,26 +18,13 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BaseModel, ConfigDict, PrivateAttr, model_validator
 
-from indent_sim.config import limits, petsc_options
+from indent_sim.config import number_limits
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
-from indent_sim.model.body import (
-    SAME_PLACE,
-    AnyBody,
-    Ball,
-    Box,
-    BoxInclusion,
-    Cap,
-    Cylinder,
-    Endless,
-    HalfSpace,
-    Inclusion,
-    Layer,
-    MeshFromFile,
-    Strip,
-)
+from indent_sim.model import body as bodies
+from indent_sim.model.body import Ball, Box, Cap, Cylinder, Endless, HalfSpace, Inclusion, Layer, MeshFromFile, Strip
 from indent_sim.model.contact import AutoContact, Contact
-from indent_sim.model.experiment import Adhesion, Experiment
+from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
@@ -54,9 +41,11 @@ NO_LINEAR = "linear elements are gone: with as many unknowns quadratic ones give
 When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
-STEEPEST = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_far", "grading")
-MIRROR = "the mirror plane"
+STEEPEST_CAP = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
+MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_far", "grading")
+MIRROR_PLANE = "the mirror plane"
+PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
+GONE = {("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")}
 LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
@@ -87,13 +76,12 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How the equations are solved; `petsc`: options of PETSc's linear algebra, those of [the list](petsc.md) alone."""
+    """How the equations are solved; PETSc's own options are [the environment's](how_do_i.md#tune-petsc)."""
 
     method: Literal["auto", "theory", "condensed", "newton"] = "auto"
     linear: Literal["auto", "direct", "iterative"] = "auto"
     rtol: Annotated[float, Gt(0), Le(LOOSEST)] = LOOSEST
     max_iterations: PositiveInt = 50
-    petsc: dict[str, str | int | float | bool] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -134,7 +122,7 @@ class Config(BaseModel):
 
     title: str = ""
     units: Units = Units()
-    body: Annotated[AnyBody, TaggedBy("shape")]
+    body: Annotated[bodies.AnyBody, TaggedBy("shape")]
     material: Annotated[Material | None, TaggedBy("model")] = None  # required unless every layer or region has its own
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
@@ -166,15 +154,12 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        checks = (_cap, _layers, _inclusions, _constants, _friction, _cohesion, _path, _axis, _tip, _experiment, _sizes,
-                  _file, _petsc, _directory)  # fmt: skip
-        if problems := _magnitudes(self) or [problem for check in checks for problem in check(self)]:
-            raise ConfigErrors(problems) if len(problems) > 1 else problems[0]
+        of_body, of_tip = (_cap, _layers, _inclusions, _constants), (_contact, _path, _axis, _tip)
+        checks = (*of_body, *of_tip, _experiment, _sizes, _file, _directory)
+        given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
+        if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
+            raise ConfigErrors.of(problems)
         return self
-
-
-def _magnitudes(config: Config) -> list[ConfigError]:
-    return limits.beyond({name: part for name in sections() if (part := getattr(config, name)) is not None})
 
 
 def _cap(config: Config) -> Iterator[ConfigError]:
@@ -189,9 +174,9 @@ def _cap(config: Config) -> Iterator[ConfigError]:
     elif body.thickness < body.base_radius / FLATTEST:
         problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} is all but flat"
         yield ConfigError("body", problem, f"height at least base_radius/{FLATTEST:g}, or a cylinder")
-    elif body.thickness > body.base_radius * STEEPEST:
+    elif body.thickness > body.base_radius * STEEPEST_CAP:
         problem = f"a cap {body.thickness:.4g} high on a base of radius {body.base_radius:g} stands on a point"
-        yield ConfigError("body", problem, f"height at most {STEEPEST:g} base_radius, or a ball")
+        yield ConfigError("body", problem, f"height at most {STEEPEST_CAP:g} base_radius, or a ball")
 
 
 def _layers(config: Config) -> Iterator[ConfigError]:
@@ -202,7 +187,8 @@ def _layers(config: Config) -> Iterator[ConfigError]:
         needed = [0]
     if needed and config.material is None:
         said = f"this section is missing, and {key_of_layer(needed[0])} has no material of its own" if layers else ""
-        yield ConfigError("material", said or "this section is missing", _kinds_of_material())
+        kinds = ", ".join(kinds_of(hints(Config)["material"], "model"))
+        yield ConfigError("material", said or "this section is missing", f"give model: one of {kinds}")
     without = [k for k, layer in enumerate(layers) if layer.thickness is None]
     if isinstance(config.body, HalfSpace):
         without = [k for k in without if k < len(layers) - 1]
@@ -212,13 +198,10 @@ def _layers(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, problem, "leave it out, or add a layer below")
     yield from (ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without)
     if layers and not without and isinstance(config.body, Cylinder | Strip | Box):
-        yield from _height(sum(layer.thickness or 0.0 for layer in layers), config.body.height)
-
-
-def _height(thick: float, height: float) -> Iterator[ConfigError]:
-    if not isclose(thick, height, rel_tol=1e-9):
-        problem = f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
-        yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
+        thick, height = sum(layer.thickness or 0.0 for layer in layers), config.body.height
+        if not isclose(thick, height, rel_tol=1e-9):
+            problem = f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
+            yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
 
 
 def _inclusions(config: Config) -> Iterator[ConfigError]:
@@ -239,17 +222,17 @@ def _inclusions(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key_of_inclusion(k), problem, remedy)
 
 
-def _foreign(body: AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
+def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | None:
     """Why a body of this kind has no such inclusion, and what it may have."""
     if isinstance(body, Strip) and inclusion.center[1]:
         return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
     if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
-        why = "a box is no body of revolution" if isinstance(inclusion, BoxInclusion) else "it is off the axis"
+        why = "a box is no body of revolution" if isinstance(inclusion, bodies.BoxInclusion) else "it is off the axis"
         return f"a {body.shape} is modelled about its axis: {why}", "use a ball or a cylinder at x = y = 0"
     return None
 
 
-def _beside(body: AnyBody, inclusion: Inclusion) -> str:
+def _beside(body: bodies.AnyBody, inclusion: Inclusion) -> str:
     """That an inclusion leaves the body through a side, or nearly does."""
     room = (body.dome if isinstance(body, Cap | Ball) else body).room_beside(inclusion)  # type: ignore[union-attr]
     if room >= _apart(inclusion):
@@ -261,7 +244,7 @@ def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
     """That an inclusion crosses the top, the base, or an interface, or nearly does."""
     z, half, apart = inclusion.center[2], inclusion.half(2), _apart(inclusion)
     for name, height in faces:
-        if name == MIRROR and isclose(z, height, rel_tol=SAME_PLACE):
+        if name == MIRROR_PLANE and isclose(z, height, rel_tol=bodies.SAME_PLACE):
             return ""
         if abs(z - height) < half:
             return f"crosses {name} at z = {height:.6g}: it spans z = {z - half:.6g} to {z + half:.6g}"
@@ -278,7 +261,7 @@ def _faces(config: Config) -> list[tuple[str, float]]:
     if isinstance(body, Cap | Ball):
         depths = [body.dome.height]
     ends = [f"the interface below {key_of_layer(k)}" for k in range(len(depths) - 1)]
-    ends.append(MIRROR if isinstance(body, Ball) and body.base == "roller" else "the base")
+    ends.append(MIRROR_PLANE if isinstance(body, Ball) and body.base == "roller" else "the base")
     return [("the top", 0.0), *((name, -depth) for name, depth in zip(ends, depths, strict=True))]
 
 
@@ -297,10 +280,6 @@ def key_of_layer(layer: int) -> str:
     return f"body.layers[{layer}]"
 
 
-def _kinds_of_material() -> str:
-    return f"give model: one of {', '.join(kinds_of(hints(Config)['material'], 'model'))}"
-
-
 def _constants(config: Config) -> Iterator[ConfigError]:
     materials: list[tuple[str, Material | None]] = [("material", config.material)]
     materials += [(f"{key_of_layer(k)}.material", layer.material) for k, layer in enumerate(config.body.layers or ())]
@@ -317,61 +296,47 @@ def _constants(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, str(error))
 
 
-def _friction(config: Config) -> Iterator[ConfigError]:
-    """`epsilon_t` steers friction and nothing else."""
-    if config.contact.epsilon_t != "auto" and not config.contact.friction:
-        yield ConfigError("contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction")
-
-
-def _cohesion(config: Config) -> Iterator[ConfigError]:
-    """That a tip that adheres has a range and slips freely."""
+def _contact(config: Config) -> Iterator[ConfigError]:
+    """That `epsilon_t` steers friction and nothing else, and that a tip that adheres has a range and slips freely."""
     found = config.contact.adhesion
-    if found is None:
-        return
-    if config.contact.friction:
+    if config.contact.epsilon_t != "auto" and config.contact.is_conservative:
+        yield ConfigError("contact.epsilon_t", "there is no friction", "leave it out, or give contact.friction")
+    if found and not config.contact.is_conservative:
         yield ConfigError("contact.adhesion", "together with friction is not verified", "leave one of the two out")
-    if found.range == 0:
+    if found and found.range == 0:
         problem = "is 0, a limit that no mesh resolves"
         remedy = "give a range above 0, or experiment.adhesion: {work: ...} for that limit"
         yield ConfigError("contact.adhesion.range", problem, remedy)
 
 
-def _path(config: Config) -> list[ConfigError]:
-    if config.loading is None:
-        if config.experiment is not None and config.experiment.points:
-            return []
-        return [ConfigError("loading", "this section is missing", f"its keys are {', '.join(field_names(Loading))}")]
-    given = config.loading.given
-    if not given:
-        return [ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")]
-    if len(given) > 1:
-        return [ConfigError(f"loading.{given[1]}", f"contradicts {given[0]}", f"give one of {', '.join(WAYS)}")]
-    return _forces(config.loading.forces) if config.loading.forces and not config.contact.adhesion else []
-
-
-def _forces(forces: Sequence[float]) -> list[ConfigError]:
-    """That a tip that does not adhere pushes."""
-    pulls = next((k for k, force in enumerate(forces) if force < 0), None)
-    if pulls is not None:
+def _path(config: Config) -> Iterator[ConfigError]:
+    loading, attraction = config.loading, config.contact.adhesion
+    if loading is None:
+        if config.experiment is None or not config.experiment.points:
+            yield ConfigError("loading", "this section is missing", f"its keys are {', '.join(field_names(Loading))}")
+    elif not loading.given:
+        yield ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")
+    elif len(loading.given) > 1:
+        first, second = loading.given[:2]
+        yield ConfigError(f"loading.{second}", f"contradicts {first}", f"give one of {', '.join(WAYS)}")
+    elif (forces := loading.forces) and not attraction and min(forces) < 0:
+        pulls = next(k for k, force in enumerate(forces) if force < 0)
         problem = f"a force of {forces[pulls]:g} pulls, and nothing holds on to the tip"
-        return [ConfigError(f"loading.forces[{pulls}]", problem, "a force >= 0, or give contact.adhesion")]
-    if not any(forces):
-        return [ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")]
-    return []
+        yield ConfigError(f"loading.forces[{pulls}]", problem, "a force >= 0, or give contact.adhesion")
+    elif forces and not attraction and not any(forces):
+        yield ConfigError("loading.forces", "presses nothing: every force is 0", "give at least one above 0")
 
 
-def _axis(config: Config) -> list[ConfigError]:
+def _axis(config: Config) -> Iterator[ConfigError]:
     center, needed = config.center, len(config.body.center)
-    if isinstance(config.body, Endless) and center is not None and any(center):
-        return [ConfigError("indenter.center", f"a {config.body.shape} is the same everywhere", "leave it out")]
-    if isinstance(config.body, Cap | Ball) and center is not None and any(center):
-        problem = f"over a {config.body.shape} the tip stands on the axis"
-        return [ConfigError("indenter.center", problem, "leave it out")]
-    if center is None or len(center) == needed:
-        return []
-    form = "[x]" if needed == 1 else "[x, y]"
-    problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
-    return [ConfigError("indenter.center", problem, f"give {needed}")]
+    if isinstance(config.body, Endless | Cap | Ball) and any(center or ()):
+        is_dome = isinstance(config.body, Cap | Ball)
+        why = "over a {} the tip stands on the axis" if is_dome else "a {} is the same everywhere"
+        yield ConfigError("indenter.center", why.format(config.body.shape), "leave it out")
+    elif center is not None and len(center) != needed:
+        form = "[x]" if needed == 1 else "[x, y]"
+        problem = f"over a {config.body.shape} a tip stands at {form}, got {len(center)} numbers"
+        yield ConfigError("indenter.center", problem, f"give {needed}")
 
 
 def _tip(config: Config) -> list[ConfigError]:
@@ -406,11 +371,8 @@ def _experiment(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("experiment.force_history", "contradicts history", "give one of the two")
     yield from _history(found)
     yield from _relaxation(found)
-    if found.adhesion and found.relaxation:
-        problem = "is not known together with relaxation: the work that a relaxing body gives to its edge has no limit"
-        yield ConfigError("experiment.adhesion", problem, "give one of the two")
     if found.adhesion:
-        yield from _adhesion(config, found.adhesion)
+        yield from _jkr_adhesion(config, found.adhesion)
     if found.calibration and found.calibration.stiffness and not found.cantilever:
         problem = "is the uncertainty of a cantilever's stiffness, and there is none"
         yield ConfigError("experiment.calibration.stiffness", problem, "give experiment.cantilever, or leave it out")
@@ -458,16 +420,18 @@ def _relaxation(found: Experiment) -> Iterator[ConfigError]:
         yield ConfigError("experiment.history" if found.history else "experiment.force_history", problem, "use a ramp")
 
 
-def _adhesion(config: Config, found: Adhesion) -> Iterator[ConfigError]:
+def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
     """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
-    body, tip = config.body, config.indenter
-    key = "experiment.adhesion"
+    body, tip, key = config.body, config.indenter, "experiment.adhesion"
+    if config.experiment and config.experiment.relaxation:
+        problem = "is not known together with relaxation: the work that a relaxing body gives to its edge has no limit"
+        yield ConfigError(key, problem, "give one of the two")
+    problem = "the JKR limit is that of a disc, and a {} has none"
     if isinstance(body, Strip | Box):
-        problem = f"the JKR limit is that of a disc, and a {body.shape} has none"
-        yield ConfigError(key, problem, "use a cylinder, a layer, a half_space, a cap or a ball")
+        remedy = "use a cylinder, a layer, a half_space, a cap or a ball"
+        yield ConfigError(key, problem.format(body.shape), remedy)
     if not tip.of_revolution:
-        problem = f"the JKR limit is that of a disc, and a {tip.shape} has none"
-        yield ConfigError(key, problem, "use a tip of revolution")
+        yield ConfigError(key, problem.format(tip.shape), "use a tip of revolution")
     if isinstance(tip, FlatPunch) and not tip.edge_radius and not isinstance(body, Cap | Ball):
         problem = "the contact of a sharp flat punch does not shrink before it comes off at once"
         yield ConfigError(key, problem, "give the punch an edge_radius")
@@ -478,39 +442,35 @@ def _adhesion(config: Config, found: Adhesion) -> Iterator[ConfigError]:
 
 def _sizes(config: Config) -> list[ConfigError]:
     """`accuracy` chooses the sizes itself."""
-    if config.accuracy is None:
-        return []
-    given = [name for name in (*SIZES, "refinements") if getattr(config.mesh, name) not in (None, "auto")]
-    return [ConfigError(f"mesh.{name}", "contradicts accuracy, which chooses it", "give one of the two")
-            for name in given]  # fmt: skip
+    given = _given(config.mesh, "refinements") if config.accuracy is not None else []
+    return [ConfigError(key, "contradicts accuracy, which chooses it", "give one of the two") for key in given]
 
 
-def _file(config: Config) -> list[ConfigError]:
+def _given(mesh: MeshSettings, other: str) -> list[str]:
+    """The keys of sizes, and one other, that a scene gives."""
+    return [f"mesh.{name}" for name in (*MESH_SIZES, other) if getattr(mesh, name) not in (None, "auto")]
+
+
+def _file(config: Config) -> Iterator[ConfigError]:
     """A mesh from a file has its own sizes, and it alone has refinements; the file lies with the scene."""
     body, mesh = config.body, config.mesh
     if not isinstance(body, MeshFromFile):
-        unused = ConfigError("mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact")
-        return [unused] if mesh.refinements is not None else []
-    given = [name for name in (*SIZES, "symmetry") if getattr(mesh, name) not in (None, "auto")]
-    problems = [ConfigError(f"mesh.{name}", "is for bodies that are meshed here, and this one has its mesh",
-                            "leave it out, or refine it with mesh.refinements") for name in given]  # fmt: skip
+        if mesh.refinements is not None:
+            yield ConfigError("mesh.refinements", "is for body.shape: mesh", "leave it out, or give h_contact")
+        return
+    why = "is for bodies that are meshed here, and this one has its mesh"
+    for key in _given(mesh, "symmetry"):
+        yield ConfigError(key, why, "leave it out, or refine it with mesh.refinements")
     if problem := _misplaced(body.file, "the scene's folder"):
-        problems.append(ConfigError("body.file", problem, "put the mesh beside the scene file"))
-    center = config.center
-    if body.kinematics == "axisymmetric" and center is not None and any(center):
-        problems.append(ConfigError("indenter.center", "the tip stands on the axis of an axisymmetric mesh",
-                                    "leave it out, or use kinematics: 3d"))  # fmt: skip
-    return problems
+        yield ConfigError("body.file", problem, "put the mesh beside the scene file")
+    if body.kinematics == "axisymmetric" and any(config.center or ()):
+        problem = "the tip stands on the axis of an axisymmetric mesh"
+        yield ConfigError("indenter.center", problem, "leave it out, or use kinematics: 3d")
 
 
-def _petsc(config: Config) -> list[ConfigError]:
-    return list(petsc_options.refused(config.solver.petsc))
-
-
-def _directory(config: Config) -> list[ConfigError]:
-    directory = config.output.directory
-    problem = directory and outside(directory)
-    return [ConfigError("output.directory", problem, "choose any other folder with --output")] if problem else []
+def _directory(config: Config) -> Iterator[ConfigError]:
+    if config.output.directory and (problem := outside(config.output.directory)):
+        yield ConfigError("output.directory", problem, "choose any other folder with --output")
 
 
 def outside(directory: str) -> str:
@@ -520,7 +480,12 @@ def outside(directory: str) -> str:
     """
     if problem := _misplaced(directory, "the working directory"):
         return problem
-    return "leads out of the working directory through a link" if _leads_out(directory) else ""
+    try:
+        here = os.path.realpath(".")
+        leads_out = os.path.commonpath([here, os.path.realpath(directory)]) != here
+    except OSError:  # the working directory was deleted: nothing can be written there
+        return ""
+    return "leads out of the working directory through a link" if leads_out else ""
 
 
 def _misplaced(path: str, above: str) -> str:
@@ -535,14 +500,6 @@ def _misplaced(path: str, above: str) -> str:
     if any(len(os.fsencode(part)) > LONGEST_NAME for part in parts) or len(path) > LONGEST_PATH:
         return "is too long"
     return ""
-
-
-def _leads_out(directory: str) -> bool:
-    try:
-        here = os.path.realpath(".")
-        return os.path.commonpath([here, os.path.realpath(directory)]) != here
-    except OSError:  # the working directory was deleted: nothing can be written there
-        return False
 
 
 @cache
@@ -588,7 +545,7 @@ class Spot:
 
     def inside(self, part: str | int) -> Spot:
         """The place of a key or of a list's item."""
-        value = self.value[part] if _holds(self.value, part) else None
+        value = self.value[part] if holds(self.value, part) else None
         path, kind = (*self.path, part), self.kind
         if path == ("indenter", "center"):
             return Spot(path, hints(Config)["center"], None, value)
@@ -602,8 +559,10 @@ class Spot:
         """The places of what stands inside this one."""
         if isinstance(self.value, Mapping):
             yield from (self.inside(key) for key in self.value)
-        elif isinstance(self.value, (list, tuple)):
-            yield from (self.inside(index) for index in range(len(self.value)))
+        elif isinstance(self.value, (list, tuple)) and len(self.value):
+            item = self.inside(0)  # the others are of its type
+            for k, value in enumerate(self.value):
+                yield dataclasses.replace(item, path=(*self.path, k), value=value)
 
     def keys(self) -> tuple[str, ...]:
         """The keys that may stand in this section."""
@@ -628,15 +587,12 @@ def keys_at(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, ...]:
 
 def file_order(kind: Any) -> tuple[str, ...]:
     """The fields of a dataclass as a file gives them: the tag first."""
-    names = field_names(kind)
-    return tuple(sorted(names, key=lambda name: not _is_tag(kind, name)))
+    tags = [name for name in TAGS & set(field_names(kind)) if len(get_args(hints(kind)[name])) == 1]
+    return tuple(sorted(field_names(kind), key=lambda name: name not in tags))
 
 
-def _is_tag(kind: Any, name: str) -> bool:
-    return name in TAGS and len(get_args(hints(kind)[name])) == 1
-
-
-def _holds(value: Any, part: str | int) -> bool:
+def holds(value: Any, part: str | int) -> bool:
+    """Whether a section has a key, or a list an item of this number."""
     if isinstance(value, (list, tuple)):
         return isinstance(part, int) and part < len(value)
     return isinstance(value, Mapping) and part in value

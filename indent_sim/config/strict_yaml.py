@@ -33,6 +33,9 @@ _CONSTANTS = {"": None, "~": None, "null": None, "Null": None, "NULL": None} | {
 _INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NON_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
+_TRAPS = re.compile("y|yes|n|no|on|off|true|false|null", re.IGNORECASE)  # a YAML 1.1 reader takes them for others
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def parse(text: str, name: str = "") -> tuple[Any, Lines]:
@@ -57,6 +60,16 @@ def key_path(text: str) -> KeyPath:
     """The key path of its dotted form."""
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text)
     return tuple(int(index) if index else word for index, word in parts)
+
+
+def leaves(value: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
+    """Dotted key and value of whatever is no section, nor a list of sections."""
+    is_list = isinstance(value, list) and any(isinstance(part, Mapping) for part in value)
+    if not isinstance(value, Mapping) and not is_list:
+        yield key_text(path), value
+        return
+    for key, part in value.items() if isinstance(value, Mapping) else enumerate(value):
+        yield from leaves(part, (*path, key))
 
 
 def dump(data: Mapping[str, Any], indent: str = "") -> str:
@@ -195,22 +208,8 @@ def _scalar(value: Any) -> str:
         return re.sub(r"^(-?\d+)e", r"\1.0e", repr(value))
     if isinstance(value, int):
         return str(value)
-    return value if _is_plain(value) else _quoted(value)
-
-
-# words that a YAML 1.1 reader would take for something else
-_TRAPS = re.compile("y|yes|n|no|on|off|true|false|null", re.IGNORECASE)
-
-
-_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z0-9_./-]+)*")
-
-
-def _is_plain(text: str) -> bool:
-    return bool(_WORDS.fullmatch(text)) and not _TRAPS.fullmatch(text)
-
-
-def _quoted(text: str) -> str:
-    return "".join(chain('"', map(_escaped, text), '"'))
+    is_plain = _WORDS.fullmatch(value) and not _TRAPS.fullmatch(value)
+    return str(value) if is_plain else "".join(chain('"', map(_escaped, value), '"'))
 
 
 def _escaped(character: str) -> str:
@@ -219,6 +218,3 @@ def _escaped(character: str) -> str:
     if character == " " or character.isprintable():
         return character
     return f"\\U{ord(character):08x}"
-
-
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -21,19 +21,19 @@ KERNELS = "fenics"  # dolfinx keeps its compiled kernels there, below XDG_CACHE_
 logger = logging.getLogger("indent_sim")
 
 
-def load_dolfinx() -> None:
-    """Import dolfinx; BackendError when there is no place at all for compiled kernels."""
+def load_dolfinx() -> Path:
+    """Import dolfinx, which keeps compiled kernels in the folder that is returned; BackendError when none will do."""
     _settle_folders()
     ours, sys.argv = sys.argv, ["indent-sim"]  # its logger would take options from ours, and no odd file names
     pipe = signal.getsignal(signal.SIGPIPE)
     try:
         import petsc4py
 
-        petsc4py.init(["indent-sim", "-skip_petscrc"])
+        petsc4py.init(["indent-sim", "-skip_petscrc", "-no_signal_handler"])  # which would end by exit 59
         with _in_the_root_folder(), _light_versions():
             from indent_sim.fe import compat
 
-            compat.read_settings()
+            return compat.read_settings()
     finally:
         sys.argv = ours
         if threading.current_thread() is threading.main_thread():
@@ -42,8 +42,7 @@ def load_dolfinx() -> None:
 
 @contextmanager
 def _light_versions() -> Iterator[None]:
-    """UFL and FFCx of dolfinx 0.5 load pkg_resources to learn their own versions, a tenth of all imports; what they ask
-    it for is answered by importlib."""
+    """importlib in place of pkg_resources, a tenth of all imports, of which UFL and FFCx 0.5 ask their versions."""
     if "pkg_resources" in sys.modules:
         yield
         return
@@ -110,8 +109,6 @@ def _is_searchable(folder: Path) -> bool:
     """Whether a file can be looked for in it; that there is none, or no folder, is an answer."""
     try:
         (folder / "ffcx").stat()
-    except FileNotFoundError:
-        return True
-    except OSError:
-        return False
+    except OSError as error:
+        return isinstance(error, FileNotFoundError)
     return True

@@ -29,10 +29,10 @@ from indent_sim.process.errors import BackendError
 STALE = 30.0  # s without a change in an unfinished entry that nobody has locked; compiling one takes a few
 PAUSE = 0.1  # s between two looks at an entry that is waited for
 logger = logging.getLogger("indent_sim")
-FAILED = "Failed just-in-time compilation"  # so dolfinx tells the other ranks
-OWN = {"get_cached_module": ("module_name", "object_names", "cache_dir", "timeout"),
-       "_compile_objects": ("decl", "ufl_objects", "object_names", "module_name")}  # of FFCx: parameters  # fmt: skip
-OTHERWISE = "FFCx keeps kernels in another way than is known here: runs that compile at once may have to be repeated"
+FFCX_FUNCTIONS = {
+    "get_cached_module": ("module_name", "object_names", "cache_dir", "timeout"),
+    "_compile_objects": ("decl", "ufl_objects", "object_names", "module_name"),
+}  # of FFCx: parameters
 _found: Callable[..., Any]
 _compiled: Callable[..., Any]
 _told: set[str] = set()
@@ -41,18 +41,16 @@ _claimed: dict[Path, int | None] = {}  # entries this process has begun, and the
 
 
 def watch_the_cache() -> bool:
-    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more often at will.
-
-    Both take the place of functions that FFCx does not promise to keep: where one is missing, or has other parameters,
-    that is said and everything is left to FFCx (False).
-    """
+    """Let FFCx go through `lookup` and `compile_kernels`; call before the first form, and more often at will. Both take
+    the place of functions that FFCx does not promise to keep: where one is missing, or has other parameters, that is
+    said and everything is left to FFCx (False)."""
     global _found, _compiled
     if getattr(jit, "get_cached_module", None) is lookup:
         return True
-    if not all(_takes(getattr(jit, name, None), parameters) for name, parameters in OWN.items()):
-        _tell(OTHERWISE)
+    if not all(_takes(getattr(jit, name, None), parameters) for name, parameters in FFCX_FUNCTIONS.items()):
+        _tell("FFCx keeps kernels in another way than is known here: runs that compile at once may have to be repeated")
         return False
-    _found, _compiled = (getattr(jit, name) for name in OWN)
+    _found, _compiled = (getattr(jit, name) for name in FFCX_FUNCTIONS)
     jit.get_cached_module, jit._compile_objects = lookup, compile_kernels
     return True
 
@@ -67,17 +65,15 @@ def compiling() -> Iterator[None]:
     try:
         yield
     except RuntimeError as error:
-        if FAILED not in str(error):
+        if "Failed just-in-time compilation" not in str(error):  # so dolfinx tells the other ranks
             raise
         raise BackendError(str(error)) from error
 
 
 def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) -> Any:
-    """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait for any.
-
-    An entry that nobody works on is removed, and compiled anew, and so is one whose library a full disk or a power
-    failure has cut off: to load it would end the process.
-    """
+    """FFCx's own look-up, for unfinished entries by one process at a time, so that it need not wait for any. An entry
+    that nobody works on is removed, and compiled anew, and so is one whose library a full disk or a power failure has
+    cut off: to load it would end the process."""
     entry = Path(cache_dir) / f"{module_name}.c"
     wanted = entry, *object_names
     if wanted in _loaded:
@@ -85,12 +81,16 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
     if _is_good(entry):
         return _loaded.setdefault(wanted, _found(module_name, object_names, cache_dir, timeout))
     _give_claims_back()
-    with _refused_folder(entry):
+    try:
         was_locked, lock = entry.with_suffix(".lock").exists(), _locked(entry)
         if lock is None or not was_locked:
             _await_others(entry)
         if not _is_good(entry):
-            _clear(entry)
+            for name in (f"{entry.stem}{ending}" for ending in ("*so", ".c.cached", ".c")):
+                for file in entry.parent.glob(name):
+                    file.unlink(missing_ok=True)
+    except OSError as error:
+        raise BackendError(f"cannot keep kernels in {entry.parent}: {error.strerror or error}") from error
     found = _found(module_name, object_names, cache_dir, timeout)
     if found[0] is not None:
         _let_go(lock)
@@ -98,15 +98,6 @@ def lookup(module_name: str, object_names: Any, cache_dir: Any, timeout: int) ->
     _claimed[entry] = lock
     _tell("compiling kernels (first run only)")
     return found
-
-
-@contextmanager
-def _refused_folder(entry: Path) -> Iterator[None]:
-    """A folder of kernels that cannot be written, as BackendError."""
-    try:
-        yield
-    except OSError as error:
-        raise BackendError(f"cannot keep kernels in {entry.parent}: {error.strerror or error}") from error
 
 
 def _locked(entry: Path) -> int | None:
@@ -143,19 +134,12 @@ def _await_others(entry: Path) -> None:
 def _traces(entry: Path) -> dict[str, tuple[int, int]]:
     """Size and date of every file of an entry; only whether they change is of interest."""
     with suppress(FileNotFoundError):
-        files = {file.name: file.stat() for file in entry.parent.glob(f"{entry.stem}*")}
-        return {name: (found.st_size, found.st_mtime_ns) for name, found in files.items()}
+        files = ((file.name, file.stat()) for file in entry.parent.glob(f"{entry.stem}*"))
+        return {name: (found.st_size, found.st_mtime_ns) for name, found in files}
     return {}
 
 
-def _clear(entry: Path) -> None:
-    for suffix in ("*so", ".c.cached", ".c"):
-        for file in entry.parent.glob(f"{entry.stem}{suffix}"):
-            file.unlink(missing_ok=True)
-
-
 def _tell(what: str) -> None:
-    """Say something once in the life of the process."""
     if what not in _told:
         _told.add(what)
         logger.info(what)

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import dolfinx
 import numpy as np
+from mpi4py import MPI
 
 from indent_sim.fe import compat
 from indent_sim.mesh import rows
 from indent_sim.mesh.grid import Grid
-from indent_sim.mesh.part import Part
-
-AT_POINT = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
+from indent_sim.mesh.modelled_part import Part, on_dome
 
 
 @dataclass(frozen=True)
 class BodyMesh:
     """The distributed mesh; `surfaces` maps each named surface to its facets on this rank.
+    skin: the boundary facets beside the contact surface, but for those on mirror planes and guided by rollers; regions:
+    the number of the region of each cell on this rank (n,)."""
 
-    regions: the number of the region of each cell on this rank (n,).
-    """
-
-    mesh: Any
+    mesh: dolfinx.mesh.Mesh
     part: Part
     surfaces: dict[str, np.ndarray]
+    skin: np.ndarray
     regions: np.ndarray
     hash: str
 
     @cached_property
-    def comm(self) -> Any:
+    def comm(self) -> MPI.Comm:
         """The communicator of the mesh."""
         return self.mesh.comm
 
@@ -40,29 +38,21 @@ class BodyMesh:
         """Topological dimension of a cell."""
         return self.part.dim
 
-    @property
-    def facet_dim(self) -> int:
-        """Topological dimension of a facet."""
-        return self.dim - 1
-
     def vertices_at(self, point: tuple[float, ...]) -> np.ndarray:
         """Local vertices at a point."""
-        target = np.asarray(point)[:, None]
-
-        def close(x: np.ndarray) -> np.ndarray:
-            return np.all(np.abs(x[: self.dim] - target) < AT_POINT, axis=0)
-
-        return dolfinx.mesh.locate_entities(self.mesh, 0, close)
+        target = np.asarray(point)[:, None]  # coordinates are near 1 and rounded to 12 digits
+        return dolfinx.mesh.locate_entities(self.mesh, 0, lambda x: (np.abs(x[: self.dim] - target) < 1e-9).all(axis=0))
 
 
-def distribute(grid: Grid | None, part: Part, comm: Any) -> BodyMesh:
+def distribute(grid: Grid | None, part: Part, comm: MPI.Comm) -> BodyMesh:
     """Divide the grid of a part, which rank 0 can read, among all ranks; each has its named surfaces (collective).
 
     A rank takes the rows of one slice of points and cells, and from there dolfinx finds who is best to have which cell.
     """
     dim = part.dim
     fingerprint, named = comm.bcast((grid.hash, grid.surfaces) if grid else None, root=0)
-    points, cells, regions = (rows.scatter(comm, getattr(grid, name, None)) for name in ("points", "cells", "regions"))
+    whole = (None,) * 3 if grid is None else (*_curved(grid, part), grid.regions)
+    points, cells, regions = (rows.scatter(comm, table) for table in whole)
     mesh = compat.create_mesh(comm, cells, points, dim)
     regions = rows.fetch(comm, regions, np.asarray(mesh.topology.original_cell_index))
     mesh.topology.create_connectivity(dim - 1, dim)
@@ -70,7 +60,23 @@ def distribute(grid: Grid | None, part: Part, comm: Any) -> BodyMesh:
     mesh.topology.create_connectivity(0, dim)
     facets, corners = compat.exterior_facets(mesh)
     surfaces = {surface: facets[_among(corners, wanted)] for surface, wanted in named.items()}
-    return BodyMesh(mesh, part, surfaces, regions, fingerprint)
+    others = [facets[:0], *(surfaces[name] for name in named if name == "top" or part.supports.get(name) == "roller")]
+    skin = np.setdiff1d(facets, np.concatenate(others))
+    return BodyMesh(mesh, part, surfaces, skin, regions, fingerprint)
+
+
+def _curved(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells of a grid; with a spherical top the middles of edges too, on the sphere where its facets are."""
+    if part.dome is None:
+        return grid.points, grid.cells
+    corners, n = grid.cells, len(grid.points)
+    edges = np.sort(corners[:, [[1, 2], [0, 2], [0, 1]]], axis=2).reshape(-1, 2)
+    ends, number = np.unique(edges, axis=0, return_inverse=True)
+    middles = grid.points[ends].mean(axis=1)
+    arcs = {side.surface for side in part.outline if side.middle is not None}
+    round_ = _among(ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)]))
+    middles[round_] = np.column_stack(on_dome(part.dome, *middles[round_].T))
+    return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
 
 
 def _among(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from indent_sim.mesh.grid import DIGITS, Grid, named_surfaces, regions_of_cells
-from indent_sim.mesh.meshed import MeshedPart, refined
-from indent_sim.mesh.part import Part, Side
+from indent_sim.mesh.grid import LENGTH_DIGITS, Grid, is_flat, named_surfaces, regions_of_cells
+from indent_sim.mesh.modelled_part import Part, Side
+from indent_sim.mesh.part_from_file import MeshedPart, refined
 from indent_sim.mesh.sizes import Sizes, formula_around, size_formula
 from indent_sim.model.body import BallInclusion, CylinderInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
@@ -21,10 +21,9 @@ from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.ranks import is_one_of_several
 
 T = TypeVar("T")
-SHAKE = 1e-9  # of the body, what gmsh shifts points by so that no four of them lie on a circle
-SHAKE_OF_ELEMENT = 1e-4
-MILDER = (1.0, 0.1, 0.01)  # of that, in turn: 4 meshes in 10 of a strip had flat triangles at 1, none at 0.1
-FLAT = 1e-9  # volume of a cell over length^dim: beside a split at 1e-8 of the body it is 1e-8
+Gmsh = Any  # the module, which is loaded where it meshes alone, or one of its kernels
+OPTIONS = {"General.Terminal": 0, "General.Verbosity": 1, "General.NumThreads": 1}  # says errors alone
+OPTIONS |= {"Mesh.MeshSizeExtendFromBoundary": 0, "Mesh.MeshSizeFromPoints": 0}
 SHAKES = 10.0  # points nearer to one another may change places by the shift, and then gmsh aborts: seen up to 4
 
 
@@ -42,13 +41,13 @@ def begin(part: Part, sizes: Sizes) -> Callable[[], Grid]:
     A mesh from a file is refined, without gmsh, and by a process alone here.
     """
     if not isinstance(part, MeshedPart):
-        return elsewhere("gmsh could not mesh the body", _meshed, part, sizes, aloud=True)
+        return elsewhere("gmsh could not mesh the body", _meshed, part, sizes, terminal=1)
     if not is_one_of_several():
         return partial(refined, part, sizes)
     return elsewhere("the mesh could not be refined", refined, part, sizes)
 
 
-def elsewhere(failure: str, function: Callable[..., T], *arguments: Any, **there: Any) -> Callable[[], T]:
+def elsewhere(failure: str, function: Callable[..., T], *arguments: object, **there: object) -> Callable[[], T]:
     """Begin a call in the forked process, told `there` too; what is returned waits for what it gives.
 
     On several ranks the arrays stay in a temporary file, from which they are divided; a process is not forked once MPI
@@ -61,7 +60,14 @@ def elsewhere(failure: str, function: Callable[..., T], *arguments: Any, **there
         answer = _mesher.ask(partial(here, **there), mapped=is_one_of_several())
     except OSError:
         return here
-    return partial(_answered, answer, failure)
+
+    def answered() -> T:
+        try:
+            return answer()
+        except Crash as crash:
+            raise MeshError(f"{failure}: its process {crash}") from None
+
+    return answered
 
 
 def start() -> None:
@@ -70,19 +76,12 @@ def start() -> None:
         _mesher.start()
 
 
-def _answered(answer: Callable[[], T], failure: str) -> T:
-    try:
-        return answer()
-    except Crash as crash:
-        raise MeshError(f"{failure}: its process {crash}") from None
-
-
-def _meshed(part: Part, sizes: Sizes, aloud: bool = False) -> Grid:
-    """The mesh of a part; gmsh may fail, or leave cells without volume, by its shift: then with a smaller one."""
+def _meshed(part: Part, sizes: Sizes, terminal: int = 0) -> Grid:
+    """The mesh of a part, with a smaller shift where gmsh fails or leaves flat cells; terminal: 1 where it prints."""
     failure = MeshError("gmsh left cells without volume; another mesh.h_contact may help")
-    for milder in MILDER:
+    for milder in (1.0, 0.1, 0.01):  # 4 meshes in 10 of a strip had flat triangles at 1, none at 0.1
         try:
-            grid = _generated(part, sizes, milder * _shake(part, sizes), aloud)
+            grid = _generated(part, sizes, milder * _shake(part, sizes), terminal)
         except MeshError as error:
             failure = error
             continue
@@ -91,11 +90,19 @@ def _meshed(part: Part, sizes: Sizes, aloud: bool = False) -> Grid:
     raise failure
 
 
-def _generated(part: Part, sizes: Sizes, shake: float, aloud: bool) -> Grid:
+def has_flat_cells(grid: Grid) -> bool:
+    """Whether a cell has no volume to speak of."""
+    return bool(is_flat(grid.points, grid.cells).any())
+
+
+def _generated(part: Part, sizes: Sizes, shake: float, terminal: int) -> Grid:
     with _gmsh_session() as gmsh:
-        gmsh.option.setNumber("General.Terminal", int(aloud))
+        gmsh.option.setNumber("General.Terminal", terminal)
         try:
-            _draw(gmsh, part, sizes)
+            draw = _draw_section if part.dim == 2 else _draw_round if part.bend else _draw_box
+            draw(gmsh, part, sizes)
+            if part.inclusions:
+                _draw_inclusions(gmsh, part)
             _prescribe_sizes(gmsh, sizes, part.dim)
             gmsh.option.setNumber("Mesh.RandomFactor", shake)
             gmsh.model.mesh.generate(part.dim)
@@ -105,17 +112,15 @@ def _generated(part: Part, sizes: Sizes, shake: float, aloud: bool) -> Grid:
 
 
 def _load() -> None:
-    """Import gmsh and start it once."""
     with _gmsh_session():
         pass
 
 
-# One for this process, as gmsh is; what gmsh prints there is kept for the message of a crash
-_mesher = Forked(lambda call: call(), _load)
+_mesher = Forked(lambda call: call(), _load)  # one for this process, as gmsh is; keeps what gmsh prints for a crash
 
 
 @contextmanager
-def _gmsh_session() -> Iterator[Any]:
+def _gmsh_session() -> Iterator[Gmsh]:
     handler = signal.getsignal(signal.SIGINT)  # importing, initialising and finalising gmsh each take it away
     try:
         import gmsh
@@ -124,13 +129,7 @@ def _gmsh_session() -> Iterator[Any]:
     gmsh.initialize([], False)  # no user configuration: the mesh depends on the scene alone
     try:
         signal.signal(signal.SIGINT, handler)
-        for option, value in (
-            ("General.Terminal", 0),
-            ("General.Verbosity", 1),  # errors alone
-            ("General.NumThreads", 1),
-            ("Mesh.MeshSizeExtendFromBoundary", 0),
-            ("Mesh.MeshSizeFromPoints", 0),
-        ):
+        for option, value in OPTIONS.items():
             gmsh.option.setNumber(option, value)
         gmsh.model.add("indent-sim")
         yield gmsh
@@ -139,56 +138,34 @@ def _gmsh_session() -> Iterator[Any]:
         signal.signal(signal.SIGINT, handler)
 
 
-def _draw(gmsh: Any, part: Part, sizes: Sizes) -> None:
-    if part.dim == 2:
-        _draw_section(gmsh, part, sizes)
-    elif part.bend:
-        _draw_round(gmsh, part)
-    else:
-        _draw_box(gmsh, part, sizes)
-    _draw_inclusions(gmsh, part)
-
-
-def _kernel(gmsh: Any, part: Part) -> Any:
+def _kernel(gmsh: Gmsh, part: Part) -> Gmsh:
     """The built-in CAD kernel, which knows no tolerance; OpenCASCADE where there is something to cut out."""
     return gmsh.model.occ if part.inclusions else gmsh.model.geo
 
 
-def _draw_inclusions(gmsh: Any, part: Part) -> None:
+def _draw_inclusions(gmsh: Gmsh, part: Part) -> None:
     """Cut the inclusions out of what is drawn, as far as they are inside it, and put them in their places."""
-    if not part.inclusions:
-        return
-    occ, draw = gmsh.model.occ, _section_of if part.dim == 2 else _solid_of
-    around = gmsh.model.getEntities(part.dim)
-    whole = [(part.dim, draw(occ, inclusion)) for inclusion in part.inclusions]
+    occ, around = gmsh.model.occ, gmsh.model.getEntities(part.dim)
+    whole = [(part.dim, _shape_of(occ, inclusion, part.dim)) for inclusion in part.inclusions]
     inside, _ = occ.intersect(whole, around, removeTool=False)
     occ.fragment(around, inside)
     occ.synchronize()
 
 
-def _section_of(occ: Any, inclusion: Inclusion) -> int:
-    """Its section y = 0, drawn in (x, y)."""
-    (x, _, z), (half_x, half_z) = _rounded(inclusion.center), _rounded((inclusion.half(0), inclusion.half(2)))
+def _shape_of(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
+    """The inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
+    (x, y, z), (a, b, c) = _rounded(inclusion.center), _rounded(tuple(map(inclusion.half, range(3))))
     if isinstance(inclusion, BallInclusion):
-        return int(occ.addDisk(x, z, 0.0, half_x, half_x))
-    return int(occ.addRectangle(x - half_x, z - half_z, 0.0, 2 * half_x, 2 * half_z))
-
-
-def _solid_of(occ: Any, inclusion: Inclusion) -> int:
-    x, y, z = _rounded(inclusion.center)
-    a, b, c = _rounded(tuple(inclusion.half(axis) for axis in range(3)))
-    if isinstance(inclusion, BallInclusion):
-        return int(occ.addSphere(x, y, z, a))
+        return int(occ.addDisk(x, z, 0.0, a, a) if dim == 2 else occ.addSphere(x, y, z, a))
+    if dim == 2:
+        return int(occ.addRectangle(x - a, z - c, 0.0, 2 * a, 2 * c))
     if isinstance(inclusion, CylinderInclusion):
         return int(occ.addCylinder(x, y, z - c, 0.0, 0.0, 2 * c, a))
     return int(occ.addBox(x - a, y - b, z - c, 2 * a, 2 * b, 2 * c))
 
 
-def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
-    """The section, its top edge split under the tip's axis and at a punch's edge: contact may end there.
-
-    Lines across it are the interfaces between layers.
-    """
+def _draw_section(gmsh: Gmsh, part: Part, sizes: Sizes) -> None:
+    """The section, its top edge split under the tip's axis and at a punch's edge; lines across it part the layers."""
     geo = _kernel(gmsh, part)
     split = [(_rounded(corner), side) for side in part.outline for corner in _corners(part, sizes, side)]
     corners = [corner for corner, _ in split]
@@ -196,20 +173,20 @@ def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
     places = {place: geo.addPoint(*place, 0.0) for place in dict.fromkeys([*corners, *middles])}
     points = [places[corner] for corner in corners]
     pairs = zip(points, points[1:] + points[:1], strict=True)
-    lines = [geo.addCircleArc(a, places[_rounded(side.middle)], b) if side.middle else geo.addLine(a, b)
-             for (a, b), (_, side) in zip(pairs, split, strict=True)]  # fmt: skip
-    heights = [round(z, DIGITS) for z in part.interfaces]
+    lines = [
+        geo.addCircleArc(a, places[_rounded(side.middle)], b) if side.middle else geo.addLine(a, b)
+        for (a, b), (_, side) in zip(pairs, split, strict=True)
+    ]
+    heights = [round(z, LENGTH_DIGITS) for z in part.interfaces]
     right = [next(k for k, corner in enumerate(corners) if corner[1] == z) for z in heights]
     left = [len(corners) - 1 - next(k for k, corner in enumerate(reversed(corners)) if corner[1] == z) for z in heights]
     across = [geo.addLine(points[k], points[m]) for k, m in zip(right, left, strict=True)]
     # each layer goes along the right side up to its upper interface, across, and down the left side
     begins, ends = [0, *right], [len(corners), *left]
     for layer, (begin, end) in enumerate(zip(begins, ends, strict=True)):
-        floor = [-across[layer - 1]] if layer else []
+        floor, around = [-across[layer - 1]] if layer else [], lines[begin:end]
         if layer < len(across):
             around = [*lines[begin : right[layer]], across[layer], *lines[left[layer] : end]]
-        else:
-            around = lines[begin:end]
         geo.addPlaneSurface([geo.addCurveLoop([*floor, *around])])
     geo.synchronize()
 
@@ -217,42 +194,32 @@ def _draw_section(gmsh: Any, part: Part, sizes: Sizes) -> None:
 def _corners(part: Part, sizes: Sizes, side: Side) -> list[tuple[float, ...]]:
     """Where a side of a section begins, and where it is split."""
     if side.surface == "top":
-        radius = part.dome
-        return [side.start, *((x, _rise(radius, x) if radius else side.start[1])
-                              for x in reversed(_splits(part, sizes, side.end[0], side.start[0])))]  # fmt: skip
+        R, at = part.dome, reversed(_splits(part, sizes, side.end[0], side.start[0]))
+        return [side.start, *((x, float(-x * x / (R + np.sqrt(R * R - x * x))) if R else side.start[1]) for x in at)]
     (x0, z0), (x1, z1) = side.start, side.end
     between = sorted((z for z in part.interfaces if min(z0, z1) < z < max(z0, z1)), reverse=z1 < z0)
     return [side.start, *((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z) for z in between)]
 
 
 def _splits(part: Part, sizes: Sizes, x0: float, x1: float) -> list[float]:
-    """Where the top edge from x0 to x1 is split, from left to right.
-
-    What is nearer to a corner or to the axis than gmsh can tell apart is left to that point: at most 1e-8 of the body,
-    which changes the force by as little.
-    """
+    """Where the top edge is split, from left to right, but nowhere within 1e-8 of the body of a corner or the axis."""
     apart = SHAKES * _shake(part, sizes) * part.longest
-    kept = [round(x0, DIGITS), round(x1, DIGITS)]
+    kept = [round(x0, LENGTH_DIGITS), round(x1, LENGTH_DIGITS)]
     for offset in (0.0,) if sizes.edge is None else (0.0, -sizes.edge, sizes.edge):
-        x = round(sizes.axis[0] + offset, DIGITS)
+        x = round(sizes.axis[0] + offset, LENGTH_DIGITS)
         if kept[0] < x < kept[1] and all(abs(x - other) > apart for other in kept):
             kept.append(x)
     return sorted(kept[2:])
 
 
-def _rise(radius: float, r: float) -> float:
-    """z of a spherical top at the distance r from its axis [length]."""
-    return float(-r * r / (radius + np.sqrt(radius * radius - r * r)))
-
-
-def _draw_box(gmsh: Any, part: Part, sizes: Sizes) -> None:
+def _draw_box(gmsh: Gmsh, part: Part, sizes: Sizes) -> None:
     """A box whose top is split along a punch's edge: elements it crosses would feel a smaller punch, each another."""
     (x0, x1), (y0, y1), (z0, z1) = map(_rounded, part.extent)
-    occ, levels = gmsh.model.occ, (z0, *(round(z, DIGITS) for z in part.interfaces), z1)
+    occ, levels = gmsh.model.occ, (z0, *(round(z, LENGTH_DIGITS) for z in part.interfaces), z1)
     layers = [(3, occ.addBox(x0, y0, low, x1 - x0, y1 - y0, high - low)) for low, high in pairwise(levels)]
     split = layers[:-1]
     if sizes.edge is not None:
-        radius = round(sizes.edge, DIGITS)
+        radius = round(sizes.edge, LENGTH_DIGITS)
         disk = occ.addDisk(*sizes.axis, z1, radius, radius)
         below, _ = occ.intersect([(2, disk)], layers[-1:], removeTool=False)
         split = [*split, *below]
@@ -261,38 +228,33 @@ def _draw_box(gmsh: Any, part: Part, sizes: Sizes) -> None:
     occ.synchronize()
 
 
-def _draw_round(gmsh: Any, part: Part) -> None:
+def _draw_round(gmsh: Gmsh, part: Part, sizes: Sizes) -> None:
     """The outline with its arcs, drawn on the base and pulled up to the top, layer by layer."""
-    geo, base = _kernel(gmsh, part), -round(part.height, DIGITS)
+    geo, base = _kernel(gmsh, part), -round(part.height, LENGTH_DIGITS)
     middles = [side.middle for side in part.outline if side.middle]
-    places = dict.fromkeys(map(_rounded, [*middles, *(side.start for side in part.outline)]))
-    points = {place: geo.addPoint(*place, base) for place in places}
+    places = [*middles, *(side.start for side in part.outline)]
+    points = {place: geo.addPoint(*place, base) for place in dict.fromkeys(map(_rounded, places))}
 
     def line(side: Side) -> int:
         ends = points[_rounded(side.start)], points[_rounded(side.end)]
         return geo.addCircleArc(ends[0], points[_rounded(side.middle)], ends[1]) if side.middle else geo.addLine(*ends)
 
     face = (2, geo.addPlaneSurface([geo.addCurveLoop([line(side) for side in part.outline])]))
-    for low, high in pairwise((base, *(round(z, DIGITS) for z in part.interfaces), 0.0)):
+    for low, high in pairwise((base, *(round(z, LENGTH_DIGITS) for z in part.interfaces), 0.0)):
         face = geo.extrude([face], 0.0, 0.0, high - low)[0]
     geo.synchronize()
 
 
 def _rounded(point: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(round(x, DIGITS) for x in point)
+    return tuple(round(x, LENGTH_DIGITS) for x in point)
 
 
-def _prescribe_sizes(gmsh: Any, sizes: Sizes, dim: int) -> None:
+def _prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
     """The smallest of what contact and inclusions want, each a field of its own: a minimum doubles a formula."""
-    field = gmsh.model.mesh.field
-
-    def wanted(formula: str) -> int:
-        tag: int = field.add("MathEval")
-        field.setString(tag, "F", formula)
-        return tag
-
-    tags = [wanted(size_formula(sizes, dim))]
-    tags += [wanted(formula_around(*one, sizes.grading, dim)) for one in sizes.inclusions]
+    field, tags = gmsh.model.mesh.field, []
+    for formula in (size_formula(sizes, dim), *(formula_around(*one, sizes.grading, dim) for one in sizes.inclusions)):
+        tags.append(field.add("MathEval"))
+        field.setString(tags[-1], "F", formula)
     least = tags[0] if len(tags) == 1 else field.add("Min")
     if len(tags) > 1:
         field.setNumbers(least, "FieldsList", tags)
@@ -300,15 +262,12 @@ def _prescribe_sizes(gmsh: Any, sizes: Sizes, dim: int) -> None:
 
 
 def _shake(part: Part, sizes: Sizes) -> float:
-    """How far gmsh may shift the points of a mesh at random, as a part of the longest side of the body.
-
-    Its own 1e-9, but little beside the smallest element: more turns cells inside out, and then the force is wrong or
-    gmsh aborts.
-    """
-    return min(SHAKE, SHAKE_OF_ELEMENT * sizes.finest / part.longest)
+    """How far gmsh may shift points, of the body's longest side; more turns cells inside out, or gmsh aborts."""
+    # gmsh's own is 1e-9, by which no four points lie on a circle
+    return min(1e-9, 1e-4 * sizes.finest / part.longest)
 
 
-def _grid(gmsh: Any, part: Part, sizes: Sizes) -> Grid:
+def _grid(gmsh: Gmsh, part: Part, sizes: Sizes) -> Grid:
     dim = part.dim
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     _, nodes = gmsh.model.mesh.getElementsByType(2 if dim == 2 else 4)
@@ -319,14 +278,5 @@ def _grid(gmsh: Any, part: Part, sizes: Sizes) -> Grid:
     rows = order[np.searchsorted(np.asarray(tags)[order], used)]
     points = np.ascontiguousarray(np.asarray(coordinates).reshape(-1, 3)[rows, :dim])
     cells = np.ascontiguousarray(cells.reshape(-1, dim + 1))
-    surfaces = named_surfaces(points, cells, part, sizes.finest)
-    regions = regions_of_cells(points, cells, part)
+    regions, surfaces = regions_of_cells(points, cells, part), named_surfaces(points, cells, part, sizes.finest)
     return Grid(points, cells, regions, surfaces, gmsh.option.getString("General.Version"))
-
-
-def has_flat_cells(grid: Grid) -> bool:
-    """Whether a cell has no volume, as a triangle on three points of a straight side."""
-    corners = grid.points[grid.cells]
-    edges = corners[:, 1:] - corners[:, :1]
-    lengths = np.abs(edges).max(axis=(1, 2))
-    return bool((np.abs(np.linalg.det(edges)) < FLAT * lengths ** grid.points.shape[1]).any())

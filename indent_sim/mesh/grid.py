@@ -5,17 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from indent_sim.mesh.part import Part
+from indent_sim.mesh.modelled_part import Part
 
-DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
-ON_SURFACE = 1e-9  # of a body whose coordinates are near 1 and rounded to 12 digits
-LOT = 10**6  # rows worked on at a time: what they take then is little beside what a solver takes
-OF_ELEMENT = 1e-3  # the smallest: less than what lies between a surface and the next nodes
+FLAT_CELL_VOLUME = 1e-9  # volume of a cell over length^dim, less is none: beside a split at 1e-8 of the body it is 1e-8
+LENGTH_DIGITS = 12  # lengths are rounded to this many digits, so that a scene in nm and in m gives the same mesh
+ROWS_AT_ONCE = 10**6  # rows worked on at a time: what they take then is little beside what a solver takes
 
 
 @dataclass(frozen=True)
@@ -35,9 +33,10 @@ class Grid:
     def hash(self) -> str:
         """Fingerprint of the mesh, for the record of a run; not all of it in memory at a time."""
         digest = hashlib.sha256()
-        for table, to_digits in ((self.points, partial(np.round, decimals=DIGITS)), (self.cells, np.ascontiguousarray)):
-            for some in lots(len(table)):
-                digest.update(to_digits(table[some]).tobytes())
+        for some in lots(len(self.points)):
+            digest.update(np.round(self.points[some], decimals=LENGTH_DIGITS).tobytes())
+        for some in lots(len(self.cells)):
+            digest.update(np.ascontiguousarray(self.cells[some]).tobytes())
         return digest.hexdigest()[:16]
 
 
@@ -46,11 +45,14 @@ def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: fl
 
     A facet belongs to the surface that holds all its corners, to a flat one rather than to a curved one.
     """
-    near = min(ON_SURFACE, OF_ELEMENT * finest)
+    near = min(1e-9, 1e-3 * finest)  # of coordinates near 1 with 12 digits; less than from a surface to the next nodes
     boundary, _ = boundary_of(cells)
+    distances = [] if part.dim == 2 else [("base", points[:, 2] + part.height), ("top", points[:, 2])]
+    sides = sorted(part.outline, key=lambda side: side.middle is not None)
+    distances += [(side.surface, side.distance(points[:, 0], points[:, 1])) for side in sides]
     found: dict[str, np.ndarray] = {}
-    for surface, distance in _distances(points, part):
-        is_on = (distance < near)[boundary].all(axis=1)
+    for surface, distance in distances:
+        is_on = (np.abs(distance) < near)[boundary].all(axis=1)
         found[surface] = np.concatenate([found.get(surface, boundary[:0]), boundary[is_on]])
         boundary = boundary[~is_on]
     return found
@@ -66,13 +68,6 @@ def regions_of_cells(points: np.ndarray, cells: np.ndarray, part: Part) -> np.nd
     return found.astype(np.int32)
 
 
-def _distances(points: np.ndarray, part: Part) -> list[tuple[str, np.ndarray]]:
-    """Each surface and the distance of all points to it, flat ones first [length]."""
-    ends = [] if part.dim == 2 else [("base", np.abs(points[:, 2] + part.height)), ("top", np.abs(points[:, 2]))]
-    sides = sorted(part.outline, key=lambda side: side.middle is not None)
-    return ends + [(side.surface, side.distance(points[:, 0], points[:, 1])) for side in sides]
-
-
 def boundary_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The facets (k, dim) that belong to one cell only, and the corner (k,) of that cell that is not on it."""
     found, opposite = [cells[:0, 1:]], [cells[:0, 0]]
@@ -84,7 +79,7 @@ def boundary_of(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(found), np.concatenate(opposite)
 
 
-def facets_of(cells: np.ndarray, lot: int = LOT) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def facets_of(cells: np.ndarray, lot: int = ROWS_AT_ONCE) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The facets (k, dim) of all cells, with the cell (k,) of each and the corner (k,) of that which it leaves out.
 
     About a `lot` of them at a time, by their smallest point: those of the same points come together.
@@ -99,6 +94,27 @@ def facets_of(cells: np.ndarray, lot: int = LOT) -> Iterator[tuple[np.ndarray, n
         yield cells[cell][kept].reshape(-1, corners - 1), cell, corner
 
 
-def lots(count: int, lot: int = LOT) -> Iterator[slice]:
+def is_flat(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Which cells have no volume (m,), as a triangle on three points of a straight side."""
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    least = FLAT_CELL_VOLUME * np.abs(edges).max(axis=(1, 2)) ** points.shape[1]
+    return np.asarray(np.abs(np.linalg.det(edges)) <= least)
+
+
+def normals(corners: np.ndarray) -> np.ndarray:
+    """The unit normals of segments or triangles (k, n, n), on either side."""
+    edges = corners[:, 1:] - corners[:, :1]
+    is_segment, first = corners.shape[2] == 2, edges[:, 0]
+    found = np.column_stack([first[:, 1], -first[:, 0]]) if is_segment else np.cross(first, edges[:, 1])
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def same_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers of rows, in ascending order of them, and which of these (k - 1,) hold the same as the next."""
+    order = np.lexsort(rows.T)
+    return order, (rows[order[1:]] == rows[order[:-1]]).all(axis=1)
+
+
+def lots(count: int, lot: int = ROWS_AT_ONCE) -> Iterator[slice]:
     """Slices of so many rows, a `lot` at a time."""
     return (slice(begin, begin + lot) for begin in range(0, count, lot))

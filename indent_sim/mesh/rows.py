@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+Comm = Any  # a communicator of mpi4py
 
-def scatter(comm: Any, table: np.ndarray | None) -> np.ndarray:
+
+def scatter(comm: Comm, table: np.ndarray | None) -> np.ndarray:
     """This rank's slice of a table (n, ...) that rank 0 can read, sent one after the other (collective).
 
     A table in a file is never in memory as a whole.
@@ -23,7 +25,7 @@ def scatter(comm: Any, table: np.ndarray | None) -> np.ndarray:
     return table[: ends[1]]
 
 
-def fetch(comm: Any, mine: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def fetch(comm: Comm, mine: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Rows by their numbers in a table whose slices are `mine`, from the ranks that have them (collective)."""
     ends = _ends(comm, comm.allreduce(len(mine)))
     owner = np.searchsorted(ends, wanted, side="right") - 1
@@ -35,6 +37,6 @@ def fetch(comm: Any, mine: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return found
 
 
-def _ends(comm: Any, count: int) -> np.ndarray:
+def _ends(comm: Comm, count: int) -> np.ndarray:
     """The row at which the slice of each rank begins, and the end of the last (ranks + 1,)."""
     return np.arange(comm.size + 1) * count // comm.size

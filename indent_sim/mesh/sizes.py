@@ -8,7 +8,7 @@ import numpy as np
 
 from indent_sim.model.body import Inclusion
 
-ENOUGH = 3.0  # elements per contact radius below which results are doubtful
+DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
 
 
 @dataclass(frozen=True)
@@ -80,19 +80,17 @@ class Sizes:
 
     def is_enough(self, a: float) -> bool:
         """Whether a contact of radius a is resolved; a punch's is known before, and its edge refined."""
-        return self.edge is not None or self.elements(a) >= ENOUGH
+        return self.edge is not None or self.elements(a) >= DOUBTFUL_ELEMENTS
 
 
 def size_formula(sizes: Sizes, dim: int) -> str:
     """The element size at (x, y[, z]) as a gmsh MathEval expression (gmsh has no min or max there)."""
     number = "{:.12g}".format
+    x, y = (*map(number, sizes.axis), "")[:2]
+    r, depth = f"Sqrt((x-({x}))^2+(y-({y}))^2)", "Abs(z)"
     if dim == 2:
-        r, depth = f"Abs(x-({number(sizes.axis[0])}))", "Abs(y)"
-    else:
-        x, y = (number(c) for c in sizes.axis)
-        r, depth = f"Sqrt((x-({x}))^2+(y-({y}))^2)", "Abs(z)"
-    outside = _positive(f"({r}-{number(sizes.patch)})")
-    near = number(sizes.h_contact)
+        r, depth = f"Abs(x-({x}))", "Abs(y)"
+    outside, near = _positive(f"({r}-{number(sizes.patch)})"), number(sizes.h_contact)
     if sizes.h_axis is not None:
         near = _smaller(near, _larger(number(sizes.h_axis), f"{number(sizes.slope)}*{r}"))
     size = f"{near}+{number(sizes.grading)}*Sqrt({outside}^2+{depth}^2)"

@@ -5,59 +5,55 @@ A tip is written once; the solver differentiates it symbolically and the results
 
 from __future__ import annotations
 
+from functools import partial
 from math import pi
 from typing import Any
 
+import numpy as np
 
-def is_symbolic(*values: Any) -> bool:
+Expr = Any  # a number, an array or a UFL expression (which knows no types): formulas are written once for all
+
+
+class _Ufl:
+    """UFL, imported when something of it is first needed: plans and results do without."""
+
+    def __getattr__(self, name: str) -> Expr:
+        import ufl
+
+        return getattr(ufl, name)
+
+
+ufl = _Ufl()
+
+
+def is_symbolic(*values: Expr) -> bool:
     """Whether any of the values is a UFL expression."""
     return any(hasattr(value, "ufl_shape") for value in values)
 
 
-def sqrt(x: Any) -> Any:
-    """Square root."""
-    if is_symbolic(x):
-        import ufl
-
-        return ufl.sqrt(x)
-    import numpy as np
-
-    return np.sqrt(x)
+def _of(name: str, x: Expr) -> Expr:
+    """A function of both libraries by numpy's name for it."""
+    return getattr(ufl, "ln" if name == "log" else name)(x) if is_symbolic(x) else getattr(np, name)(x)
 
 
-def log(x: Any) -> Any:
-    """Natural logarithm."""
-    if is_symbolic(x):
-        import ufl
-
-        return ufl.ln(x)
-    import numpy as np
-
-    return np.log(x)
+def _of_angle(name: str, degrees: Expr) -> Expr:
+    return _of(name, degrees * pi / 180 if is_symbolic(degrees) else np.radians(degrees))
 
 
-def exp(x: Any) -> Any:
-    """e^x."""
-    if is_symbolic(x):
-        import ufl
-
-        return ufl.exp(x)
-    import numpy as np
-
-    return np.exp(x)
-
+sqrt, log, exp = (partial(_of, name) for name in ("sqrt", "log", "exp"))  # log: the natural one
+sin, cos, tan = (partial(_of_angle, name) for name in ("sin", "cos", "tan"))  # of angles in degrees
 
 SERIES = 0.03  # up to here ln(1 + x) and its derivatives come from a series, which keeps the digits of a small x
 ODD = (1 / 3, 1 / 5, 1 / 7, 1 / 9)  # ln(1 + x) = 2 z (1 + z^2/3 + z^4/5 + ...), z = x / (2 + x); the next is 1e-19
 
 
-def log1p(x: Any) -> Any:
+def log1p(x: Expr) -> Expr:
     """ln(1 + x)."""
     z = x / (2 + x)
     return _where_small(x, 2 * z + 2 * z**3 * _odd(z), log(1 + x))
 
 
-def log1p_remainder(x: Any) -> Any:
+def log1p_remainder(x: Expr) -> Expr:
     """x - ln(1 + x), which is x^2/2 for small x."""
     z = x / (2 + x)
     return _where_small(x, 2 * z * z / (1 - z) - 2 * z**3 * _odd(z), x - log(1 + x))
@@ -66,74 +62,45 @@ def log1p_remainder(x: Any) -> Any:
 TAYLOR = 10  # e^x - 1 - x up to x^10/10!: its second derivative is good to 2e-17, the next x^9/9! of SERIES
 
 
-def expm1_remainder(x: Any) -> Any:
+def expm1_remainder(x: Expr) -> Expr:
     """e^x - 1 - x, which is x^2/2 for small x."""
-    small: Any = 0.0
+    small: Expr = 0.0
     for n in range(TAYLOR, 2, -1):
         small = (1 + small) * x / n
     return _where_small(x, x * x / 2 * (1 + small), exp(x) - 1 - x)
 
 
-def _odd(z: Any) -> Any:
+def _odd(z: Expr) -> Expr:
     square, total = z * z, 0.0
     for factor in reversed(ODD):
         total = factor + square * total
     return total
 
 
-def _where_small(x: Any, small: Any, large: Any) -> Any:
+def _where_small(x: Expr, small: Expr, large: Expr) -> Expr:
     return where_less(x * x, SERIES**2, small, large)
 
 
-def where_less(a: Any, b: Any, then: Any, otherwise: Any) -> Any:
+def where_less(a: Expr, b: Expr, then: Expr, otherwise: Expr) -> Expr:
     """`then` where a < b, else `otherwise`; both branches are evaluated, so both must be finite."""
     if is_symbolic(a, b, then, otherwise):
-        import ufl
-
         return ufl.conditional(ufl.lt(a, b), then, otherwise)
-    import numpy as np
-
     return np.where(np.less(a, b), then, otherwise)
 
 
-def minimum(a: Any, b: Any) -> Any:
+def minimum(a: Expr, b: Expr) -> Expr:
     """The smaller of the two."""
     return where_less(a, b, a, b)
 
 
-def maximum(a: Any, b: Any) -> Any:
+def maximum(a: Expr, b: Expr) -> Expr:
     """The larger of the two."""
     return where_less(a, b, b, a)
 
 
-def macaulay(x: Any) -> Any:
+def macaulay(x: Expr) -> Expr:
     """The Macaulay bracket <x> = (x + |x|)/2 (notes eq. 3.2)."""
     return where_less(0.0, x, x, 0.0 * x)
-
-
-def sin(degrees: Any) -> Any:
-    """Sine of an angle in degrees."""
-    return _of_angle("sin", degrees)
-
-
-def cos(degrees: Any) -> Any:
-    """Cosine of an angle in degrees."""
-    return _of_angle("cos", degrees)
-
-
-def tan(degrees: Any) -> Any:
-    """Tangent of an angle in degrees."""
-    return _of_angle("tan", degrees)
-
-
-def _of_angle(name: str, degrees: Any) -> Any:
-    if is_symbolic(degrees):
-        import ufl
-
-        return getattr(ufl, name)(degrees * pi / 180)
-    import numpy as np
-
-    return getattr(np, name)(np.radians(degrees))
 
 
 # A principal stretch has no derivative where two of them meet, yet a function symmetric in the stretches has. Roots
@@ -142,27 +109,25 @@ def _of_angle(name: str, degrees: Any) -> Any:
 SPLIT = 1e-6  # where all three meet
 PAIR = 3e-6  # where two meet, of their distance to the third
 NEWTON = 4  # steps to a root known to 0.3 %: two for its value, one more for each derivative
+SMALL_DEVIATOR = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
+SERIES_TERMS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
 
 
-CLOSE = 3e-3  # up to here, of a deviator's norm, sums of powers come from their series
-POWERS = 7  # terms of it: the next is 1e-17 of one, 1e-12 of the sum
-
-
-def power_sum(exponent: Any, square: Any, cube: Any) -> Any:
+def power_sum(exponent: Expr, square: Expr, cube: Expr) -> Expr:
     """sum (1 + t_i)^exponent - 3 of three t_i whose sum is zero, by the binomial series; square = sum t_i^2/6, cube =
     their product.
 
     The sums of the k-th powers are p_k = 3 square p_(k-2) + cube p_(k-3) (Newton's identities), with p_0 = 3, p_1 = 0.
     """
     sums, binomial, total = [3.0, 0.0, 6 * square], exponent, 0.0 * square
-    for k in range(2, POWERS + 1):
+    for k in range(2, SERIES_TERMS + 1):
         binomial = binomial * (exponent - (k - 1)) / k
         total = total + binomial * sums[-1]
         sums.append(3 * square * sums[-2] + cube * sums[-3])
     return total
 
 
-def unimodular_stretches(mean: Any, square: Any, cube: Any) -> list[Any]:
+def unimodular_stretches(mean: Expr, square: Expr, cube: Expr) -> list[Expr]:
     """The three principal stretches of an F with det F = 1 (UFL or floats), smooth when used symmetrically.
 
     Of C = F^T F: mean = tr C/3, square = dev C : dev C/6, cube = det dev C. The squared stretch that stands apart from
@@ -172,17 +137,12 @@ def unimodular_stretches(mean: Any, square: Any, cube: Any) -> list[Any]:
     size = sqrt(square + SPLIT**2)
     cosine = cube / (2 * size**3)
     side = where_less(cosine, 0.0 * cosine, -1.0, 1.0)
-    y = _root(side * cosine)
+    cosine = side * cosine
+    y = 0.866 + 0.134 * cosine  # the largest root, from 0 to 1
+    for _ in range(NEWTON):
+        y = (8 * y**3 + cosine) / (12 * y * y - 3)
     apart = sqrt(mean + 2 * side * size * y)
     product = sqrt(1 - 3 * mean * SPLIT**2) / apart  # of the other two: all three are roots of one cubic
     middle = sqrt(3 * mean - apart * apart + 2 * product) / 2
     half = size * sqrt(3 * (1 - y * y) + PAIR**2) / (2 * middle)
     return [apart, middle + half, middle - half]
-
-
-def _root(cosine: Any) -> Any:
-    """The largest y with 4 y^3 - 3 y = cosine, from 0 to 1."""
-    y = 0.866 + 0.134 * cosine
-    for _ in range(NEWTON):
-        y = (8 * y**3 + cosine) / (12 * y * y - 3)
-    return y

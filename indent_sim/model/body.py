@@ -6,25 +6,27 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, pi, prod, radians, tan
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from annotated_types import Gt, Len, Lt
 
+from indent_sim.model.algebra import Expr
 from indent_sim.model.materials import Material
-from indent_sim.model.units import LENGTH, Length, TaggedBy
+from indent_sim.model.units import ANGLE, LENGTH, Length, TaggedBy
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
 Points = tuple[np.ndarray, np.ndarray]  # x and y [length]
-POINTS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
-MIDDLES = (np.arange(POINTS) + 0.5) / POINTS
-SHARES = np.linspace(0, 1, POINTS + 1)
+POINTS_PER_AXIS = 400  # along each axis; midpoints, so that the mean of a paraboloid is good to 1e-5
+MIDDLES = (np.arange(POINTS_PER_AXIS) + 0.5) / POINTS_PER_AXIS
+SHARES = np.linspace(0, 1, POINTS_PER_AXIS + 1)
 TOUCHING = 1e-9  # of a facet: so far outside a point still counts as on it
-TINY = 1e-300  # no length is 0
-ContactAngle = Annotated[float, Gt(0), Lt(180)]  # degrees
+TINY_SQUARE = 1e-300  # no length is 0
+ContactAngle = Annotated[float, Gt(0), Lt(180), ANGLE]
 PositiveSize = Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3), LENGTH]
 Place = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
+Spans = tuple[tuple[tuple[int, ...], float], ...]  # axes and half-width [length] of each
 UNIT_BALLS = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
 ALL = (0, 1, 2)  # axes
 SAME_PLACE = 2e-11  # of a body: places to 12 digits
@@ -45,14 +47,13 @@ Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
 
 
 class _Inclusion(ABC):
-    """Other matter inside one layer, perfectly bonded: the points whose distance from `center` along the axes of each
-    span is at most its half-width."""
+    """Other matter inside one layer: the points within the half-width of each span from `center` along its axes."""
 
     center: Place
 
     @property
     @abstractmethod
-    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+    def spans(self) -> Spans:
         """Axes and half-width [length] of each span."""
 
     @property
@@ -79,16 +80,16 @@ class _Inclusion(ABC):
         is_round = any({0, 1} <= set(axes) for axes, _ in self.spans)
         return is_round and self._off((*center, 0.0), (0, 1)) <= SAME_PLACE * max(1.0, *map(abs, center))
 
-    def holds(self, point: Sequence[Any]) -> Any:
+    def holds(self, point: Sequence[Expr]) -> Expr:
         """Whether points (x, y, z) [length] are inside."""
         within = [self._off(point, axes) <= half for axes, half in self.spans]
         return np.all(np.broadcast_arrays(*within), axis=0)
 
-    def distance(self, point: Sequence[Any], axes: Sequence[int] = ALL) -> Any:
+    def distance(self, point: Sequence[Expr], axes: Sequence[int] = ALL) -> Expr:
         """Distance [length] from points to it along some axes, 0 inside."""
         return self._norm([np.maximum(self._off(point, own) - half, 0.0) for own, half in self._along(axes)])
 
-    def farthest(self, point: Sequence[Any], axes: Sequence[int] = ALL) -> float:
+    def farthest(self, point: Sequence[Expr], axes: Sequence[int] = ALL) -> float:
         """Distance [length] from a point to its farthest point along some axes."""
         if any(set(own) > set(axes) for own, _ in self.spans):  # a ball seen along fewer axes than it has
             return float(self._off(point, axes) + self.half(axes[0]))
@@ -99,7 +100,7 @@ class _Inclusion(ABC):
         fewer, more = sorted((self, other), key=lambda inclusion: len(inclusion.spans))
         return all(more.distance(fewer.center, axes) < half + apart for axes, half in fewer.spans)
 
-    def mirrored(self, axis: int, at: float) -> Any:
+    def mirrored(self, axis: int, at: float) -> Self:
         """Its mirror image about a plane normal to an axis."""
         center = list(self.center)
         center[axis] = 2 * at - center[axis]
@@ -108,11 +109,11 @@ class _Inclusion(ABC):
     def _along(self, axes: Sequence[int]) -> list[tuple[tuple[int, ...], float]]:
         return [(own, half) for own, half in self.spans if set(own) <= set(axes)]
 
-    def _off(self, point: Sequence[Any], axes: Sequence[int]) -> Any:
+    def _off(self, point: Sequence[Expr], axes: Sequence[int]) -> Expr:
         return self._norm([point[axis] - self.center[axis] for axis in axes])
 
     @staticmethod
-    def _norm(parts: Sequence[Any]) -> Any:
+    def _norm(parts: Sequence[Expr]) -> Expr:
         return np.abs(parts[0]) if len(parts) == 1 else np.sqrt(sum(part * part for part in parts))
 
 
@@ -126,7 +127,7 @@ class BallInclusion(_Inclusion):
     shape: Literal["ball"] = "ball"
 
     @property
-    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+    def spans(self) -> Spans:
         """Round in all directions."""
         return ((ALL, self.radius),)
 
@@ -142,7 +143,7 @@ class CylinderInclusion(_Inclusion):
     shape: Literal["cylinder"] = "cylinder"
 
     @property
-    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+    def spans(self) -> Spans:
         """Round from above."""
         return ((0, 1), self.radius), ((2,), self.height / 2)
 
@@ -157,7 +158,7 @@ class BoxInclusion(_Inclusion):
     shape: Literal["box"] = "box"
 
     @property
-    def spans(self) -> tuple[tuple[tuple[int, ...], float], ...]:
+    def spans(self) -> Spans:
         """Between three pairs of faces."""
         return tuple(((axis,), edge / 2) for axis, edge in enumerate(self.size))
 
@@ -182,8 +183,48 @@ class BoxSides(StripSides):
     y_max: Support = "free"
 
 
+class _OnAxis:
+    """What holds of a body about the z axis that says nothing else: no side holds it."""
+
+    dim: ClassVar[int] = 3  # 2 in plane strain, where forces are per unit length
+    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)  # where the tip stands
+
+    @property
+    def is_held(self) -> bool:
+        """Whether no side lets the body out."""
+        return False
+
+    def fixed_ends(self) -> Points:
+        """Points along the top of all fixed sides."""
+        return np.empty(0), np.empty(0)
+
+
+class _Round(_OnAxis):
+    """What bodies of revolution have in common: their outline, as seen from above, is a circle about the origin."""
+
+    radius: float
+
+    @property
+    def widest(self) -> float:
+        """The largest radius of a horizontal section [length]."""
+        return self.radius
+
+    def rim_distance(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the outline."""
+        return self.widest - float(sum(c * c for c in center) ** 0.5)
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farthest point of the outline."""
+        return self.widest + float(sum(c * c for c in center) ** 0.5)
+
+    def top(self) -> Points:
+        """Points as seen from above, each standing for an equal area there."""
+        r, angle = self.widest * np.sqrt(MIDDLES)[:, None], 2 * np.pi * MIDDLES[None, :]
+        return r * np.cos(angle), r * np.sin(angle)
+
+
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(_Round):
     """0 <= r <= radius, -height <= z <= 0 [length]."""
 
     radius: Length
@@ -194,21 +235,6 @@ class Cylinder:
     layers: Layers | None = None
     inclusions: Inclusions | None = None
 
-    dim: ClassVar[int] = 3
-
-    @property
-    def center(self) -> tuple[float, ...]:
-        """The axis."""
-        return (0.0, 0.0)
-
-    def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the top surface."""
-        return self.radius - float(sum(c * c for c in center) ** 0.5)
-
-    def reach(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farthest point of the top surface."""
-        return self.radius + float(sum(c * c for c in center) ** 0.5)
-
     def room_beside(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the wall; negative where it is outside."""
         return self.radius - inclusion.farthest((0.0, 0.0), (0, 1))
@@ -218,19 +244,49 @@ class Cylinder:
         """Whether no side lets the body out."""
         return self.sides != "free"
 
-    def top(self) -> Points:
-        """Points of the top surface, each standing for an equal area."""
-        r, angle = self.radius * np.sqrt(MIDDLES)[:, None], 2 * np.pi * MIDDLES[None, :]
-        return r * np.cos(angle), r * np.sin(angle)
-
     def fixed_ends(self) -> Points:
         """Points along the top of all fixed sides."""
         angle = 2 * np.pi * (SHARES if self.sides == "fixed" else SHARES[:0])
         return self.radius * np.cos(angle), self.radius * np.sin(angle)
 
 
+class _Walled(ABC):
+    """What bodies between vertical walls have in common: each horizontal axis goes from 0 to a width."""
+
+    sides: StripSides
+
+    @property
+    @abstractmethod
+    def widths(self) -> tuple[float, ...]:
+        """Distances [length] between opposite walls."""
+
+    @property
+    def center(self) -> tuple[float, ...]:
+        """The middle of the top."""
+        return tuple(width / 2 for width in self.widths)
+
+    def rim_distance(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the nearest edge of the top."""
+        return min(min(place, width - place) for place, width in zip(center, self.widths, strict=True))
+
+    def reach(self, center: tuple[float, ...]) -> float:
+        """Distance [length] from `center` to the farthest corner of the top."""
+        places = zip(center, self.widths, strict=True)
+        return float(sum(max(place, width - place) ** 2 for place, width in places) ** 0.5)
+
+    def room_beside(self, inclusion: Inclusion) -> float:
+        """Distance [length] from an inclusion to the nearest wall; negative where it is outside."""
+        places = enumerate(zip(inclusion.center, self.widths, strict=False))
+        return min(min(place, width - place) - inclusion.half(axis) for axis, (place, width) in places)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether no side lets the body out."""
+        return "free" not in vars(self.sides).values()
+
+
 @dataclass(frozen=True)
-class Strip:
+class Strip(_Walled):
     """0 <= x <= width, -height <= z <= 0 [length], plane strain: forces per unit length."""
 
     width: Length
@@ -244,30 +300,13 @@ class Strip:
     dim: ClassVar[int] = 2  # forces are per unit length
 
     @property
-    def center(self) -> tuple[float, ...]:
-        """The middle of the top edge."""
-        return (self.width / 2,)
-
-    def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest end of the top edge."""
-        return min(center[0], self.width - center[0])
-
-    def reach(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farther end of the top edge."""
-        return max(center[0], self.width - center[0])
-
-    def room_beside(self, inclusion: Inclusion) -> float:
-        """Distance [length] from an inclusion to the nearer wall; negative where it is outside."""
-        return _room_between(inclusion, 0, self.width)
-
-    @property
-    def is_held(self) -> bool:
-        """Whether no side lets the body out."""
-        return "free" not in vars(self.sides).values()
+    def widths(self) -> tuple[float, ...]:
+        """The width alone [length]."""
+        return (self.width,)
 
     def top(self) -> Points:
         """Points of the top edge, each standing for an equal length."""
-        return self.width * MIDDLES, np.zeros(POINTS)
+        return self.width * MIDDLES, np.zeros(POINTS_PER_AXIS)
 
     def fixed_ends(self) -> Points:
         """Points along the top of all fixed sides."""
@@ -277,7 +316,7 @@ class Strip:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(_Walled):
     """0 <= x <= lx, 0 <= y <= ly, -lz <= z <= 0 [length]."""
 
     size: PositiveSize
@@ -295,28 +334,9 @@ class Box:
         return self.size[2]
 
     @property
-    def center(self) -> tuple[float, ...]:
-        """The middle of the top surface."""
-        return (self.size[0] / 2, self.size[1] / 2)
-
-    def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the nearest edge of the top surface."""
-        x, y = center
-        return min(x, self.size[0] - x, y, self.size[1] - y)
-
-    def reach(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farthest corner of the top surface."""
-        x, y = center
-        return float((max(x, self.size[0] - x) ** 2 + max(y, self.size[1] - y) ** 2) ** 0.5)
-
-    def room_beside(self, inclusion: Inclusion) -> float:
-        """Distance [length] from an inclusion to the nearest wall; negative where it is outside."""
-        return min(_room_between(inclusion, axis, self.size[axis]) for axis in (0, 1))
-
-    @property
-    def is_held(self) -> bool:
-        """Whether no side lets the body out."""
-        return "free" not in vars(self.sides).values()
+    def widths(self) -> tuple[float, ...]:
+        """(lx, ly) [length]."""
+        return self.size[:2]
 
     def top(self) -> Points:
         """Points of the top surface, each standing for an equal area."""
@@ -324,30 +344,16 @@ class Box:
 
     def fixed_ends(self) -> Points:
         """Points along the top of all fixed sides."""
-        lx, ly = self.size[:2]
+        lx, ly = self.widths
         x, y, zero = lx * SHARES, ly * SHARES, 0 * SHARES
         lines = {"x_min": (zero, y), "x_max": (zero + lx, y), "y_min": (x, zero), "y_max": (x, zero + ly)}
         fixed = [lines[side] for side, support in vars(self.sides).items() if support == "fixed"]
-        along_x, along_y = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
-        return along_x, along_y
+        along = np.hstack([np.empty((2, 0)), *map(np.array, fixed)])
+        return along[0], along[1]
 
 
-def _room_between(inclusion: Inclusion, axis: int, end: float) -> float:
-    """Distance [length] from an inclusion to the nearer of two walls, at 0 and at the end of an axis."""
-    place, half = inclusion.center[axis], inclusion.half(axis)
-    return min(place, end - place) - half
-
-
-class _Endless:
+class _Endless(_OnAxis):
     """What bodies without sides have in common: every place is equal, and there is room beside any contact."""
-
-    dim: ClassVar[int] = 3
-    is_held: ClassVar[bool] = False
-
-    @property
-    def center(self) -> tuple[float, ...]:
-        """Where the tip stands."""
-        return (0.0, 0.0)
 
     def rim_distance(self, center: tuple[float, ...]) -> float:
         """There is no edge of the top surface."""
@@ -365,10 +371,6 @@ class _Endless:
         """No points: there is no mean over all of the top surface."""
         return np.empty(0), np.empty(0)
 
-    def fixed_ends(self) -> Points:
-        """No points: there is no side."""
-        return np.empty(0), np.empty(0)
-
 
 @dataclass(frozen=True)
 class HalfSpace(_Endless):
@@ -378,10 +380,7 @@ class HalfSpace(_Endless):
     layers: Layers | None = None
     inclusions: Inclusions | None = None
 
-    @property
-    def height(self) -> float:
-        """Thickness [length]: infinite."""
-        return inf
+    height: ClassVar[float] = inf
 
 
 @dataclass(frozen=True)
@@ -396,7 +395,7 @@ class InfiniteLayer(_Endless):
 
 
 @dataclass(frozen=True)
-class Dome:
+class Dome(_Round):
     """The piece of a ball below its apex at z = 0, down to the plane z = -height [length]; its base is there.
 
     A whole ball (height = 2 radius) is held below its equator instead. pieces: see `Scales`.
@@ -409,10 +408,6 @@ class Dome:
     pieces: int = 1
     inclusions: Inclusions | None = None
 
-    dim: ClassVar[int] = 3
-    is_held: ClassVar[bool] = False  # bulges freely
-    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
-
     @property
     def foot(self) -> tuple[float, float]:
         """(r, z) [length] of the edge between the curved surface and the base."""
@@ -424,34 +419,21 @@ class Dome:
         """The largest radius of a horizontal section [length]."""
         return self.radius if self.height > self.radius else self.foot[0]
 
-    def rim_distance(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the body's outline as seen from above."""
-        return self.widest - float(sum(c * c for c in center) ** 0.5)
-
-    def reach(self, center: tuple[float, ...]) -> float:
-        """Distance [length] from `center` to the farthest point of the outline as seen from above."""
-        return self.widest + float(sum(c * c for c in center) ** 0.5)
-
     def room_beside(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the curved surface; negative where it is outside."""
         return self.radius - inclusion.farthest((0.0, 0.0, -self.radius))
 
-    def top(self) -> Points:
-        """Points as seen from above, each standing for an equal area there."""
-        r, angle = self.widest * np.sqrt(MIDDLES)[:, None], 2 * np.pi * MIDDLES[None, :]
-        return r * np.cos(angle), r * np.sin(angle)
-
-    def fixed_ends(self) -> Points:
-        """No side is fixed."""
-        return np.empty(0), np.empty(0)
-
 
 @dataclass(frozen=True)
 class MeshSurfaces:
-    """Names that the file gives to the surface which the tip may touch, to the base and to the sides."""
+    """Names that the file gives to the surface which the tip may touch, to the base and to the sides.
 
-    contact: str
-    base: str
+    Without them the contact surface is what faces up, the base what faces down and is level, and sides that are held
+    what is upright.
+    """
+
+    contact: str | None = None
+    base: str | None = None
     sides: str | None = None
 
 
@@ -460,12 +442,13 @@ class MeshFromFile:
     """A body meshed elsewhere, z up; a file in two dimensions has (r, z) or (x, z) in its (x, y), the axis is r = 0.
 
     The tip's axis is at x = 0, y = 0 of the file unless `indenter.center` says otherwise. What is none of `surfaces` is
-    free. `regions` gives each named region its material; cells of no region are of the scene's.
+    free; a surface without a name is known by where it faces, or the file is refused. `regions` gives each named region
+    its material; cells of no region are of the scene's.
     """
 
     file: str
     kinematics: Literal["axisymmetric", "plane_strain", "3d"]
-    surfaces: MeshSurfaces
+    surfaces: MeshSurfaces = MeshSurfaces()
     shape: Literal["mesh"] = "mesh"
     base: BaseSupport = "fixed"
     sides: Support = "free"
@@ -474,6 +457,12 @@ class MeshFromFile:
 
     layers: ClassVar[None] = None  # it has regions
     inclusions: ClassVar[None] = None
+
+    @property
+    def named(self) -> MeshSurfaces:
+        """The names of all surfaces that it has, those for a copy of the file among them."""
+        own, sides = self.surfaces, None if self.sides == "free" else "sides"
+        return MeshSurfaces(own.contact or "contact", own.base or "base", own.sides or sides)
 
     @property
     def dim(self) -> int:
@@ -512,7 +501,7 @@ class Meshed:
         """Distance [length] from `center` to the nearest edge of the contact surface; negative outside of it."""
         at = self._in_plan(center)
         start, along = self.rim[:, 0, :-1], self.rim[:, -1, :-1] - self.rim[:, 0, :-1]
-        share = ((at - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), TINY)
+        share = ((at - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), TINY_SQUARE)
         beside = start + np.clip(share, 0.0, 1.0)[:, None] * along
         distance = float(np.linalg.norm(beside - at, axis=1).min(initial=np.inf))
         return distance if (shares_of(self.facets, center) >= -TOUCHING).all(axis=1).any() else -distance
@@ -548,7 +537,7 @@ def shares_of(facets: np.ndarray, center: tuple[float, ...]) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Cap:
+class Cap(_OnAxis):
     """The part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
 
     Either `height` or `contact_angle` [degrees], between base and surface inside the body: height = base_radius
@@ -562,8 +551,6 @@ class Cap:
     base: BaseSupport = "fixed"
     inclusions: Inclusions | None = None
 
-    dim: ClassVar[int] = 3
-    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
     layers: ClassVar[None] = None
 
     @property
@@ -580,7 +567,7 @@ class Cap:
 
 
 @dataclass(frozen=True)
-class Ball:
+class Ball(_OnAxis):
     """A ball whose highest point is the origin: -2 radius <= z <= 0 [length].
 
     base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
@@ -593,8 +580,6 @@ class Ball:
     base: BaseSupport = "roller"
     inclusions: Inclusions | None = None
 
-    dim: ClassVar[int] = 3
-    center: ClassVar[tuple[float, ...]] = (0.0, 0.0)
     layers: ClassVar[None] = None
 
     @property

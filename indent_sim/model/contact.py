@@ -14,14 +14,16 @@ A tip that adheres adds gamma(g) = -work exp(-g/range) for g > 0, continued stra
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from indent_sim.model.algebra import exp, macaulay
+from indent_sim.model.algebra import Expr, exp, macaulay, maximum, minimum, sqrt, where_less
 from indent_sim.model.units import ADHESION, Auto, ContactStiffness, LengthOrZero
 
+Vector = Expr  # its components: a sequence, or an array whose first axis it is
 Gap = Literal["auto", "reference", "current"]
 Multiplier = Literal["none", "unknown", "frozen", "stress", "nodal"]
 Friction = Annotated[float, Ge(0), Le(5)] | Literal["stick"]  # Coulomb's coefficient; stick: no slip at all
@@ -31,25 +33,23 @@ Anchor = Literal["implicit", "glue", "mid"]
 
 
 @dataclass(frozen=True)
-class Cohesion:
-    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral is `work`.
-
-    Without a range the smallest is named that the mesh resolves; 0 is the limit of `experiment.adhesion`.
-    """
+class Adhesion:
+    """An attraction across the gap g: sigma = (work/range) exp(-g/range) [pressure], whose integral is `work`. Without
+    a range the smallest is named that the mesh resolves; 0 is the limit of `experiment.adhesion`."""
 
     work: Annotated[float, Gt(0), ADHESION]
     range: LengthOrZero | None = None
 
     @property
-    def _reach(self) -> Any:
+    def _reach(self) -> Expr:
         return self.range
 
-    def energy(self, g: Any) -> Any:
+    def energy(self, g: Expr) -> Expr:
         """gamma(g) = -work exp(-<g>/range) - (work/range) <-g> per area [pressure length], negative."""
         opened, reach = macaulay(g), self._reach
         return self.work * ((g - opened) / reach - exp(-opened / reach))
 
-    def pull(self, g: Any) -> Any:
+    def pull(self, g: Expr) -> Expr:
         """sigma(g) = (work/range) exp(-<g>/range) [pressure], >= 0, constant where the gap is closed."""
         return self.work / self._reach * exp(-macaulay(g) / self._reach)
 
@@ -62,31 +62,150 @@ class Cohesion:
         return (4 / pi * self.work * zone / E_star) ** 0.5
 
 
+# ---- friction at a point -------------------------------------------------------------------------------------------
+
+UNBOUNDED = 1e30  # [pressure] no traction that sticks is as large
+TRACTION_FLOOR = 1e-30  # [pressure^2] added to |t|^2, whose root has no slope at zero
+AT_ONCE = 1e-6  # of a step's depth: a gap this small at its beginning is closed from then on, as under a flat punch
+# A point that comes into contact while a gap `widest` closes has gone CLOSED_SHARE (gap/widest)^CLOSING of its way
+# through the step when it touches, as if it were smooth. In self-similar contact of a paraboloid without slip the share
+# rises from 0 at the old edge of contact to about 2/3 at the new one; these two leave the least error of the force over
+# half-spaces and layers, stick and Coulomb's law.
+CLOSED_SHARE, CLOSING = 0.63, 1 / 3
+
+
 @dataclass(frozen=True)
-class AutoContact:
+class CoulombPoint:
+    """Coulomb's law at a point: t = t_hat where |t_hat| <= friction p (stick), else friction p t_hat/|t_hat| (slip).
+    friction: the coefficient, or `stick`; p: the pressure, >= 0 [pressure]; t_hat: the trial traction, a component for
+    each axis [pressure]."""
+
+    friction: Expr
+    p: Expr
+    t_hat: Vector
+
+    @cached_property
+    def size(self) -> Expr:
+        """|t_hat| [pressure], above zero."""
+        return length(self.t_hat)
+
+    @cached_property
+    def bound(self) -> Expr:
+        """friction p [pressure]; beyond all tractions for stick."""
+        return friction_bound(self.friction, self.p)
+
+    @cached_property
+    def room(self) -> Expr:
+        """friction p - |t_hat| [pressure], >= 0 at a point that sticks."""
+        return self.bound - self.size
+
+    @cached_property
+    def share(self) -> Expr:
+        """t/t_hat: 1 at a point that sticks."""
+        return 1.0 if isinstance(self.friction, str) else where_less(self.room, 0.0, self.bound / self.size, 1.0)
+
+    def heat(self, t: Vector, slid: Vector, before: Expr) -> Expr:
+        """What slip turns into heat in a step [pressure length], >= 0: t . slid, 0 at a point that sticks. With
+        friction (p + before)/2 in place of friction p, `before` the pressure at the step's beginning: the bound grows
+        on the way, and with that of the step's end alone the sum is only of first order in the steps."""
+        mean = (self.p + before) / (2 * maximum(self.p, TRACTION_FLOOR))
+        return where_less(self.room, 0.0, mean, 0.0) * macaulay(dot(t, slid))
+
+
+def friction_bound(friction: Expr, p: Expr) -> Expr:
+    """friction p [pressure] of a pressure p >= 0; beyond all tractions for stick."""
+    return UNBOUNDED + 0.0 * p if isinstance(friction, str) else friction * p
+
+
+def heat_of_leaving(friction: Expr, before: Expr, moved: Vector, way: Expr) -> Expr:
+    """The heat of a point that slips until it leaves, with less and less pressure than `before` [pressure length]."""
+    return friction_bound(friction, before) / 2 * (1 - way) * length(moved)
+
+
+def is_new_contact(opening: Expr, sunk: Expr) -> Expr:
+    """1 where a gap [length] was open at the beginning of a step of depth `sunk`, else 0; below zero is in contact."""
+    return where_less(AT_ONCE * abs(sunk), opening, 1.0, 0.0)
+
+
+def passed_gap(opening: Expr, is_new: Expr, p_hat: Expr, stiffness: Expr) -> Expr:
+    """The gap [length] that closed, or opened, during a step at a point that came into contact, or left; else 0."""
+    opened = where_less(opening, 0.0, -p_hat / stiffness, 0.0)
+    return where_less(0.0, p_hat, is_new * opening, opened)
+
+
+def way_gone(passed: Expr, widest: Expr) -> Expr:
+    """How much of its way through the step a new point had gone when it touched, one that left had yet to go."""
+    return CLOSED_SHARE * maximum(0.0, minimum(passed / widest, 1.0)) ** CLOSING
+
+
+def dot(a: Vector, b: Vector) -> Expr:
+    """The sum of the products of components."""
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def length(t: Vector) -> Expr:
+    """The length of a vector, above zero."""
+    return sqrt(dot(t, t) + TRACTION_FLOOR)
+
+
+# ---- laws ----------------------------------------------------------------------------------------------------------
+
+
+class _Law:
+    """What is asked of every law."""
+
+    friction: Expr = 0.0
+    epsilon_t: Expr = "auto"
+    adhesion: Adhesion | None = None
+
+    @property
+    def is_conservative(self) -> bool:
+        """Whether the contact has a potential: not with friction."""
+        return not self.friction
+
+    @property
+    def is_bonded(self) -> bool:
+        """Whether nothing that touches slips."""
+        return self.friction == "stick"
+
+    @property
+    def may_snap(self) -> bool:
+        """Whether two equilibria may be stable at one depth: of a tip that adheres."""
+        return self.adhesion is not None
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether an equilibrium depends on the path to it."""
+        return self.may_snap or not self.is_conservative
+
+    @property
+    def reach(self) -> float:
+        """How far the tip attracts the surface across the gap [length]; 0 where it does not."""
+        return (self.adhesion.range or 0.0) if self.adhesion else 0.0
+
+
+@dataclass(frozen=True)
+class AutoContact(_Law):
     """The program chooses the method and says why."""
 
     method: Literal["auto"] = "auto"
     gap: Gap = "auto"
     friction: Friction = 0.0
     epsilon_t: ContactStiffness | Auto = "auto"
-    adhesion: Cohesion | None = None
+    adhesion: Adhesion | None = None
 
 
-class _StiffnessLaw:
+class _StiffnessLaw(_Law):
     """What the laws with a stiffness (epsilon_n or gamma, pressure per length) have in common."""
 
     method: str
-    stiffness: Any
-    friction: Any = 0.0
-    epsilon_t: Any = "auto"
-    adhesion: Any = None
+    stiffness: Expr
 
-    def trial_pressure(self, g: Any, lam: Any) -> Any:
+    def trial_pressure(self, g: Expr, lam: Expr) -> Expr:
         """p_hat = lam - stiffness g [pressure]; its positive part is the pressure."""
         return lam - self.stiffness * g
 
-    def potential(self, g: Any, lam: Any) -> Any:
+    def potential(self, g: Expr, lam: Expr) -> Expr:
         """( <p_hat>^2 - lam^2 ) / (2 stiffness), and gamma(g) of a tip that adheres, per area [pressure length]."""
         pushed = (macaulay(self.trial_pressure(g, lam)) ** 2 - lam * lam) / (2 * self.stiffness)
         return pushed + self.adhesion.energy(g) if self.adhesion else pushed
@@ -94,17 +213,17 @@ class _StiffnessLaw:
     @property
     def uncondensed(self) -> str:
         """Why a condensed body, which has this potential written out, cannot have the law; "" where it can."""
-        if self.adhesion:
+        if self.may_snap:
             return "a tip that adheres is solved on the whole body"
         is_other = type(self).potential is not _StiffnessLaw.potential
         return f"{self.method} has a potential of its own" if is_other else ""
 
 
 class _NormalStiffness(_StiffnessLaw):
-    epsilon_n: Any
+    epsilon_n: Expr
 
     @property
-    def stiffness(self) -> Any:  # type: ignore[override]
+    def stiffness(self) -> Expr:  # type: ignore[override]
         """epsilon_n [pressure per length]."""
         return self.epsilon_n
 
@@ -135,7 +254,7 @@ class AugmentedLagrangian(_NormalStiffness):
     gap: Gap = "auto"
     friction: Friction = 0.0
     epsilon_t: ContactStiffness | Auto = "auto"
-    adhesion: Cohesion | None = None
+    adhesion: Adhesion | None = None
 
     multiplier: ClassVar[Multiplier] = "unknown"
     auto_multiple: ClassVar[float] = 1.0  # of E*/h_contact: the most accurate, measured
@@ -157,10 +276,8 @@ class Uzawa(_NormalStiffness):
 
 @dataclass(frozen=True)
 class Nitsche(_StiffnessLaw):
-    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra unknown.
-
-    The variation of sigma_n is dropped (theta = 0).
-    """
+    """The multiplier is the body's own contact stress, p = <-sigma_n(u) - gamma g>; no extra unknown. The variation of
+    sigma_n is dropped (theta = 0)."""
 
     method: Literal["nitsche"] = "nitsche"
     gamma: ContactStiffness | Auto = "auto"
@@ -177,13 +294,13 @@ class Nitsche(_StiffnessLaw):
     uncondensed: ClassVar[str] = "Nitsche's method needs the stress inside the body"  # type: ignore[misc]
 
     @property
-    def stiffness(self) -> Any:  # type: ignore[override]
+    def stiffness(self) -> Expr:  # type: ignore[override]
         """gamma [pressure per length]."""
         return self.gamma
 
 
 @dataclass(frozen=True)
-class ActiveSet:
+class ActiveSet(_Law):
     """Primal-dual active set on nodal pressures and weighted gaps: exact complementarity, no parameter."""
 
     method: Literal["active_set"] = "active_set"
@@ -191,9 +308,6 @@ class ActiveSet:
 
     multiplier: ClassVar[Multiplier] = "nodal"
     uncondensed: ClassVar[str] = ""
-    friction: ClassVar[float] = 0.0
-    epsilon_t: ClassVar[Any] = "auto"
-    adhesion: ClassVar[None] = None
 
 
 ContactLaw = Penalty | AugmentedLagrangian | Uzawa | ActiveSet | Nitsche

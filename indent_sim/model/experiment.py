@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Len, Lt
 
-from indent_sim.model.units import ADHESION, Length
+from indent_sim.model.units import ADHESION, FORCE, LENGTH, TIME, Length, Scales, Unit, UnitRow
 
 MOST_POINTS, MOST_TERMS, MOST_FREQUENCIES = 10_000, 100, 10_000
 
 Work = Annotated[float, Gt(0), ADHESION]
-Positive = Annotated[float, Gt(0)]
+Time = Annotated[float, Gt(0), TIME]
+Frequency = Annotated[float, Gt(0), Unit("1/time")]
+SpringConstant = Annotated[float, Gt(0), Unit("force/length")]
+Compliance = Annotated[float, Ge(0), Unit("length/force")]
 Fraction = Annotated[float, Ge(0), Lt(1)]
-Term = Annotated[tuple[float, ...], Len(2, 2)]
-Point = Annotated[tuple[float, ...], Len(2, 2)]
-Points = Annotated[tuple[Point, ...], Len(2, MOST_POINTS)]
+Term = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
+Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
+Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
 
 
 @dataclass(frozen=True)
-class Adhesion:
+class JKRAdhesion:
     """The JKR limit of an attraction with this work; `range` for its Tabor and Maugis numbers alone."""
 
     work: Work
@@ -33,7 +36,7 @@ class PowerLaw:
     """E(t) = E (t/time)^-exponent."""
 
     exponent: Annotated[float, Gt(0), Lt(1)]
-    time: Positive
+    time: Time
 
 
 @dataclass(frozen=True)
@@ -49,14 +52,14 @@ class Relaxation:
 class Cantilever:
     """The spring that holds the tip: z = delta + force/stiffness is the way of its base."""
 
-    stiffness: Positive
+    stiffness: SpringConstant
 
 
 @dataclass(frozen=True)
 class Frame:
     """What gives way beside the body: z = delta + compliance force."""
 
-    compliance: Annotated[float, Ge(0)]
+    compliance: Compliance
 
 
 @dataclass(frozen=True)
@@ -76,13 +79,13 @@ class Experiment:
     small oscillations about the end of the history, or about the deepest point of `loading`.
     """
 
-    adhesion: Adhesion | None = None
+    adhesion: JKRAdhesion | None = None
     relaxation: Relaxation | None = None
-    history: Points | None = None
-    force_history: Points | None = None
+    history: Annotated[tuple[Way, ...], Len(2, MOST_POINTS)] | None = None
+    force_history: Annotated[tuple[Pull, ...], Len(2, MOST_POINTS)] | None = None
     cantilever: Cantilever | None = None
     frame: Frame | None = None
-    frequencies: Annotated[tuple[Positive, ...], Len(1, MOST_FREQUENCIES)] | None = None
+    frequencies: Annotated[tuple[Frequency, ...], Len(1, MOST_FREQUENCIES)] | None = None
     calibration: Calibration | None = None
 
     @property
@@ -104,3 +107,13 @@ class Experiment:
         """(z - delta)/force [length/force] of cantilever and frame together."""
         spring = 1.0 / self.cantilever.stiffness if self.cantilever else 0.0
         return spring + (self.frame.compliance if self.frame else 0.0)
+
+    def without_units(self, scales: Scales) -> Experiment:
+        """The same experiment of the user's numbers in units of the scales: ways are depths; times stay."""
+        ways, forces, stiffness = scales.depth, scales.force, scales.force / scales.depth
+        adhesion = self.adhesion and scales.scaled(self.adhesion)
+        history = self.history and tuple((t, way / ways) for t, way in self.history)
+        pulls = self.force_history and tuple((t, force / forces) for t, force in self.force_history)
+        held = self.cantilever and Cantilever(self.cantilever.stiffness / stiffness)
+        frame = self.frame and Frame(self.frame.compliance * stiffness)
+        return replace(self, adhesion=adhesion, history=history, force_history=pulls, cantilever=held, frame=frame)

@@ -8,12 +8,10 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Le, Len
 
-from indent_sim.model.units import LENGTH, Coordinate, Length
+from indent_sim.model.units import FORCE, LENGTH, Coordinate, Length
 
 MOST_STEPS = 100_000
-
-Force = Annotated[float, Gt(0)]
-
+Force = Annotated[float, Gt(0), FORCE]
 WAYS = ("delta", "deltas", "force", "forces")  # to say the path, one of them
 
 
@@ -50,7 +48,7 @@ class Loading:
     force: Force | None = None
     steps: Annotated[int, Gt(0), Le(MOST_STEPS)] = 10
     deltas: Annotated[tuple[Coordinate, ...], Len(1, MOST_STEPS), LENGTH] | None = None
-    forces: Annotated[tuple[float, ...], Len(1, MOST_STEPS)] | None = None
+    forces: Annotated[tuple[float, ...], Len(1, MOST_STEPS), FORCE] | None = None
 
     @property
     def given(self) -> tuple[str, ...]:

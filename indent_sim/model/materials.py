@@ -1,7 +1,7 @@
 """Elastic laws as strain-energy densities; UFL differentiates them to stress and tangent.
 
-A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H (3x3) and a
-`mixed_energy` in which a pressure-like field q replaces the volumetric stiffness (q = lame_lambda tr eps, or
+A material is a frozen dataclass with its constants, an `energy` of the displacement gradient H (3x3) and, of the same
+`parts`, a `mixed_energy` in which a pressure-like field q replaces the volumetric stiffness (q = lame_lambda tr eps, or
 lambda ln J, or kappa ln J at the solution), so that nu = 0.5 is legal. Its numbers may be floats or UFL constants.
 """
 
@@ -9,26 +9,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 from annotated_types import Gt, Len, Lt
 
-from indent_sim.model.algebra import (
-    CLOSE,
-    exp,
-    expm1_remainder,
-    log1p,
-    log1p_remainder,
-    power_sum,
-    unimodular_stretches,
-    where_less,
-)
+from indent_sim.model import algebra
+from indent_sim.model.algebra import Expr, exp, expm1_remainder, log1p, log1p_remainder, power_sum, ufl
 from indent_sim.model.units import PRESSURE, AnyModulus, Modulus, PoissonRatio
 
 Formulation = Literal["auto", "displacement", "mixed"]
 LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
-ROUNDING = 1e-14  # of 1, a strain energy that is 0
+ENERGY_ROUNDING = 1e-14  # of 1, a strain energy that is 0
 MOST_AUXETIC = -0.99  # Poisson's ratio of an isotropic stand-in
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
 
@@ -41,10 +34,12 @@ class Constants(NamedTuple):
 
 
 class _Law(ABC):
-    """What follows from the small-strain constants E and nu of any law."""
+    """What follows from the small-strain constants E and nu of any law, and from psi = rest + stiffness theta^2/2."""
 
     small_strain: ClassVar[bool] = False
     is_isotropic: ClassVar[bool] = True
+    is_conservative: ClassVar[bool] = True  # the stress is the slope of an energy: strains that come back cost no work
+    has_memory: ClassVar[bool] = False  # the stress depends on the strains before as well as on the present one
 
     @property
     @abstractmethod
@@ -62,6 +57,25 @@ class _Law(ABC):
         E, nu = self.constants
         return E / (1 - nu * nu)
 
+    @property
+    @abstractmethod
+    def inverse_stiffness(self) -> Expr:
+        """1/stiffness [1/pressure] of the volume-like strain; 0 when incompressible."""
+
+    @abstractmethod
+    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+        """The energy without its volumetric part [pressure], and the volume-like strain theta: tr eps, or ln J."""
+
+    def energy(self, H: Expr) -> Expr:
+        """psi [pressure] of the displacement gradient H (3 x 3)."""
+        rest, theta = self.parts(H)
+        return rest + theta**2 / (2 * self.inverse_stiffness)
+
+    def mixed_energy(self, H: Expr, q: Expr) -> Expr:
+        """The same with q theta - q^2/(2 stiffness) in place of stiffness theta^2/2 [pressure]."""
+        rest, theta = self.parts(H)
+        return rest + q * theta - q * q * self.inverse_stiffness / 2
+
 
 @dataclass(frozen=True)
 class _TwoConstants(_Law):
@@ -74,7 +88,7 @@ class _TwoConstants(_Law):
     lame_lambda: AnyModulus | None = None
     formulation: Formulation = "auto"
 
-    def canonical(self) -> Any:
+    def canonical(self) -> Self:
         """The same material said by E and nu; ValueError when it is not said by exactly two constants."""
         given = {name: getattr(self, name) for name in ISOTROPIC_CONSTANTS if getattr(self, name) is not None}
         E, nu = young_and_poisson(given)
@@ -87,12 +101,12 @@ class _TwoConstants(_Law):
         return Constants(self.E, self.nu)
 
     @property
-    def shear_modulus(self) -> Any:
+    def shear_modulus(self) -> Expr:
         """mu = E / (2 (1 + nu)) [pressure]."""
         return self.E / (2 * (1 + self.nu))  # type: ignore[operator]
 
     @property
-    def inverse_lambda(self) -> Any:
+    def inverse_stiffness(self) -> Expr:
         """1/lame_lambda = (1 + nu)(1 - 2 nu)/(E nu) [1/pressure]; 0 when incompressible."""
         return (1 + self.nu) * (1 - 2 * self.nu) / (self.E * self.nu)  # type: ignore[operator]
 
@@ -108,19 +122,10 @@ class LinearElastic(_TwoConstants):
 
     small_strain: ClassVar[bool] = True
 
-    def energy(self, H: Any) -> Any:
-        """psi [pressure]."""
-        from ufl import inner, sym, tr
-
-        eps = sym(H)
-        return self.shear_modulus * inner(eps, eps) + tr(eps) ** 2 / (2 * self.inverse_lambda)
-
-    def mixed_energy(self, H: Any, q: Any) -> Any:
-        """psi = mu eps:eps + q tr eps - q^2/(2 lame_lambda) [pressure]."""
-        from ufl import inner, sym, tr
-
-        eps = sym(H)
-        return self.shear_modulus * inner(eps, eps) + q * tr(eps) - q * q * self.inverse_lambda / 2
+    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+        """mu eps:eps and tr eps."""
+        eps = ufl.sym(H)
+        return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,12 +150,12 @@ class TransverselyIsotropic(_Law):
     small_strain: ClassVar[bool] = True
     is_isotropic: ClassVar[bool] = False
 
-    def canonical(self) -> Any:
+    def canonical(self) -> Self:
         """Itself; ValueError where some strain would have negative energy."""
-        if not self._D >= -ROUNDING:
+        if not self._D >= -ENERGY_ROUNDING:
             most = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
-            raise ValueError(f"nu_z = {self.nu_z:g} makes the energy of some strain negative: with these E, E_z and nu "
-                             f"it must lie within +-{most:.6g}")  # fmt: skip
+            problem = f"nu_z = {self.nu_z:g} makes the energy of some strain negative"
+            raise ValueError(f"{problem}: with these E, E_z and nu it must lie within +-{most:.6g}")
         return self
 
     @property
@@ -161,11 +166,11 @@ class TransverselyIsotropic(_Law):
         return Constants(self._indentation_modulus * (1 - nu * nu), nu)
 
     @property
-    def _D(self) -> Any:
+    def _D(self) -> Expr:
         return 1 - self.nu - 2 * self.nu_z**2 * self.E / self.E_z
 
     @property
-    def _d(self) -> Any:
+    def _d(self) -> Expr:
         return self._D / (1 + self.nu)
 
     @property
@@ -174,7 +179,8 @@ class TransverselyIsotropic(_Law):
         E, E_z, nu_z, G_z = self.E, self.E_z, self.nu_z, self.G_z
         C11, C33, C13 = E * (1 - nu_z**2 * E / E_z) / (1 + self.nu), E_z * (1 - self.nu), E * nu_z
         product, mean = math.sqrt(C11 / C33), (C11 * self._plane - 2 * C13 * G_z) / (2 * C33 * G_z)
-        half, apart = math.sqrt(max(mean + product, ROUNDING * product) / 2), math.sqrt(max(mean - product, 0.0) / 2)
+        half = math.sqrt(max(mean + product, ENERGY_ROUNDING * product) / 2)
+        apart = math.sqrt(max(mean - product, 0.0) / 2)
         return product / (half + apart) if apart else half, half + apart
 
     @property
@@ -184,35 +190,20 @@ class TransverselyIsotropic(_Law):
 
     @property
     def _indentation_modulus(self) -> float:
-        """M [pressure], which is E* of a half-space: 2 sqrt((C11 C33 - C13^2)/C11/(1/C44 + 2/(sqrt(C11 C33) + C13))).
-
-        Written so that it is finite for D = 0. Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004),
-        Int. J. Solids Struct. 41, 7351.
-        """
+        """M [pressure], finite for D = 0: 2 sqrt((C11 C33 - C13^2)/C11/(1/C44 + 2/(sqrt(C11 C33) + C13)))."""
+        # Elliott (1949), Proc. Camb. Phil. Soc. 45, 621; Delafargue & Ulm (2004), Int. J. Solids Struct. 41, 7351
         E, E_z, nu, nu_z, D = self.E, self.E_z, self.nu, self.nu_z, max(self._D, 0.0)
         mean = math.sqrt(0.5 * E * E_z * (1 - nu) * (1 + D / (1 + nu)))  # D sqrt(C11 C33)
         return 2 * math.sqrt(self._plane / (1 / self.G_z + 2 * D / (mean + nu_z * E)))
 
-    def energy(self, H: Any) -> Any:
-        """psi [pressure]."""
-        rest, theta = self._parts(H)
-        return rest + theta**2 / (2 * self._inverse_stiffness)
-
-    def mixed_energy(self, H: Any, q: Any) -> Any:
-        """The same with q theta - q^2/(2 stiffness) in place of stiffness theta^2/2 [pressure]."""
-        rest, theta = self._parts(H)
-        return rest + q * theta - q * q * self._inverse_stiffness / 2
-
     @property
-    def _inverse_stiffness(self) -> Any:
+    def inverse_stiffness(self) -> Expr:
         """2 D/(E (1 - d)) [1/pressure]."""
         return 2 * self._D / (self.E * (1 - self._d))
 
-    def _parts(self, H: Any) -> tuple[Any, Any]:
+    def parts(self, H: Expr) -> tuple[Expr, Expr]:
         """The energy without theta, and theta."""
-        from ufl import sym
-
-        eps, G, d = sym(H), self.E / (2 * (1 + self.nu)), self._d
+        eps, G, d = ufl.sym(H), self.E / (2 * (1 + self.nu)), self._d
         alpha = 2 * self.nu_z + d
         across, along = eps[0, 0] + eps[1, 1], eps[2, 2]
         in_plane = G * (eps[0, 0] ** 2 + eps[1, 1] ** 2 + 2 * eps[0, 1] ** 2)
@@ -230,27 +221,17 @@ class NeoHookean(_TwoConstants):
 
     model: Literal["neo_hookean"] = "neo_hookean"
 
-    def energy(self, H: Any) -> Any:
-        """psi [pressure]."""
+    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+        """mu/2 (I1 - 3) - mu ln J and ln J."""
         excess, log_J = _excess_and_log_J(H)
-        return self.shear_modulus * excess + log_J**2 / (2 * self.inverse_lambda)
-
-    def mixed_energy(self, H: Any, q: Any) -> Any:
-        """mu/2 (I1 - 3) - mu ln J + q ln J - q^2/(2 lame_lambda) [pressure]."""
-        excess, log_J = _excess_and_log_J(H)
-        return self.shear_modulus * excess + q * log_J - q * q * self.inverse_lambda / 2
+        return self.shear_modulus * excess, log_J
 
 
-def _excess_and_log_J(H: Any) -> tuple[Any, Any]:
-    """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives where H is small.
-
-    J - 1 = tr H + (tr^2 H - tr H^2)/2 + det H, and (I1 - 3)/2 = tr H + H:H/2, whose first parts cancel.
-    """
-    from ufl import det, inner, tr
-
-    curved = (tr(H) ** 2 - tr(H * H)) / 2 + det(H)
-    growth = tr(H) + curved
-    return inner(H, H) / 2 - curved + log1p_remainder(growth), log1p(growth)
+def _excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
+    """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives where H is small."""
+    curved = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 + ufl.det(H)  # J - 1 less tr H, which cancels that of (I1 - 3)/2
+    growth = ufl.tr(H) + curved
+    return ufl.inner(H, H) / 2 - curved + log1p_remainder(growth), log1p(growth)
 
 
 @dataclass(frozen=True)
@@ -263,21 +244,18 @@ class _Isochoric(_Law):
 
     @property
     @abstractmethod
-    def small_strain_mu(self) -> Any:
+    def small_strain_mu(self) -> Expr:
         """Shear modulus at small strain [pressure]."""
 
     @abstractmethod
-    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
-        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det dev C; det C = 1.
-
-        All three are of second order or more in the strain, so that their derivatives and the stress vanish at rest.
-        """
+    def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
+        """Isochoric energy [pressure] of excess = tr C/3 - 1, square = dev C : dev C/6, cube = det dev C; det C = 1."""
 
     @abstractmethod
-    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+    def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
         """Isochoric energy [pressure] of principal stretches whose product is one (floats or arrays)."""
 
-    def canonical(self) -> Any:
+    def canonical(self) -> Self:
         """The same material said with nu; ValueError when not exactly one of nu and kappa is given."""
         if (self.nu is None) == (self.kappa is None):
             raise ValueError("needs exactly one of nu, kappa beside the law's own constants")
@@ -298,32 +276,16 @@ class _Isochoric(_Law):
         return Constants(2 * self.small_strain_mu * (1 + self.nu), self.nu)
 
     @property
-    def inverse_kappa(self) -> Any:
+    def inverse_stiffness(self) -> Expr:
         """1/kappa = 3 (1 - 2 nu)/(2 mu (1 + nu)) [1/pressure]; 0 when incompressible."""
         return 3 * (1 - 2 * self.nu) / (2 * self.small_strain_mu * (1 + self.nu))  # type: ignore[operator]
 
-    def energy(self, H: Any) -> Any:
-        """psi [pressure]."""
-        shear, log_J = self._parts(H)
-        return shear + log_J**2 / (2 * self.inverse_kappa)
-
-    def mixed_energy(self, H: Any, q: Any) -> Any:
-        """isochoric + q ln J - q^2/(2 kappa) [pressure]."""
-        shear, log_J = self._parts(H)
-        return shear + q * log_J - q * q * self.inverse_kappa / 2
-
-    def _parts(self, H: Any) -> tuple[Any, Any]:
-        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass.
-
-        With w = (I1 - 3)/2 - ln J and s = 2/3 ln J, tr C/3 = 1 + s + 2/3 w, of which J^(2/3) = e^s is taken: what is
-        left is of second order, and so are the parts of it that are written here. dev C is that of C - 1.
-        """
-        from ufl import Identity, det, inner, tr, variable
-
-        w, log_J = map(variable, _excess_and_log_J(H))
+    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+        """The isochoric energy and ln J by way of a few scalar variables, through which all derivatives can pass."""
+        w, log_J = map(ufl.variable, _excess_and_log_J(H))  # tr C/3 = 1 + 2/3 ln J + 2/3 w: no digit is lost at rest
         strain = H + H.T + H.T * H
-        deviator = strain - tr(strain) / 3 * Identity(3)
-        square, cube = variable(inner(deviator, deviator) / 6), variable(det(deviator))
+        deviator = strain - ufl.tr(strain) / 3 * ufl.Identity(3)
+        square, cube = ufl.variable(ufl.inner(deviator, deviator) / 6), ufl.variable(ufl.det(deviator))
         shrink = exp(-2 * log_J / 3)
         excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
@@ -334,14 +296,14 @@ class _OfInvariants(_Isochoric):
     """Laws of the modified invariants J^-2/3 I1 and J^-4/3 I2."""
 
     @abstractmethod
-    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """Isochoric energy [pressure] of i1 = J^-2/3 I1 - 3 and i2 = J^-4/3 I2 - 3."""
 
-    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+    def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """As `_Isochoric`: i1 = 3 excess, i2 = 3 (2 excess + excess^2 - square)."""
         return self.energy_of_invariants(3 * excess, 3 * (excess * (2 + excess) - square))
 
-    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+    def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
         """As `_Isochoric`: I1 and I2 are sums of the squares and of their products."""
         a, b, c = l1 * l1, l2 * l2, l3 * l3
         return self.energy_of_invariants(a + b + c - 3, a * b + b * c + c * a - 3)
@@ -356,11 +318,11 @@ class MooneyRivlin(_OfInvariants):
     model: Literal["mooney_rivlin"] = "mooney_rivlin"
 
     @property
-    def small_strain_mu(self) -> Any:
+    def small_strain_mu(self) -> Expr:
         """2 (C10 + C01)."""
         return 2 * (self.C10 + self.C01)
 
-    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """C10 i1 + C01 i2."""
         return self.C10 * i1 + self.C01 * i2
 
@@ -375,11 +337,11 @@ class Yeoh(_OfInvariants):
     model: Literal["yeoh"] = "yeoh"
 
     @property
-    def small_strain_mu(self) -> Any:
+    def small_strain_mu(self) -> Expr:
         """2 C10."""
         return 2 * self.C10
 
-    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """C10 i1 + C20 i1^2 + C30 i1^3."""
         return i1 * (self.C10 + i1 * (self.C20 + i1 * self.C30))
 
@@ -392,7 +354,7 @@ class Ogden(_Isochoric):
     alpha: Annotated[tuple[float, ...], Len(1, 20)]
     model: Literal["ogden"] = "ogden"
 
-    def canonical(self) -> Any:
+    def canonical(self) -> Self:
         """As `_Isochoric`; ValueError too when mu and alpha differ in length or an alpha is zero."""
         if len(self.mu) != len(self.alpha):
             raise ValueError(f"mu has {len(self.mu)} entries and alpha {len(self.alpha)}; they belong in pairs")
@@ -401,16 +363,16 @@ class Ogden(_Isochoric):
         return super().canonical()
 
     @property
-    def small_strain_mu(self) -> Any:
+    def small_strain_mu(self) -> Expr:
         """sum mu_i alpha_i / 2."""
         return sum(mu * alpha for mu, alpha in zip(self.mu, self.alpha, strict=True)) / 2
 
-    def isochoric(self, excess: Any, square: Any, cube: Any) -> Any:
+    def isochoric(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """sum mu_i/alpha_i (sum of stretches^alpha_i - 3); near rest, where stretches lose digits, by a series."""
-        far = self.energy_of_stretches(*unimodular_stretches(1 + excess, square, cube))
-        return where_less(square, CLOSE**2 / 6, self._near_rest(excess, square, cube), far)
+        far = self.energy_of_stretches(*algebra.unimodular_stretches(1 + excess, square, cube))
+        return algebra.where_less(square, algebra.SMALL_DEVIATOR**2 / 6, self._near_rest(excess, square, cube), far)
 
-    def _near_rest(self, excess: Any, square: Any, cube: Any) -> Any:
+    def _near_rest(self, excess: Expr, square: Expr, cube: Expr) -> Expr:
         """The squared stretches are mean (1 + t_i) with mean = 1 + excess and the t_i of a traceless tensor."""
         mean, total = 1 + excess, 0.0 * excess
         for mu, alpha in zip(self.mu, self.alpha, strict=True):
@@ -419,7 +381,7 @@ class Ogden(_Isochoric):
             total += mu / alpha * (3 * growth + (1 + growth) * power_sum(alpha / 2, square / mean**2, cube / mean**3))
         return total
 
-    def energy_of_stretches(self, l1: Any, l2: Any, l3: Any) -> Any:
+    def energy_of_stretches(self, l1: Expr, l2: Expr, l3: Expr) -> Expr:
         """sum mu_i/alpha_i (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3)."""
         stretches = (l1, l2, l3)
         terms = zip(self.mu, self.alpha, strict=True)
@@ -435,11 +397,11 @@ class Gent(_OfInvariants):
     model: Literal["gent"] = "gent"
 
     @property
-    def small_strain_mu(self) -> Any:
+    def small_strain_mu(self) -> Expr:
         """mu."""
         return self.mu
 
-    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """-mu Jm/2 ln(1 - i1/Jm); not a number beyond the limit, which ends a Newton step."""
         return -self.mu * self.Jm / 2 * log1p(-i1 / self.Jm)
 
@@ -457,12 +419,12 @@ class ArrudaBoyce(_OfInvariants):
     model: Literal["arruda_boyce"] = "arruda_boyce"
 
     @property
-    def small_strain_mu(self) -> Any:
+    def small_strain_mu(self) -> Expr:
         """mu (1 + 3/(5 lambda_m^2) + 99/(175 lambda_m^4) + ...), twice the derivative of psi at I1 = 3."""
         terms = (i * c * 3 ** (i - 1) * self.lambda_m ** (2 - 2 * i) for i, c in enumerate(ARRUDA_BOYCE, start=1))
         return 2 * self.mu * sum(terms)
 
-    def energy_of_invariants(self, i1: Any, i2: Any) -> Any:
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
         """mu sum_i c_i lambda_m^(2-2i) (I1^i - 3^i), I1^i - 3^i = i1 (I1^(i-1) + 3 I1^(i-2) + ... + 3^(i-1))."""
         I1, slope, power = 3 + i1, 0.0, 1.0
         for i, c in enumerate(ARRUDA_BOYCE, start=1):
@@ -472,11 +434,23 @@ class ArrudaBoyce(_OfInvariants):
 
 Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
 
-
-NEEDED = {  # of two constants whose numbers do not show what a stable material is
+CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",
     frozenset({"kappa", "lame_lambda"}): "lame_lambda < kappa",
     frozenset({"nu", "lame_lambda"}): "lame_lambda of the sign of nu, which is not 0",
+}
+
+OF_TWO: dict[tuple[str, ...], Callable[[float, float], tuple[float, float]]] = {  # E and nu, of each two constants
+    ("E", "nu"): lambda E, nu: (E, nu),
+    ("E", "mu"): lambda E, mu: (E, E / (2 * mu) - 1),
+    ("E", "kappa"): lambda E, kappa: (E, (3 * kappa - E) / (6 * kappa)),
+    ("E", "lame_lambda"): lambda E, lam: (E, 2 * lam / (E + lam + math.sqrt(E * E + 9 * lam * lam + 2 * E * lam))),
+    ("nu", "mu"): lambda nu, mu: (2 * mu * (1 + nu), nu),
+    ("nu", "kappa"): lambda nu, kappa: (3 * kappa * (1 - 2 * nu), nu),
+    ("nu", "lame_lambda"): lambda nu, lam: ((lam * (1 + nu) * (1 - 2 * nu) / nu if nu else math.nan), nu),
+    ("mu", "kappa"): lambda mu, K: (9 * K * mu / (3 * K + mu), (3 * K - 2 * mu) / (2 * (3 * K + mu))),
+    ("mu", "lame_lambda"): lambda mu, lam: (mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))),
+    ("kappa", "lame_lambda"): lambda K, lam: (9 * K * (K - lam) / (3 * K - lam), lam / (3 * K - lam)),
 }
 
 
@@ -488,39 +462,16 @@ def young_and_poisson(given: dict[str, float]) -> tuple[float, float]:
     """
     if len(given) != 2:
         raise ValueError(f"needs exactly two of {', '.join(ISOTROPIC_CONSTANTS)}; got {', '.join(given) or 'none'}")
+    names = tuple(name for name in ISOTROPIC_CONSTANTS if name in given)
+    if names not in OF_TWO:
+        raise ValueError(f"unknown isotropic constants {', '.join(given)}")
     try:
-        E, nu = _from_two(given)
+        E, nu = OF_TWO[names](*(given[name] for name in names))
     except ZeroDivisionError:
         E, nu = math.nan, math.nan
     if not (math.isfinite(E) and E > 0 and -1 < nu <= 0.5):
         found = f"E = {E:g} and nu = {nu:g}" if math.isfinite(E) else "no E"
-        needed = NEEDED.get(frozenset(given), "")
+        needed = CONSTANTS_NEEDED.get(frozenset(given), "")
         stable = "a stable material has E > 0 and -1 < nu <= 0.5" + (f", and so {needed}" if needed else "")
         raise ValueError(f"these constants give {found}; {stable}")
     return E, nu
-
-
-def _from_two(given: dict[str, float]) -> tuple[float, float]:
-    match given:
-        case {"E": E, "nu": nu}:
-            return E, nu
-        case {"E": E, "mu": mu}:
-            return E, E / (2 * mu) - 1
-        case {"E": E, "kappa": kappa}:
-            return E, (3 * kappa - E) / (6 * kappa)
-        case {"E": E, "lame_lambda": lam}:
-            root = math.sqrt(E * E + 9 * lam * lam + 2 * E * lam)
-            return E, 2 * lam / (E + lam + root)
-        case {"nu": nu, "mu": mu}:
-            return 2 * mu * (1 + nu), nu
-        case {"nu": nu, "kappa": kappa}:
-            return 3 * kappa * (1 - 2 * nu), nu
-        case {"nu": nu, "lame_lambda": lam}:
-            return (lam * (1 + nu) * (1 - 2 * nu) / nu if nu else math.nan), nu
-        case {"mu": mu, "kappa": kappa}:
-            return 9 * kappa * mu / (3 * kappa + mu), (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
-        case {"mu": mu, "lame_lambda": lam}:
-            return mu * (3 * lam + 2 * mu) / (lam + mu), lam / (2 * (lam + mu))
-        case {"kappa": kappa, "lame_lambda": lam}:
-            return 9 * kappa * (kappa - lam) / (3 * kappa - lam), lam / (3 * kappa - lam)
-    raise ValueError(f"unknown isotropic constants {', '.join(given)}")

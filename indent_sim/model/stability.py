@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from indent_sim.model.algebra import Expr
 from indent_sim.model.materials import Gent, LinearElastic, Material, NeoHookean, TransverselyIsotropic
 from indent_sim.model.tips import Indenter
 
 # principal logarithmic strains (e1, e2) at a stretch exp(e)
 MODES: dict[str, tuple[float, float]] = {"uniaxial": (1.0, -0.5), "equibiaxial": (1.0, 1.0), "planar": (1.0, 0.0)}
-STEP = 1e-3  # of the differences; psi is smooth, and 1e-6 of it is far below what decides
-NOISE = 1e-3  # of the larger eigenvalue: the smaller one is a difference of larger numbers where a law stiffens steeply
-POINTS = 200
+DIFFERENCE_STEP = 1e-3  # of the differences; psi is smooth, and 1e-6 of it is far below what decides
+EIGENVALUE_NOISE = 1e-8  # of the sum of both eigenvalues: rounding
+STRAIN_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Loss:
         return f"{self.mode} {kind} to a stretch of {self.stretch:.3g}"
 
 
-def losses(psi: Callable[[Any, Any, Any], Any], strain: float) -> list[Loss]:
+def losses(psi: Callable[[Expr, Expr, Expr], Expr], strain: float) -> list[Loss]:
     """Where stability ends first, for each deformation and sense, within stretches exp(-strain) to exp(strain).
 
     psi(l1, l2, l3) is the isochoric energy [pressure] of principal stretches with product one.
@@ -43,7 +43,7 @@ def losses(psi: Callable[[Any, Any, Any], Any], strain: float) -> list[Loss]:
     found = []
     for mode, direction in MODES.items():
         for sign in (1.0, -1.0):
-            strains = sign * strain * np.arange(1, POINTS + 1) / POINTS
+            strains = sign * strain * np.arange(1, STRAIN_POINTS + 1) / STRAIN_POINTS
             bad = ~_is_stable(psi, strains * direction[0], strains * direction[1])
             if bad.any():
                 found.append(Loss(mode, float(np.exp(strains[np.argmax(bad)]))))
@@ -65,18 +65,12 @@ def instabilities(material: Material, strain: float) -> list[str]:
     if isinstance(material, NeoHookean):
         return _of_auxetic(material, strain)
     limit = ": Gent's limit I1 - 3 = Jm, or near it" if isinstance(material, Gent) else ""
-    return [
-        f"{material.model} loses its stability (Drucker) in {loss}{limit}; {_reached(strain)}"
-        for loss in losses(material.energy_of_stretches, strain)
-    ]
+    lost, reached = f"{material.model} loses its stability (Drucker)", _reached(strain)
+    return [f"{lost} in {loss}{limit}; {reached}" for loss in losses(material.energy_of_stretches, strain)]
 
 
 def _of_auxetic(material: NeoHookean, strain: float) -> list[str]:
-    """The neo-Hookean psi is convex in logarithmic strains e_i unless lame_lambda < 0.
-
-    Its second derivative 2 mu exp(2 e_i) delta_ij + lame_lambda is positive definite while
-    sum exp(-2 e_i) < -2 mu/lame_lambda = (2 nu - 1)/nu, which all-round compression reaches first.
-    """
+    """The neo-Hookean psi is convex in logarithmic strains e while sum exp(-2 e) < (2 nu - 1)/nu, if nu < 0."""
     nu = material.constants.nu
     if nu >= 0 or 3 * float(np.exp(2 * strain)) < (2 * nu - 1) / nu:
         return []
@@ -88,15 +82,18 @@ def _reached(strain: float) -> str:
     return f"strains may reach exp(+-{strain:.2g}) here"
 
 
-def _is_stable(psi: Callable[[Any, Any, Any], Any], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:
-    """Whether the second derivative by (e1, e2) is positive definite; not where psi is not a number."""
+def _is_stable(psi: Callable[[Expr, Expr, Expr], Expr], e1: np.ndarray, e2: np.ndarray) -> np.ndarray:
+    """Whether psi bends upwards along the direction in which it does so least; not where psi is not a number."""
 
-    def at(i: int, j: int) -> np.ndarray:
-        a, b = e1 + i * STEP, e2 + j * STEP
-        with np.errstate(all="ignore"):
-            return psi(np.exp(a), np.exp(b), np.exp(-a - b))
+    def at(i: Expr, j: Expr) -> np.ndarray:
+        a, b = e1 + i * DIFFERENCE_STEP, e2 + j * DIFFERENCE_STEP
+        return psi(np.exp(a), np.exp(b), np.exp(-a - b))
 
-    middle = at(0, 0)
-    first, second = at(1, 0) - 2 * middle + at(-1, 0), at(0, 1) - 2 * middle + at(0, -1)
-    mixed = (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / 4
-    return (first + second > 0) & (first * second - mixed * mixed > -NOISE * (first + second) ** 2)
+    def bend(i: Expr, j: Expr) -> np.ndarray:
+        return at(i, j) - 2 * at(0, 0) + at(-i, -j)
+
+    with np.errstate(all="ignore"):
+        first, second, mixed = bend(1, 0), bend(0, 1), (bend(1, 1) - bend(1, -1)) / 4
+        least = np.arctan2(2 * mixed, first - second) / 2 + np.pi / 2
+        is_beyond_numbers = np.isposinf(at(1, 0) + at(-1, 0) + at(0, 1) + at(0, -1))
+        return is_beyond_numbers | (bend(np.cos(least), np.sin(least)) > -EIGENVALUE_NOISE * (first + second))

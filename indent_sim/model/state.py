@@ -9,10 +9,11 @@ import numpy as np
 from indent_sim.model.units import Scales
 
 READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
-OF_FRICTION = ("stick_radius", "dissipation", "side_force_x", "side_force_y")  # the last where the tip is off centre
-ERRORS = ("force_error", "a_error", "p_max_error", "delta_error")  # the last where forces are prescribed
-EFFORT = ("krylov_iterations",)  # with an iterative linear solver
-COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
+# The last where the tip is off centre
+FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
+ERROR_COLUMNS = ("force_error", "a_error", "p_max_error", "delta_error", "stick_radius_error", "dissipation_error")
+KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
+STATE_COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class State:
     force [pressure length^2] > 0 pushing (per unit length in plane strain), a [length] contact radius, p_max
     [pressure] NaN where no mesh knows it, penetration [length] the largest <-g> over the contact quadrature points,
     energy [pressure length^3] strain plus penalty energy, reaction the z-reaction of all constrained dofs, overlap
-    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only). stiffness
+    [length] how deep a whole facet of the surface lies inside the tip's own shape (current gap only), intrusion
+    [length] how deep the tip lies inside the surface beside that which it may touch. stiffness
     [pressure length] is dF/ddelta, area [length^2] that of the contact, E_hertz [pressure] the modulus that a
     half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
     without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
@@ -67,6 +69,7 @@ class State:
     stray_reaction: float = 0.0
     krylov_iterations: int | None = None
     overlap: float = 0.0
+    intrusion: float = 0.0
     substeps: int = 1
     converged: bool = True
     reason: str = ""
@@ -81,32 +84,16 @@ class State:
     a_error: float | None = None
     p_max_error: float | None = None
     delta_error: float | None = None
+    stick_radius_error: float | None = None
+    dissipation_error: float | None = None
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def in_units(self, scales: Scales) -> State:
         """The same state measured in the user's units, of which the scales are the scene's."""
-        L, P, F = scales.length, scales.pressure, scales.force
-        return replace(
-            self,
-            delta=self.delta * scales.depth,
-            force=self.force * F,
-            a=self.a * L,
-            p_max=self.p_max * P,
-            penetration=self.penetration * L,
-            overlap=self.overlap * L,
-            energy=self.energy * scales.energy,
-            reaction=self.reaction * F,
-            stray_reaction=self.stray_reaction * F,
-            stiffness=_times(self.stiffness, F / scales.depth),
-            area=_times(self.area, L ** (scales.dim - 1)),
-            E_hertz=_times(self.E_hertz, P),
-            stick_radius=_times(self.stick_radius, L),
-            dissipation=_times(self.dissipation, scales.energy),
-            side_force_x=_times(self.side_force_x, F),
-            side_force_y=_times(self.side_force_y, F),
-            surface=self.surface and self.surface.in_units(L, P),
-        )
-
-
-def _times(value: float | None, unit: float) -> float | None:
-    return None if value is None else value * unit
+        L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy
+        units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
+        units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
+        units |= dict.fromkeys(("energy", "dissipation"), energy) | dict.fromkeys(("p_max", "E_hertz"), P)
+        units |= {"delta": depth, "stiffness": F / depth, "area": L ** (scales.dim - 1)}
+        measured = {name: value * unit for name, unit in units.items() if (value := getattr(self, name)) is not None}
+        return replace(self, **measured, surface=self.surface and self.surface.in_units(L, P))

@@ -12,20 +12,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from math import atan, degrees, inf, pi
-from typing import Annotated, Any, ClassVar, Literal
+from math import atan, degrees, inf, nan, pi
+from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le, Len
 
-from indent_sim.model.algebra import cos, maximum, minimum, sin, sqrt, tan, where_less
-from indent_sim.model.units import LENGTH, HalfAngle, Length, LengthOrZero
+from indent_sim.model.algebra import Expr, cos, maximum, minimum, sin, sqrt, tan, where_less
+from indent_sim.model.units import ANGLE, LENGTH, HalfAngle, Length, LengthOrZero
 
 # A tip that ends (sphere beyond R, punch beyond its radius) is this many of its own radii up there: above every body
 # (a scene whose body is higher is refused), and a number whose square is finite.
-FAR = 1e15
+ENDED_TIP_HEIGHT = 1e15
 # A ball is held from above: beside the cone of this half-angle [degrees] about its axis it is whole
 STEM = 30.0
+TINY = 1e-30  # arcs of no length are not divided by zero
 
+Angle = Annotated[float, ANGLE]
 Faces = Annotated[int, Ge(3), Le(64)]
 Point = Annotated[tuple[Annotated[float, Ge(0)], ...], Len(2, 2)]
 Points = Annotated[tuple[Point, ...], Len(2, 1000), LENGTH]
@@ -41,6 +43,17 @@ class _Tip:
         return []
 
 
+class _Pointed(_Tip):
+    """What a cone and a pyramid have in common: flanks that meet at the apex, sharp or rounded."""
+
+    half_angle: Expr
+    tip_radius: Expr
+
+    def creases(self) -> list[tuple[float, float]]:
+        """The apex alone."""
+        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
+
+
 @dataclass(frozen=True)
 class Paraboloid(_Tip):
     """f = r^2 / (2 R): Hertz' own tip (notes 3.1)."""
@@ -48,11 +61,11 @@ class Paraboloid(_Tip):
     R: Length
     shape: Literal["paraboloid"] = "paraboloid"
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
         return (x * x + y * y) / (2 * self.R)
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """(f - depth) / |grad(f - z)| at the deformed point, a length that vanishes on the tip."""
         return (self.height(x, y) - depth) / sqrt(1 + (x * x + y * y) / (self.R * self.R))
 
@@ -71,16 +84,15 @@ class Sphere(_Tip):
     R: Length
     shape: Literal["sphere"] = "sphere"
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length], in the form that keeps its digits for r << R."""
-        square = x * x + y * y
-        R2 = self.R * self.R
+        square, R2 = x * x + y * y, self.R * self.R
         # both branches of a conditional are differentiated, so the root's argument stays positive
         inside = minimum(square, (1 - 1e-12) * R2)
         cap = inside / (self.R + sqrt(R2 - inside))
-        return where_less(square, R2, cap, FAR * self.R)
+        return where_less(square, R2, cap, ENDED_TIP_HEIGHT * self.R)
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """|v| - R - 2 <cos(phi) - cos(STEM)>^2 |v| / (1 - cos(STEM))^2, v = X + u - c from the ball's center c.
 
         phi is the angle between v and the upward axis. On the axis above the center the gap is -|v| - R: a body that
@@ -100,30 +112,25 @@ class Sphere(_Tip):
 
 
 @dataclass(frozen=True)
-class Cone(_Tip):
+class Cone(_Pointed):
     """f = r cot(half_angle); with tip_radius > 0 the apex is a spherical cap that meets the flank smoothly."""
 
     half_angle: HalfAngle
     tip_radius: LengthOrZero = 0.0
     shape: Literal["cone"] = "cone"
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
         r = sqrt(x * x + y * y)
-        slope = 1 / tan(self.half_angle)
+        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
         # cap and flank meet where the cap's slope is the flank's: r = rho cos(half_angle)
-        rho = self.tip_radius
-        secant = sqrt(1 + slope * slope)
-        junction = rho * slope / secant
-        s = minimum(r, junction)
+        s = minimum(r, rho * slope / sqrt(1 + slope * slope))
         cap = s * s / (rho + sqrt(rho * rho - s * s) + 1e-300)
         return cap + slope * (r - s)
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """(f - depth) sin(half_angle) on the flank, the ball's distance on the cap."""
-        slope = 1 / tan(self.half_angle)
-        rho = self.tip_radius
-        square = x * x + y * y
+        rho, slope, square = self.tip_radius, 1 / tan(self.half_angle), x * x + y * y
         r = sqrt(square + 1e-24 * rho * rho)  # the root's derivative at r = 0 stays finite
         secant = sqrt(1 + slope * slope)
         flank = (slope * r - rho * (secant - 1) - depth) / secant
@@ -139,10 +146,6 @@ class Cone(_Tip):
             return float(sqrt(depth * (2 * rho - depth)))
         return float((depth + rho * (1 / sin(self.half_angle) - 1)) * tan(self.half_angle))
 
-    def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
-        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
-
 
 @dataclass(frozen=True)
 class FlatPunch(_Tip):
@@ -152,15 +155,14 @@ class FlatPunch(_Tip):
     edge_radius: LengthOrZero = 0.0
     shape: Literal["flat_punch"] = "flat_punch"
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
-        r = sqrt(x * x + y * y)
-        e = self.edge_radius
+        r, e = sqrt(x * x + y * y), self.edge_radius
         beyond = minimum(maximum(r - (self.radius - e), 0.0 * r), e)
         edge = beyond * beyond / (e + sqrt(e * e - beyond * beyond) + 1e-300)
-        return where_less(self.radius * (1 + 1e-12), r, FAR * self.radius, edge)
+        return where_less(self.radius * (1 + 1e-12), r, ENDED_TIP_HEIGHT * self.radius, edge)
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """Distance to the rounded punch: -depth under the flat, to the torus at the edge, to the side wall above.
 
         Deep inside the edge it goes on with the depth, linearly: so it falls everywhere with the depth, without a jump.
@@ -189,11 +191,11 @@ class Plate(_Tip):
 
     shape: Literal["plate"] = "plate"
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) = 0 [length]."""
         return 0.0 * x
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """-depth: the distance to the plane."""
         return 0.0 * x - depth
 
@@ -202,23 +204,20 @@ class Plate(_Tip):
         return inf
 
 
-class RegularPyramid(_Tip):
+class RegularPyramid(_Pointed):
     """f = cot(half_angle) max over the faces of x . n, regular; half_angle between axis and face.
 
     The normal of one face points along x, turned by `rotation` degrees about z. With tip_radius > 0 the pyramid is
     what a ball of that radius can reach from within: apex a spherical cap, edges cylinders, all meeting smoothly.
     """
 
-    half_angle: Any
-    faces: Any
-    rotation: Any
-    tip_radius: Any
+    faces: Expr
+    rotation: Expr
     of_revolution: ClassVar[bool] = False
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
-        rho, slope = self.tip_radius, 1 / tan(self.half_angle)
-        square = x * x + y * y
+        rho, slope, square = self.tip_radius, 1 / tan(self.half_angle), x * x + y * y
         s, t, p, q = self._sector(x, y)
         face = slope * s - rho * (1 / sin(self.half_angle) - 1)
         # the edge is a line that rises with the slope m, the ball's center runs along it
@@ -231,7 +230,7 @@ class RegularPyramid(_Tip):
         rounded = where_less(secant * p, m * chord, cap, edge)
         return where_less((s - rho * cos(self.half_angle)) * tan(180 / self.faces), t, rounded, face)
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """Distance to the ball's centers (face, edge or apex of a sharp pyramid rho higher) less rho."""
         rho, slope = self.tip_radius, 1 / tan(self.half_angle)
         s, t, p, q = self._sector(x, y)
@@ -246,28 +245,19 @@ class RegularPyramid(_Tip):
         rounded = where_less(p + m * z, 0.0, apex, edge)
         return where_less(foot * tan(180 / self.faces), t, rounded, face) - rho
 
-    def _sector(self, x: Any, y: Any) -> tuple[Any, Any, Any, Any]:
+    def _sector(self, x: Expr, y: Expr) -> tuple[Expr, Expr, Expr, Expr]:
         """(s, t) along and across the nearest face's normal, (p, q) along and across the nearest edge [length]."""
         turn = 360 / self.faces
-        along = [self._ray(x, y, turn * k) for k in range(self.faces)]
-        between = [self._ray(x, y, turn * (k + 0.5)) for k in range(self.faces)]
-        s, p = _largest(along), _largest(between)
+        turns = [[self.rotation + turn * (k + shift) for k in range(self.faces)] for shift in (0, 0.5)]
+        s, p = (_largest([x * cos(angle) + y * sin(angle) for angle in angles]) for angles in turns)
         c, d = cos(turn / 2), sin(turn / 2)
         return s, (p - s * c) / d, p, (s - p * c) / d
-
-    def _ray(self, x: Any, y: Any, degrees: float) -> Any:
-        return x * cos(self.rotation + degrees) + y * sin(self.rotation + degrees)
 
     def radius_at(self, depth: float) -> float:
         """Radius of the circle as large as the tip's section `depth` above its apex (edges sharp) [length]."""
         blunt = Cone(self.half_angle, self.tip_radius)
-        if depth < self.tip_radius * (1 - sin(self.half_angle)):
-            return blunt.radius_at(depth)
-        return blunt.radius_at(depth) * self.roundness
-
-    def creases(self) -> list[tuple[float, float]]:
-        """Radius [length] of every circle where the slope jumps, and the width [length] over which it is rounded."""
-        return [(0.0, self.tip_radius * float(cos(self.half_angle)))]
+        is_on_cap = depth < self.tip_radius * (1 - sin(self.half_angle))
+        return blunt.radius_at(depth) * (1.0 if is_on_cap else self.roundness)
 
     @property
     def roundness(self) -> float:
@@ -287,7 +277,7 @@ class Pyramid(RegularPyramid):
 
     half_angle: HalfAngle
     faces: Faces = 4
-    rotation: float = 0.0
+    rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
     shape: Literal["pyramid"] = "pyramid"
 
@@ -296,7 +286,7 @@ class Pyramid(RegularPyramid):
 class Berkovich(RegularPyramid):
     """Three faces at 65.27 degrees from the axis: as much area at a depth as a Vickers tip (ISO 14577-2)."""
 
-    rotation: float = 0.0
+    rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
     shape: Literal["berkovich"] = "berkovich"
 
@@ -308,7 +298,7 @@ class Berkovich(RegularPyramid):
 class Vickers(RegularPyramid):
     """Four faces at 68 degrees from the axis (ISO 6507-1)."""
 
-    rotation: float = 0.0
+    rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
     shape: Literal["vickers"] = "vickers"
 
@@ -320,7 +310,7 @@ class Vickers(RegularPyramid):
 class CubeCorner(RegularPyramid):
     """Three faces at right angles to one another, arctan(1/sqrt(2)) = 35.26 degrees from the axis (ISO 14577-2)."""
 
-    rotation: float = 0.0
+    rotation: Angle = 0.0
     tip_radius: LengthOrZero = 0.0
     shape: Literal["cube_corner"] = "cube_corner"
 
@@ -353,46 +343,41 @@ class Profile(_Tip):
         if any(self.tip_radius * jump / 2 > r for (r, _), jump in corners):
             raise ValueError("tip_radius is too large: the arc of a corner reaches the axis")
 
-    def _jumps(self) -> list[Any]:
+    def _jumps(self) -> list[Expr]:
         """The change of slope at the apex and at every point but the last."""
         slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(self.points)]
         return [slopes[0], *(after - before for before, after in pairwise(slopes))]
 
-    def corners(self) -> list[tuple[Any, Any, Any]]:
+    def corners(self) -> list[tuple[Expr, Expr, Expr]]:
         """Middle [length], half width [length] and change of slope of every arc."""
         rho, jumps = self.tip_radius, self._jumps()
         middles = [rho * jumps[0] / 2, *(r for r, _ in self.points[1:-1])]
         return [(middle, rho * jump / 2, jump) for middle, jump in zip(middles, jumps, strict=True)]
 
-    def slope(self, r: Any) -> Any:
+    def slope(self, r: Expr) -> Expr:
         """f'(r)."""
-        return sum(where_less(r - c, -w, 0.0, where_less(r - c, w, (r - c + w) / self._radius, jump))
-                   for c, w, jump in self.corners())  # fmt: skip
+        arcs, rho = ((r - c, w, jump) for c, w, jump in self.corners()), self.tip_radius + TINY
+        return sum(where_less(x, -w, 0.0, where_less(x, w, (x + w) / rho, jump)) for x, w, jump in arcs)
 
-    @property
-    def _radius(self) -> Any:
-        return self.tip_radius + 1e-30  # arcs of no length are not divided by zero
-
-    def _rise(self, r: Any) -> Any:
-        total: Any = 0.0
+    def _rise(self, r: Expr) -> Expr:
+        total: Expr = 0.0
         for c, w, jump in self.corners():
             past = maximum(r - c + w, 0.0 * r)
             arc = minimum(past, 2 * w)
-            total = total + arc * arc / (2 * self._radius) + jump * (past - arc)
+            total = total + arc * arc / (2 * (self.tip_radius + TINY)) + jump * (past - arc)
         return total
 
-    def height(self, x: Any, y: Any) -> Any:
+    def height(self, x: Expr, y: Expr) -> Expr:
         """f(x, y) [length]."""
-        r = sqrt(x * x + y * y)
-        end = self.points[-1][0]
-        return where_less(end * (1 + 1e-12), r, FAR * end, self._rise(r))
+        r, end = sqrt(x * x + y * y), self.points[-1][0]
+        return where_less(end * (1 + 1e-12), r, ENDED_TIP_HEIGHT * end, self._rise(r))
 
-    def gap_current(self, x: Any, y: Any, depth: Any) -> Any:
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
         """(f - depth) / |grad(f - z)| at the deformed point."""
         r = sqrt(x * x + y * y + 1e-24 * self.tip_radius * self.tip_radius)
-        end = self.points[-1][0]
-        steep = self.slope(r)
-        return where_less(end * (1 + 1e-12), r, FAR * end, (self._rise(r) - depth) / sqrt(1 + steep * steep))
+        end, steep = self.points[-1][0], self.slope(r)
+        distance = (self._rise(r) - depth) / sqrt(1 + steep * steep)
+        return where_less(end * (1 + 1e-12), r, ENDED_TIP_HEIGHT * end, distance)
 
     def radius_at(self, depth: float) -> float:
         """Radius of the tip's section `depth` above its apex (arcs left out) [length]."""
@@ -407,8 +392,7 @@ class Profile(_Tip):
         return [*corners, (self.points[-1][0], 0.0)]  # the tip ends in an edge
 
 
-def _largest(values: Sequence[Any]) -> Any:
-    """The largest of several expressions, as a tree of pairs."""
+def _largest(values: Sequence[Expr]) -> Expr:
     while len(values) > 1:
         pairs = [values[k : k + 2] for k in range(0, len(values), 2)]
         values = [reduce(maximum, pair) for pair in pairs]
@@ -430,16 +414,21 @@ def reach(tip: Indenter) -> float:
     return inf
 
 
+def below(tip: Indenter, gap: Expr) -> Expr:
+    """Gaps [length] as they are written: not a number beside a tip that ends, where `height` is only very large."""
+    return where_less(gap, ENDED_TIP_HEIGHT / 1e3 * reach(tip), gap, nan)
+
+
 def deepest_inside(tip: Indenter) -> float:
     """The penetration [length] beyond which a point may come out at the tip's other side: half the radius of a ball."""
     return tip.R / 2 if isinstance(tip, Sphere) else inf
 
 
-def gap_reference(tip: Indenter, x: Any, y: Any, z: Any, delta: Any) -> Any:
+def gap_reference(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
     """g = f(X, Y) - delta - z over the undeformed point (X, Y), z = Z + u_z its height now [length], >= 0 open."""
     return tip.height(x, y) - delta - z
 
 
-def gap_current(tip: Indenter, x: Any, y: Any, z: Any, delta: Any) -> Any:
+def gap_current(tip: Indenter, x: Expr, y: Expr, z: Expr, delta: Expr) -> Expr:
     """Distance of the deformed point (x, y, z) from the tip whose apex is at z = -delta [length], >= 0 open."""
     return tip.gap_current(x, y, z + delta)

@@ -1,33 +1,77 @@
 """Marks on the types of fields: dimension, range and, of a section that may be several things, the key that chooses.
 
-Numbers know their dimension, so that one function can scale a whole scene; validation, the JSON schema, the generated
-docs and the non-dimensionalisation all read the marks.
+Numbers know their dimension, so that one function can scale a whole scene and one convert quantities to its units;
+validation, the JSON schema and the generated docs read the marks too.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections import Counter
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from math import prod
 from types import NoneType
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le, Lt
+
+_FACTOR = re.compile(r"(?P<sign>[*/·]?)\s*(?P<name>[^\W\d_]+|[%°])(?:(?:\^|\*\*)?(?P<power>-?\d|[²³]))?\s*")
+_DIVISOR = re.compile(r"/\s*\(\s*([^()]*?)\s*\)")
+_SUPERSCRIPTS = {"²": 2, "³": 3}
+ENERGY_POWERS = {"length": 3, "pressure": 1}
+
+
+def factors(text: str) -> list[tuple[str, int]]:
+    """Names and powers of a product such as mN/m or length^2/(pressure time); ValueError when it is none."""
+    spread = _DIVISOR.sub(lambda match: "/" + re.sub(r"\s*[*·]\s*|\s+", "/", match[1]), text)
+    found, end = [], 0
+    for match in _FACTOR.finditer(spread):
+        if match.start() != end:
+            break
+        end = match.end()
+        power = _SUPERSCRIPTS.get(match["power"] or "", 0) or int(match["power"] or 1)
+        found.append((match["name"], -power if match["sign"] == "/" else power))
+    if end != len(spread):
+        raise ValueError(f"'{text}' is no product of units")
+    return found
 
 
 @dataclass(frozen=True)
 class Unit:
-    """The dimension length^length * pressure^pressure of a number."""
+    """The dimension of a number in words: a product of length, pressure, force, energy, time and degrees.
 
-    length: int = 0
-    pressure: int = 0
+    A force is that of the whole body, in plane strain per length.
+    """
+
+    words: str
+
+    @cached_property
+    def powers(self) -> dict[str, int]:
+        """Powers of length, pressure, force, time and degrees; an energy is pressure length^3."""
+        total: Counter[str] = Counter()
+        for word, power in factors(self.words.removeprefix("1")):
+            parts = ENERGY_POWERS if word == "energy" else {word: 1}
+            total.update({name: power * times for name, times in parts.items()})
+        return total
 
 
-LENGTH = Unit(length=1)
-PRESSURE = Unit(pressure=1)
-STIFFNESS = Unit(length=-1, pressure=1)  # pressure per length: epsilon_n, gamma
-ADHESION = Unit(length=1, pressure=1)  # work of adhesion; in plane strain too, where a force is per length
-DIMENSIONS = {LENGTH: "length", PRESSURE: "pressure", STIFFNESS: "pressure/length", ADHESION: "energy/length^2"}
+@dataclass(frozen=True)
+class UnitRow:
+    """Marks a row of numbers with a dimension each, None for a pure number."""
+
+    units: tuple[Unit | None, ...]
+
+    @property
+    def words(self) -> str:
+        """The dimensions one after another."""
+        return ", ".join(unit.words if unit else "1" for unit in self.units)
+
+
+LENGTH, PRESSURE, FORCE, TIME, ANGLE = map(Unit, ("length", "pressure", "force", "time", "degrees"))
+STIFFNESS = Unit("pressure/length")  # epsilon_n, gamma
+ADHESION = Unit("energy/length^2")  # work of adhesion; in plane strain too, where a force is per length
 
 Coordinate = Annotated[float, LENGTH]
 Length = Annotated[float, Gt(0), LENGTH]
@@ -36,7 +80,7 @@ Modulus = Annotated[float, Gt(0), PRESSURE]
 AnyModulus = Annotated[float, PRESSURE]
 ContactStiffness = Annotated[float, Gt(0), STIFFNESS]
 PoissonRatio = Annotated[float, Gt(-1), Le(0.5)]
-HalfAngle = Annotated[float, Gt(1e-6), Lt(90)]  # degrees, between axis and flank
+HalfAngle = Annotated[float, Gt(1e-6), Lt(90), ANGLE]  # between axis and flank
 PositiveInt = Annotated[int, Gt(0)]
 Auto = Literal["auto"]
 
@@ -59,42 +103,23 @@ class TaggedBy:
         return core_schema.nullable_schema(schema) if NoneType in parts else schema
 
 
-def unit_of(hint: Any) -> Unit | None:
-    """The `Unit` annotated anywhere inside a type hint, or None for a pure number or a word."""
+def unit_of(hint: Any) -> Unit | UnitRow | None:
+    """The `Unit` or `UnitRow` annotated anywhere inside a type hint, or None for a pure number or a word."""
     if get_origin(hint) is Annotated:
-        for mark in hint.__metadata__:
-            if isinstance(mark, Unit):
-                return mark
-        return unit_of(hint.__origin__)
+        marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
+        return marks[0] if marks else unit_of(hint.__origin__)
     return next((unit for unit in map(unit_of, get_args(hint)) if unit), None)
 
 
 @cache
-def field_units(kind: type) -> dict[str, Unit | None]:
+def field_units(kind: type) -> dict[str, Unit | UnitRow | None]:
     """The unit of every field of a dataclass."""
     return {name: unit_of(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
 
 
-def scaled(item: D, length: float, pressure: float) -> D:
-    """The same dataclass measured in units of `length` and `pressure`: every number x becomes x / (L^l P^p)."""
-
-    def convert(value: Any, unit: Unit | None) -> Any:
-        if dataclasses.is_dataclass(value):
-            return scaled(value, length, pressure)
-        if isinstance(value, (tuple, list)):
-            return tuple(convert(part, unit) for part in value)
-        if unit is None or isinstance(value, (str, bool)) or value is None:
-            return value
-        return value / (length**unit.length * pressure**unit.pressure)
-
-    units = field_units(type(item))  # type: ignore[arg-type]
-    values = {f.name: convert(getattr(item, f.name), units[f.name]) for f in dataclasses.fields(item)}  # type: ignore[arg-type]
-    return dataclasses.replace(item, **values)  # type: ignore[type-var]
-
-
 @dataclass(frozen=True)
 class Scales:
-    """One length and one pressure of the scene; the solver and gmsh see everything divided by them.
+    """One length, one pressure and one time of the scene; the solver and gmsh see everything divided by them.
 
     force [pressure length^2] and energy [pressure length^3] follow, one power of length less in plane strain.
     """
@@ -103,6 +128,8 @@ class Scales:
     pressure: float
     dim: int = 3  # 2 in plane strain, where forces are per unit length
     pieces: int = 1  # equal ones on top of each other, of which one is modelled: approach and energy are those of all
+    time: float = 1.0
+    degrees: ClassVar[float] = 1.0
 
     @property
     def depth(self) -> float:
@@ -119,22 +146,37 @@ class Scales:
         """Unit of pressure per length."""
         return self.pressure / self.length
 
-    def scaled(self, item: D) -> D:
-        """A dataclass of the user's numbers in these units."""
-        return scaled(item, self.length, self.pressure)
-
-    def unscaled(self, item: D) -> D:
-        """A dataclass in these units as the user's numbers."""
-        return scaled(item, 1 / self.length, 1 / self.pressure)
+    @property
+    def energy(self) -> float:
+        """Unit of energy."""
+        return self.pieces * self.pressure * self.length**self.dim
 
     def of(self, control: str) -> float:
         """Unit of what a load path prescribes: depth or force."""
         return self.depth if control == "depth" else self.force
 
-    @property
-    def energy(self) -> float:
-        """Unit of energy."""
-        return self.pieces * self.pressure * self.length**self.dim
+    def scaled(self, item: D) -> D:
+        """A dataclass of the user's numbers in these units: every number is divided by the size of its unit."""
+        units = field_units(type(item))  # type: ignore[arg-type]
+        fields = dataclasses.fields(item)  # type: ignore[arg-type]
+        values = {field.name: self._scaled(getattr(item, field.name), units[field.name]) for field in fields}
+        return dataclasses.replace(item, **values)  # type: ignore[type-var]
+
+    def unscaled(self, item: D) -> D:
+        """A dataclass in these units as the user's numbers."""
+        inverse = dataclasses.replace(self, length=1 / self.length, pressure=1 / self.pressure, time=1 / self.time)
+        return inverse.scaled(item)
+
+    def _scaled(self, value: Any, unit: Unit | UnitRow | None) -> Any:
+        if dataclasses.is_dataclass(value):
+            return self.scaled(value)
+        if isinstance(value, (tuple, list)):
+            if isinstance(unit, UnitRow) and not any(isinstance(part, tuple) for part in value):
+                return tuple(map(self._scaled, value, unit.units))
+            return tuple(self._scaled(part, unit) for part in value)
+        if not isinstance(unit, Unit) or isinstance(value, (str, bool)) or value is None:
+            return value
+        return value / prod(getattr(self, name) ** power for name, power in unit.powers.items())
 
 
 def rounded(value: float) -> float:

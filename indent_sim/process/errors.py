@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -14,13 +14,10 @@ def printable(text: str, line_breaks: bool = False) -> str:
 
     Characters that control a terminal or turn the direction of text become their escapes, as \\x1b.
     """
-    if not line_breaks:
-        text = " ".join(text.split()) if any(sign in text for sign in "\n\r\t\v\f\x85\u2028\u2029") else text
-    return "".join(sign if _is_harmless(sign) else sign.encode("unicode_escape").decode() for sign in text)
-
-
-def _is_harmless(sign: str) -> bool:
-    return sign in "\n\t\u200c\u200d" or unicodedata.category(sign) not in ("Cc", "Cf", "Cs")
+    if not line_breaks and any(sign in text for sign in "\n\r\t\v\f\x85\u2028\u2029"):
+        text = " ".join(text.split())
+    unsafe = {sign for sign in set(text) - set("\n\t\u200c\u200d") if unicodedata.category(sign) in ("Cc", "Cf", "Cs")}
+    return "".join(sign.encode("unicode_escape").decode() if sign in unsafe else sign for sign in text)
 
 
 class IndentSimError(Exception):
@@ -50,7 +47,8 @@ class UsageError(IndentSimError):
 class ConfigError(IndentSimError):
     """A scene that is wrong or cannot exist: which key, what is wrong, what would be right.
 
-    `key` is the dotted path (`indenter.R`); `file` and `line` are filled in by whoever knows them.
+    `key` is the dotted path (`indenter.R`); `file` and `line` are filled in by whoever knows them. meant: the word that
+    was probably meant, in place of the last one of the key, or of its value.
     """
 
     key: str
@@ -58,8 +56,14 @@ class ConfigError(IndentSimError):
     remedy: str = ""
     file: str = ""
     line: int | None = None
+    meant: str = ""
 
     exit_code = 3
+
+    @property
+    def errors(self) -> list[ConfigError]:
+        """The errors that are told, a line each."""
+        return [self]
 
     def __str__(self) -> str:
         place = ":".join(str(part) for part in (self.file, self.line) if part)
@@ -69,7 +73,7 @@ class ConfigError(IndentSimError):
         return printable(f"{place}: {message}" if place else message)
 
     def __reduce__(self):
-        return ConfigError, (self.key, self.problem, self.remedy, self.file, self.line)
+        return type(self), (self.key, self.problem, self.remedy, self.file, self.line, self.meant)
 
 
 class ConfigErrors(ConfigError):
@@ -78,13 +82,30 @@ class ConfigErrors(ConfigError):
     def __init__(self, errors: list[ConfigError]):
         first = errors[0]
         super().__init__(first.key, first.problem, first.remedy, first.file, first.line)
-        self.errors = errors
+        self._all = errors
+
+    @property
+    def errors(self) -> list[ConfigError]:
+        """Each of them."""
+        return self._all
+
+    @staticmethod
+    def of(errors: Sequence[ConfigError]) -> ConfigError:
+        """One error as it is, several together, each once."""
+        found = list({str(error): error for error in errors}.values())
+        return ConfigErrors(found) if len(found) > 1 else found[0]
 
     def __str__(self) -> str:
         return "\n".join(str(error) for error in self.errors)
 
     def __reduce__(self):
         return ConfigErrors, (self.errors,)
+
+
+class MeshFileError(ConfigError):
+    """A mesh file that is no body, or that cannot be read."""
+
+    exit_code = 4
 
 
 class MeshError(IndentSimError):

@@ -12,14 +12,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, Pipe
-from typing import Any
+from typing import Any, TypeVar
 
 from indent_sim.process import parcel, usage
 from indent_sim.process.signals import die_with
 
-CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT)
 MOST_WORDS = 4096  # bytes at the end of what the process printed in which its last error is looked for
-STANDARD = 3  # stdin, stdout, stderr
+SIGNAL_NAMES = {int(known): known.name for known in signal.Signals}
+T = TypeVar("T")
 
 
 class Crash(Exception):
@@ -55,8 +55,7 @@ class Forked:
         if self.is_up and self._child is not None and not self._child.is_asked:
             return
         self.stop()
-        here, there = Pipe()
-        parent, printed = os.getpid(), os.memfd_create("printed")
+        (here, there), parent, printed = Pipe(), os.getpid(), os.memfd_create("printed")
         try:
             pid = os.fork()
         except OSError:
@@ -117,7 +116,7 @@ class Forked:
             shared = usage.memory()
             _detach(printed, parent)
             if not self._uses_mpi:  # the lock of a result folder must not live on in here
-                os.closerange(STANDARD, pipe.fileno())
+                os.closerange(3, pipe.fileno())  # all but stdin, stdout, stderr
                 os.closerange(pipe.fileno() + 1, os.sysconf("SC_OPEN_MAX"))
             with suppress(Exception):  # the first call will say what is wrong
                 self._prepare()
@@ -129,24 +128,29 @@ class Forked:
             os.kill(os.getpid(), signal.SIGKILL)
 
     def _serve_one(self, pipe: Connection, shared: float) -> None:
+        """Send the answer or exception of one call, its CPU time [s], and its memory beyond what is shared [MB]."""
         argument, mapped = parcel.receive(pipe)
-        called = self._call(argument, shared)
-        try:
-            parcel.send(pipe, called, mapped)
-        except ConnectionError:
-            raise
-        except OSError as failure:  # no room for the arrays
-            parcel.send(pipe, (None, failure, *called[2:]))
-
-    def _call(self, argument: Any, shared: float) -> tuple[Any, Exception | None, float, float]:
-        """Answer or exception of one call, its CPU time [s], and its memory beyond what is shared [MB]."""
-        began = time.process_time()
-        answer, failure = None, None
+        began, answer, failure = time.process_time(), None, None
         try:
             answer = self._function(argument)
         except Exception as error:
             failure = error
-        return answer, failure, time.process_time() - began, max(0.0, usage.peak_memory() - shared)
+        cost = time.process_time() - began, max(0.0, usage.peak_memory() - shared)
+        try:
+            parcel.send(pipe, (answer, failure, *cost), mapped)
+        except ConnectionError:
+            raise
+        except OSError as error:  # no room for the arrays
+            parcel.send(pipe, (None, error, *cost))
+
+
+def once(call: Callable[[], T], prepare: Callable[[], object], mapped: bool = False) -> T:
+    """What a call returns or raises in a process forked for it alone, or Crash; see `Forked` and its `ask`."""
+    process = Forked(lambda call: call(), prepare)
+    try:
+        return process.ask(call, mapped)()
+    finally:
+        process.stop()
 
 
 @dataclass
@@ -181,7 +185,8 @@ class _Child:
         """How a process ended whose pipe is closed, and the last error message it printed."""
         self._wait(0)
         code = os.waitstatus_to_exitcode(self.ended or 0)
-        how = f"died of {_name_of(-code)}" if code < 0 else f"ended with exit code {code}" if code else "ended"
+        name = SIGNAL_NAMES.get(-code, f"signal {-code}")
+        how = f"died of {name}" if code < 0 else f"ended with exit code {code}" if code else "ended"
         printed = os.pread(self.printed, MOST_WORDS, max(0, os.fstat(self.printed).st_size - MOST_WORDS))
         errors = [line for line in printed.decode("utf-8", "replace").splitlines() if line.startswith("Error")]
         words = f"{how} ({errors[-1].partition(':')[2].strip()})" if errors else how
@@ -209,11 +214,5 @@ def _detach(printed: int, parent: int) -> None:
 
 def _let_crash() -> None:
     """A crash ends this process alone; PETSc, where it is loaded, would have MPI end all ranks."""
-    for number in CRASHES:
+    for number in (signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT):
         signal.signal(number, signal.SIG_DFL)
-
-
-def _name_of(number: int) -> str:
-    with suppress(ValueError):
-        return signal.Signals(number).name
-    return f"signal {number}"

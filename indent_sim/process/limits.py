@@ -7,32 +7,41 @@ runs out later is told as an expected failure.
 from __future__ import annotations
 
 import errno
+import math
 import os
 import resource
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from indent_sim.process.errors import BackendError, IndentSimError, NotConverged
+from indent_sim.process.errors import BackendError, IndentSimError, NotConverged, UsageError
+from indent_sim.process.usage import address_space
 
-FILES = 48  # open at a time; a small run was seen to need up to 32
-MEMORY = 800e6  # bytes of address space; the libraries alone were seen to need 700 MB
-ROOM = 2**20  # bytes for temporary files; Open MPI keeps its session there
+OPEN_FILES = 48  # open at a time; a small run was seen to need up to 32
+TASKS = 20  # processes and threads beside this one; Open MPI and the linear algebra were seen to need 15
+ADDRESS_SPACE = 800e6  # bytes of address space; the libraries alone were seen to need 700 MB
 NO_MEMORY = ("error code 55\n", "PetscMalloc", "INFOG(1)=-13")  # PETSc and MUMPS in the messages of petsc4py
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def require_room() -> None:
-    """BackendError or NotConverged where the limits of this process are too narrow for any run."""
-    _require("open files", "ulimit -n", resource.RLIMIT_NOFILE, FILES)
-    _require("MB of memory", "ulimit -v", resource.RLIMIT_AS, MEMORY / 1e6, 1e6)
+    """BackendError or NotConverged where the limits of this process are too narrow for any run, UsageError where it has
+    no working directory."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        raise UsageError("the working directory is gone", "change to a folder that is there") from error
+    _require("open files", "ulimit -n", resource.RLIMIT_NOFILE, OPEN_FILES)
+    _require("MB of memory", "ulimit -v", resource.RLIMIT_AS, ADDRESS_SPACE / 1e6, 1e6)
+    _require_tasks()
     folder = Path(os.environ.get("TMPDIR") or "/tmp")
     if not folder.is_dir():
         return  # libraries make it, or take another
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(bytes(ROOM))
+            file.write(bytes(2**20))  # Open MPI keeps its session there
             file.flush()
     except OSError as error:
         kind = NotConverged if error.errno in FULL else BackendError
@@ -45,9 +54,44 @@ def _require(what: str, limit: str, number: int, least: float, unit: float = 1.0
         raise BackendError(f"{allowed / unit:.0f} {what} are allowed ({limit}); a run needs at least {least:.0f}")
 
 
+def confine(seconds: float, memory: float) -> None:
+    """Allow this process so much CPU time in all [s] and so much memory beyond what it has [bytes].
+
+    SIGXCPU ends it after that time; without memory it meets MemoryError, or dies of what a library makes of that.
+    """
+    for number, most in ((resource.RLIMIT_CPU, math.ceil(seconds)), (resource.RLIMIT_AS, address_space() + memory)):
+        _, hard = resource.getrlimit(number)
+        resource.setrlimit(number, (int(most) if hard == resource.RLIM_INFINITY else min(int(most), hard), hard))
+
+
+def _require_tasks() -> None:
+    """BackendError where no more processes and threads can be started; others of the user count too, so it is tried."""
+    end = threading.Event()
+    started: list[threading.Thread] = []
+    try:
+        for _ in range(TASKS):
+            thread = threading.Thread(target=end.wait)
+            thread.start()
+            started.append(thread)
+    except RuntimeError as error:
+        told = f"{len(started)} more processes and threads can be started (ulimit -u); a run needs {TASKS}"
+        raise BackendError(told) from error
+    finally:
+        end.set()
+        for thread in started:  # a process will be forked, which copies none
+            thread.join()
+
+
+def unwritable(what: object, error: OSError) -> IndentSimError:
+    """What to raise where something cannot be written: NotConverged on a full disk, else UsageError."""
+    kind = NotConverged if error.errno in FULL else UsageError
+    return kind(f"cannot write {what}: {error.strerror or error}")
+
+
 @contextmanager
 def spent() -> Iterator[None]:
-    """Memory, files or a disk that run out inside the block as the expected failures that they are."""
+    """Memory, files or a disk that run out inside the block, and PETSc that refuses what the environment says, as the
+    expected failures that they are."""
     try:
         yield
     except (MemoryError, OSError, RuntimeError) as error:
@@ -59,8 +103,7 @@ def spent() -> Iterator[None]:
 def _known(error: BaseException) -> IndentSimError | None:
     is_memory = isinstance(error, MemoryError) or any(sign in str(error) for sign in NO_MEMORY)
     number = errno.ENOMEM if is_memory else getattr(error, "errno", None)
-    name = getattr(error, "filename", None)
-    place = f" {name}" if name else ""
+    place = f" {name}" if (name := getattr(error, "filename", None)) else ""
     match number:
         case errno.ENOMEM:
             return NotConverged("the memory that this process may have is used up; a coarser mesh needs less")
@@ -68,4 +111,8 @@ def _known(error: BaseException) -> IndentSimError | None:
             return BackendError(f"too many open files{place} (ulimit -n)")
         case errno.ENOSPC | errno.EDQUOT:
             return NotConverged(f"cannot write{place}: {os.strerror(number)}")
+    options = os.environ.get("PETSC_OPTIONS")
+    if options and "PETSc" in type(error).__module__ + str(error):  # without it that is a bug of this program
+        why = str(error).strip().splitlines()[-1].removeprefix("[0] ")
+        return BackendError(f"PETSc stopped with PETSC_OPTIONS={options!r} in the environment: {why}; try without")
     return None

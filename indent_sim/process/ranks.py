@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import time
+from array import array
 from collections.abc import Callable
+from math import inf
 from typing import Any, TypeVar
 
 # How many ranks there are and which one this is, as mpirun and srun tell it before MPI is up
-SIZES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
+RANK_COUNT_VARIABLES = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS")
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_LOCALRANKID")
-
-PATIENCE = 10.0  # s that a rank waits for the others to fail likewise
-
+RANK_TIMEOUT = 10.0  # s that a rank which failed waits for the others
 T = TypeVar("T")
 
 
@@ -25,24 +25,36 @@ class Alone:
         """The value itself."""
         return value
 
+    def allgather(self, value: Any) -> list[Any]:
+        """The value itself."""
+        return [value]
+
 
 class Meeting:
-    """Where ranks that failed find out whether all did (collective): on a communicator of its own, which what the
-    others wait for does not disturb."""
+    """Where ranks find out which of them failed (collective): on a communicator of its own, which what the others wait
+    for does not disturb."""
 
     def __init__(self, comm: Any):
         self._comm = comm.Dup() if comm.size > 1 else None
 
     def all_arrive(self) -> bool:
-        """Whether every rank gets here before patience ends; who fails alone must not wait for ever."""
+        """Whether every rank gets here, having failed, before patience ends."""
+        return self.failures(1) is not None
+
+    def failures(self, own: int) -> int | None:
+        """How many ranks get here having failed (`own`: 1 of this one, or 0), once all do.
+
+        None where this one has and others do not come before its patience ends: they wait for it elsewhere, for ever.
+        """
+        mine, total = array("i", [own]), array("i", [own])
         if self._comm is None:
-            return True
-        request, deadline = self._comm.Ibarrier(), time.monotonic() + PATIENCE
+            return total[0]
+        request, deadline = self._comm.Iallreduce(mine, total), time.monotonic() + (RANK_TIMEOUT if own else inf)
         while not request.Test():
             if time.monotonic() > deadline:
-                return False
-            time.sleep(0.01)
-        return True
+                return None
+            time.sleep(1e-3)
+        return total[0]
 
     def free(self) -> None:
         """Give the communicator back (collective)."""
@@ -52,7 +64,7 @@ class Meeting:
 
 def is_one_of_several() -> bool:
     """Whether this process was started as one of several ranks."""
-    return any(os.environ.get(name, "1") not in ("", "0", "1") for name in SIZES)
+    return any(os.environ.get(name, "1") not in ("", "0", "1") for name in RANK_COUNT_VARIABLES)
 
 
 def is_first() -> bool:

@@ -5,17 +5,12 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from types import FrameType
-
-
-PR_SET_PDEATHSIG = 1
-
+from types import FrameType
+from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -64,15 +59,22 @@ def stoppable(rank: int = 0) -> Iterator[None]:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         raise Stopped(number)
 
+    def lost(raised: Any) -> None:
+        if not isinstance(raised.exc_value, Stopped):  # else `check` will say so
+            tell_lost(raised)
+
     _arrived.clear()
+    tell_lost, sys.unraisablehook = sys.unraisablehook, lost  # of what is raised while a process forks, or in a __del__
     handler: Any = stop if rank == 0 else signal.SIG_IGN
     wanted = [number for number in SIGNALS if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in wanted}
     try:
         with unmasked():
             yield
+            check()
     finally:
         _arrived.clear()
+        sys.unraisablehook = tell_lost
         for number, old in before.items():
             signal.signal(number, old)
 
@@ -80,7 +82,7 @@ def stoppable(rank: int = 0) -> Iterator[None]:
 def die_with(parent: int) -> None:
     """Ask Linux to kill this forked process when its parent is killed: nobody would read what it computes."""
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     if os.getppid() != parent:
         signal.raise_signal(signal.SIGKILL)
 

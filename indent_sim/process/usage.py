@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 import os
 import resource
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,6 +38,11 @@ def memory() -> float:
     return _status("VmRSS:") or _peak()
 
 
+def address_space() -> float:
+    """Addresses that this process uses now [bytes], what it shares with others among them."""
+    return (_status("VmSize:") or 0.0) * 1024**2
+
+
 def peak_memory() -> float:
     """Largest memory of this process so far [MB], with the largest of its forked processes."""
     return _peak() + ELSEWHERE.memory
@@ -47,9 +51,9 @@ def peak_memory() -> float:
 def forget_peak_memory() -> None:
     """Begin anew with the largest memory; what was freed goes back to the system."""
     ELSEWHERE.memory = 0.0
-    with contextlib.suppress(OSError, AttributeError):
+    with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
 
@@ -59,7 +63,7 @@ def _peak() -> float:
 
 
 def _status(name: str) -> float | None:
-    with contextlib.suppress(OSError, ValueError):
+    with suppress(OSError, ValueError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith(name):
                 return int(line.split()[1]) / 1024

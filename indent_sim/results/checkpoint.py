@@ -9,14 +9,13 @@ from __future__ import annotations
 import io
 import json
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from indent_sim.results.folder import content, write_atomically
+from indent_sim.results.folder import Report, content, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
 Points = Sequence[tuple[float, Sequence[np.ndarray]]]  # depth, and the vectors that make the state there
@@ -30,13 +29,13 @@ class Checkpoint:
     points: Points = ()
 
 
-def write(path: Path, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
+def write(path: Path, saved: Checkpoint, identity: Report) -> None:
     """Replace the file; `identity` says to which mesh and numbering the vectors belong. OSError on a full disk."""
     import h5py
 
-    image = io.BytesIO()
+    image, owner = io.BytesIO(), json.dumps(identity, sort_keys=True)
     with h5py.File(image, "w") as file:
-        file.attrs.update(step=saved.step, identity=_text(identity), checksum=_checksum(saved.points))
+        file.attrs.update(step=saved.step, identity=owner, checksum=_checksum(saved.points))
         for n, (depth, vectors) in enumerate(saved.points):
             group = file.create_group(f"point/{n}")
             group.attrs["delta"] = depth
@@ -45,7 +44,7 @@ def write(path: Path, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
     write_atomically(path, image.getvalue(), sync=False)
 
 
-def read(path: Path, identity: Mapping[str, Any]) -> Checkpoint:
+def read(path: Path, identity: Report) -> Checkpoint:
     """What was saved for this mesh and numbering; an empty checkpoint when there is none, or a damaged one."""
     import h5py
 
@@ -53,17 +52,12 @@ def read(path: Path, identity: Mapping[str, Any]) -> Checkpoint:
         with h5py.File(io.BytesIO(content(path)), "r") as file:
             groups = [file[f"point/{n}"] for n in range(len(file["point"]))]
             points = [(float(g.attrs["delta"]), [g[str(k)][()] for k in range(len(g))]) for g in groups]
-            intact = int(file.attrs["checksum"]) == _checksum(points) and file.attrs["identity"] == _text(identity)
-            intact = intact and all(
-                np.isfinite(values).all() for depth, vectors in points for values in (depth, *vectors)
-            )
+            owner = json.dumps(identity, sort_keys=True)
+            intact = int(file.attrs["checksum"]) == _checksum(points) and file.attrs["identity"] == owner
+            intact = intact and all(np.isfinite(part).all() for depth, vectors in points for part in (depth, *vectors))
             return Checkpoint(int(file.attrs["step"]), points) if intact else Checkpoint()
     except Exception:  # HDF5 has an error for every way of being damaged
         return Checkpoint()
-
-
-def _text(identity: Mapping[str, Any]) -> str:
-    return json.dumps(identity, sort_keys=True)
 
 
 def _checksum(points: Points) -> int:

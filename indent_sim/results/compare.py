@@ -6,18 +6,18 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
-from indent_sim.results.folder import TABLE
+from indent_sim.results.folder import TABLE, Report
 from indent_sim.results.reader import COMPARED, force_table, read, read_table
-from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORDS
+from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 
-SHOWN = 10  # differences told one by one
+MOST_DIFFERENCES = 10  # differences told one by one
 RTOL = 1e-6
 Table = dict[str, np.ndarray]
+Tolerances = float | Mapping[str, float]  # of all columns, or by column
 
 
 @dataclass(frozen=True)
@@ -39,24 +39,21 @@ class Comparison:
     def check(self) -> None:
         """Raise VerificationError when the two differ."""
         if self.differences:
-            more = len(self.differences) - SHOWN
-            told = [*self.differences[:SHOWN], *([f"and {more} more"] if more > 0 else [])]
+            more = len(self.differences) - MOST_DIFFERENCES
+            told = [*self.differences[:MOST_DIFFERENCES], *([f"and {more} more"] if more > 0 else [])]
             raise VerificationError("the two differ\n" + "\n".join(told))
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Report:
         """The comparison as one JSON object."""
-        rows = [{self.matched_by: key, **{name: self.pairs[name][i] for name in self.pairs}}
-                for i, key in enumerate(self.steps)]  # fmt: skip
-        return {"matched_by": self.matched_by, "rtol": self.rtol, "worst": self.worst, "rows": rows,
-                "differences": self.differences,
-                "beside": {name: table.as_json() for name, table in self.beside.items()}}  # fmt: skip
+        numbers = [{name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.steps))]
+        rows = [{self.matched_by: key} | row for key, row in zip(self.steps, numbers, strict=True)]
+        found = {"matched_by": self.matched_by, "rtol": self.rtol, "worst": self.worst, "rows": rows}
+        beside = {name: table.as_json() for name, table in self.beside.items()}
+        return found | {"differences": self.differences, "beside": beside}
 
 
 def compare(
-    first: Path | str,
-    second: Path | str,
-    rtol: float | Mapping[str, float] = RTOL,
-    columns: Sequence[str] | None = None,
+    first: Path | str, second: Path | str, rtol: Tolerances = RTOL, columns: Sequence[str] | None = None
 ) -> Comparison:
     """Compare columns [delta, force, a and those that rtol names] of two results row by row.
 
@@ -67,76 +64,72 @@ def compare(
     tables, where both have them, are compared as well. UsageError for a column that no two tables have.
     """
     paths = (Path(first), Path(second))
-    tables = {TABLE: (_table(paths[0]), _table(paths[1])), **_tables_beside(paths)}
-    if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORDS)):
+    beside = [name for name in (EXPERIMENT, DYNAMIC) if all((path / name).exists() for path in paths)]
+    tables = {TABLE: (_table(paths[0]), _table(paths[1]))}
+    tables |= {name: (_table(paths[0] / name), _table(paths[1] / name)) for name in beside}
+    if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
         raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
     asked = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
     for name in sorted(asked):
         if not any(name in A and name in B for A, B in tables.values()):
             _refuse_missing(name, dict(zip(map(str, paths), tables[TABLE], strict=True)))
-    found = {name: _compared(paths, *pair, rtol, columns) for name, pair in tables.items()
-             if name == TABLE or not columns or asked & pair[0].keys() & pair[1].keys()}  # fmt: skip
-    own = found.pop(TABLE)
+    own = _compared(paths, *tables.pop(TABLE), rtol, columns)
+    wanted = {name: (A, B) for name, (A, B) in tables.items() if not columns or asked & A.keys() & B.keys()}
+    found = {name: _compared(paths, A, B, rtol, columns) for name, (A, B) in wanted.items()}
     told = [f"{name}: {difference}" for name, table in found.items() for difference in table.differences]
     return replace(own, beside=found, differences=(*own.differences, *told))
 
 
 def _compared(
-    paths: tuple[Path, Path], A: Table, B: Table, rtol: float | Mapping[str, float], columns: Sequence[str] | None
+    paths: tuple[Path, Path], A: Table, B: Table, rtol: Tolerances, columns: Sequence[str] | None
 ) -> Comparison:
     """Two tables, in the columns asked for that both have."""
     key = next((name for name in ("step", "row") if name in A and name in B), "delta")
     _refuse_missing(key, dict(zip(map(str, paths), (A, B), strict=True)))
     usual = [name for name in (A if key == "row" else COMPARED) if name != "row"]
-    tolerances = _tolerances(rtol, columns or usual, named=bool(columns))
-    common = [name for name in tolerances if name in A and name in B]
-    tolerances = {name: tolerances[name] for name in common}
-    keys, of_A, of_B, alone = _matched(A[key], B[key])
-    differences = [f"{key} {value:.10g} is in {paths[where]} alone" for where, value in alone]
+    tolerances = {name: r for name, r in _tolerances(rtol, columns, usual).items() if name in A and name in B}
+    in_A, in_B = _numbered(A[key]), _numbered(B[key])
+    common = [name for name in in_A if name in in_B]
+    of_A, of_B = (np.array([places[name] for name in common], dtype=int) for places in (in_A, in_B))
+    alone = [(paths[0], A[key][i]) for name, i in in_A.items() if name not in in_B]
+    alone += [(paths[1], B[key][i]) for name, i in in_B.items() if name not in in_A]
+    keys, differences = A[key][of_A], [f"{key} {value:.10g} is in {path} alone" for path, value in alone]
     if not len(keys):
         differences.append(f"the two have no {key} in common")
-    sides = {name: (A[name][of_A], B[name][of_B]) for name in common}
-    differences += [
-        f"{key} {keys[i]:.10g}: {name} {sides[name][0][i]} and {sides[name][1][i]}"
-        for name in common if name in WORDS for i in np.flatnonzero(sides[name][0] != sides[name][1])
-    ]  # fmt: skip
-    tolerances = {name: tolerance for name, tolerance in tolerances.items() if name not in WORDS}
-    pairs = {name: np.column_stack(sides[name]) for name in tolerances}
+    for name in [name for name in tolerances if name in WORD_COLUMNS]:
+        del tolerances[name]
+        a, b = A[name][of_A], B[name][of_B]
+        differences += [f"{key} {keys[i]:.10g}: {name} {a[i]} and {b[i]}" for i in np.flatnonzero(a != b)]
+    pairs = {name: np.column_stack([A[name][of_A], B[name][of_B]]) for name in tolerances}
     worst = {}
     for name, pair in pairs.items():
         relative = _relative_difference(pair)
         worst[name] = float(relative.max(initial=0.0))
-        differences += [
-            f"{key} {keys[i]:.10g}: {name} {pair[i, 0]:.10g} and {pair[i, 1]:.10g} differ by {relative[i]:.2g}"
-            for i in np.flatnonzero(~(relative <= tolerances[name]))
-        ]
+        for i in np.flatnonzero(~(relative <= tolerances[name])):
+            sides = f"{pair[i, 0]:.10g} and {pair[i, 1]:.10g} differ by {relative[i]:.2g}"
+            differences.append(f"{key} {keys[i]:.10g}: {name} {sides}")
     return Comparison(tuple(keys), key, pairs, tolerances, worst, tuple(differences))
 
 
 def _table(path: Path) -> Table:
     """The columns of a result folder's or any other force table, with or without steps, or of a table beside one."""
     file = force_table(path)
-    found = read_table(file, (), words=WORDS)
+    found = read_table(file, (), words=WORD_COLUMNS)
     if "branch" in found or "frequency" in found:
         return {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)} | found
     columns = read_table(file, ("delta", "force"))
     return read(path).table if "step" in columns else columns
 
 
-def _tables_beside(paths: tuple[Path, Path]) -> dict[str, tuple[Table, Table]]:
-    """The tables of an experiment that both of two result folders have."""
-    names = [name for name in (EXPERIMENT, DYNAMIC) if all((path / name).exists() for path in paths)]
-    return {name: (_table(paths[0] / name), _table(paths[1] / name)) for name in names}
-
-
-def _tolerances(rtol: float | Mapping[str, float], columns: Sequence[str], named: bool) -> dict[str, float]:
-    """The tolerance of every column to compare."""
+def _tolerances(rtol: Tolerances, columns: Sequence[str] | None, usual: Sequence[str]) -> dict[str, float]:
+    """The tolerance of each column that is compared: those asked for, else the usual ones and what rtol names."""
+    wanted = columns or usual
     if not isinstance(rtol, Mapping):
-        return dict.fromkeys(columns, rtol)
-    others = [name for name in rtol if name and name not in columns]
-    if named and others:
+        return dict.fromkeys(wanted, rtol)
+    others = [name for name in rtol if name and name not in wanted]
+    if columns and others:
         raise UsageError(f"--rtol names {others[0]}, which is not among the --columns {', '.join(columns)}")
-    return {name: rtol.get(name, rtol.get("", RTOL)) for name in (*columns, *others)}
+    return {name: rtol.get(name, rtol.get("", RTOL)) for name in (*wanted, *others)}
 
 
 def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
@@ -145,28 +138,11 @@ def _refuse_missing(name: str, tables: Mapping[str, Table]) -> None:
             raise UsageError(f"{path} has no column '{name}'; it has {', '.join(table)}")
 
 
-Matched = tuple[np.ndarray, np.ndarray, np.ndarray, list[tuple[int, float]]]
-
-
-def _matched(first: np.ndarray, second: np.ndarray) -> Matched:
-    """Values in both columns and their places there, and what is in one alone: (0 or 1, value).
-
-    A value that comes several times is matched in its order. Values are the same to 10 digits.
-    """
-    numbered = [_numbered(column) for column in (first, second)]
-    common = [name for name in numbered[0] if name in numbered[1]]
-    of_A, of_B = ([places[name] for name in common] for places in numbered)
-    alone = [(where, float((first, second)[where][i])) for where in (0, 1)
-             for name, i in numbered[where].items() if name not in numbered[1 - where]]  # fmt: skip
-    return first[of_A], np.array(of_A, dtype=int), np.array(of_B, dtype=int), alone
-
-
 def _numbered(column: np.ndarray) -> dict[tuple[str, int], int]:
-    """The place of the k-th occurrence of every value."""
+    """The place of the k-th occurrence of every value; values are the same to 10 digits."""
     seen: Counter[str] = Counter()
     places = {}
-    for i, value in enumerate(column):
-        name = f"{value:.9e}"
+    for i, name in enumerate(f"{value:.9e}" for value in column):
         places[name, seen[name]] = i
         seen[name] += 1
     return places

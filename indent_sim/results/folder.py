@@ -5,7 +5,8 @@ readers see the old folder or the new one, never half of one. `.lock` inside the
 lives (the kernel lets go of it when the run is killed) and moves with the rename.
 
 A folder is this program's when its run.json or its `.lock` says so; whatever says nothing of the kind is never moved,
-written or deleted, wherever it stands and whatever it is called. Links are not followed when writing.
+written or deleted, wherever it stands and whatever it is called. Links are not followed when writing. What a folder
+holds is asked of `held` alone.
 """
 
 from __future__ import annotations
@@ -17,26 +18,35 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from indent_sim.process.errors import UsageError
+from indent_sim.process.errors import IndentSimError, UsageError
+from indent_sim.process.limits import unwritable
 
 PROGRAM = "indent-sim"
 LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
 REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
-MESH = "body.msh"  # the mesh of a body that came from a file
-FILES = {REPORT, TABLE, CONFIG, MESH, "surface.csv", "experiment.csv", "dynamic.csv", "fields.xdmf", "tip.xdmf",
-         "force_indentation.png", "experiment.png", "report.html", "checkpoint.h5",
-         "fields.h5"}  # the last one of version 0.1.0  # fmt: skip
-FIELDS = "fields"  # a folder inside, and what in it is ours, finished or not
+STUDY, RUNS = "study.json", "runs"  # in the folder of a study
+MESH_FILE = "body.msh"  # the mesh of a body that came from a file
+RESULT_FILES = {REPORT, TABLE, CONFIG, MESH_FILE, "surface.csv", "fields.xdmf", "tip.xdmf", "checkpoint.h5"}
+RESULT_FILES |= {"experiment.csv", "dynamic.csv", "force_indentation.png", "experiment.png", "report.html"}
+RESULT_FILES |= {"fields.h5"}  # of version 0.1.0
+# What begins a file of ours that anybody might have under that name; nobody else writes the rest of RESULT_FILES there
+PICTURE_SIGN = b"Software\0indent-sim"
+# Written by runs, in place of what has that name
+WRITTEN = {"force_indentation.png": PICTURE_SIGN, "experiment.png": PICTURE_SIGN, "experiment.csv": b",branch"}
+SIGNS = WRITTEN | {"report.html": b'content="indent-sim '}
+FIELDS_FOLDER = "fields"  # a folder inside, and what in it is ours, finished or not
 FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
 MARK = b"indent-sim\n"  # how a lock begins that this program made
-MOST_BYTES = 10**9  # of a file that is read back
+MOST_RESULT_BYTES = 10**9  # of a file that is read back
 BALLAST = 64 * 1024  # bytes in the lock file, given back on a full disk so that run.json can say so
+Keep = Literal["none", "last", "all"]  # states of which a file keeps something
+Report = dict[str, Any]  # what run.json or study.json says: numbers, words, lists and mappings of them
 
 
 def write_atomically(path: Path, content: str | bytes | Iterable[str], sync: bool = True) -> None:
@@ -86,19 +96,46 @@ def content(path: Path) -> bytes:
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "not a regular file", str(path))
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
+        data = file.read(MOST_RESULT_BYTES + 1)
+    if len(data) > MOST_RESULT_BYTES:
         raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
     return data
 
 
-def read_report(folder: Path) -> dict[str, Any]:
-    """The run.json of a folder as it stands; empty when there is none or it is not this program's."""
+def read_report(folder: Path, name: str = REPORT) -> Report:
+    """The run.json of a folder as it stands; empty when there is none or it is not this program's, UsageError when it
+    may not be read."""
     try:
-        report = json.loads(content(folder / REPORT))
+        report = json.loads(content(folder / name))
+    except PermissionError as error:
+        raise UsageError(f"cannot read {folder / name}: {error.strerror}", file=str(folder / name)) from error
     except (OSError, ValueError, RecursionError):
         return {}
     return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
+
+
+def held(folder: Path) -> Literal["nothing", "run", "study", "other"]:
+    """What a folder holds; nothing where there is none, or only what a run or a study that was killed at once left.
+
+    UsageError when it is no folder, or cannot be read.
+    """
+    names = contents(folder, (name for name in HIDDEN if is_ours(folder / name) or _is_marked(folder / name)))
+    if read_report(folder):
+        return "run"
+    if read_report(folder, STUDY):
+        return "study"
+    begun = names <= {LOCK, RUNS} and not contents(folder / RUNS, ()) and not (folder / RUNS).is_symlink()
+    lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
+    is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)
+    return "nothing" if not names or (begun and is_empty) else "other"
+
+
+def is_own_file(path: Path) -> bool:
+    """Whether a file with the name of one of ours is ours."""
+    with suppress(OSError):
+        sign = SIGNS.get(path.name, PICTURE_SIGN if path.suffix == ".png" else b"")
+        return not path.is_symlink() and sign in content(path)[:1000]
+    return False
 
 
 def is_ours(folder: Path) -> bool:
@@ -111,13 +148,18 @@ def discard(folder: Path) -> None:
     for name in (".staging", ".old"):
         if is_ours(folder / name):
             discard(folder / name)
-    _discard_fields(folder / FIELDS)
-    names = sorted(FILES, key=lambda name: name == REPORT)
+    _discard_fields(folder / FIELDS_FOLDER)
+    names = sorted(RESULT_FILES, key=lambda name: name == REPORT)
     for path in [folder / name for name in names] + [_temporary(folder / name) for name in names] + [folder / LOCK]:
-        if path.is_symlink() or path.is_file():
-            path.unlink()
+        if path.name not in SIGNS or is_own_file(path):
+            _unlink(path)
     with suppress(OSError):
         folder.rmdir()
+
+
+def _unlink(path: Path) -> None:
+    if path.is_symlink() or path.is_file():
+        path.unlink()
 
 
 def field_files(fields: Path) -> list[Path]:
@@ -130,18 +172,17 @@ def field_files(fields: Path) -> list[Path]:
 def _discard_fields(fields: Path) -> None:
     """Delete this program's files in a folder of fields, and the folder when nothing else is in it; a link alone."""
     for path in [*field_files(fields), *([fields] if fields.is_symlink() else [])]:
-        if path.is_symlink() or path.is_file():
-            path.unlink()
+        _unlink(path)
     with suppress(OSError):
         fields.rmdir()
 
 
 def refuse_links(folder: Path) -> None:
     """UsageError when one of the files that a run would go on writing is a link, or no file: it may be anything."""
-    fields = folder / FIELDS
+    fields = folder / FIELDS_FOLDER
     if os.path.lexists(fields) and (fields.is_symlink() or not fields.is_dir()):
         raise UsageError(f"{fields} is a link, or no folder: nothing is written through it")
-    for path in [*(folder / name for name in sorted(FILES | {LOCK})), *field_files(fields)]:
+    for path in [*(folder / name for name in sorted(RESULT_FILES | {LOCK})), *field_files(fields)]:
         with suppress(FileNotFoundError):
             found = path.lstat()
             if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
@@ -150,78 +191,74 @@ def refuse_links(folder: Path) -> None:
 
 def has_rows(folder: Path) -> bool:
     """Whether the folder's force table holds at least one complete row."""
-    try:
+    with suppress(OSError):
         return content(folder / TABLE).count(b"\n") > 1
-    except OSError:
-        return False
+    return False
 
 
 class Claim:
     """The right to write one result folder: a locked staging folder that becomes the target.
 
-    Raises UsageError, and leaves nothing behind, when the target is foreign, unwritable or in use.
+    file: the config file of the run that is to take the place of another; "": of any. Raises UsageError, and leaves
+    nothing behind, when the target is foreign, unwritable, in use, or has rows of another config file.
     """
 
-    def __init__(self, target: Path):
+    def __init__(self, target: Path, file: str = ""):
+        self._file, self._lock, self.published = file, -1, False
         self._parents: list[Path] = []
-        self._lock = -1
-        self.published = False
         try:
-            self._choose_places(target)
+            if target.is_symlink() and not target.exists():
+                raise UsageError(f"{target} is a link to nothing")
+            self.target = Path(os.path.realpath(target))
+            parent, name = self.target.parent, self.target.name
+            beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
+            self.path = parent / f".{name}.staging" if beside else self.target / ".staging"
+            self._old = parent / f".{name}.old" if beside else self.target / ".old"
             self._refuse_in_the_way()
             self._refuse()
             self._make_parents(self.target.parent)
             self._stage()
             self._recover()
             self._refuse()
-        except (OSError, UsageError) as error:
+        except (OSError, IndentSimError) as error:
             self.drop()
-            if isinstance(error, UsageError):
-                raise
-            raise UsageError(f"cannot write {target}: {error.strerror or error}") from error
+            raise (unwritable(target, error) if isinstance(error, OSError) else error) from error
         self.replaces_results = has_rows(self.target)
-
-    def _choose_places(self, target: Path) -> None:
-        self.target = _real(target)
-        parent = self.target.parent
-        beside = not self.target.is_dir() or os.access(parent, os.W_OK | os.X_OK)
-        self.path = parent / f".{self.target.name}.staging" if beside else self.target / ".staging"
-        self._old = parent / f".{self.target.name}.old" if beside else self.target / ".old"
 
     def adopt(self) -> None:
         """Go on in the target itself, with the run that is there, in place of a staging folder."""
         refuse_links(self.target)
         try:
-            descriptor = _lock(self.target / LOCK)
-            if descriptor is None:
-                raise UsageError(f"{self.target} is in use by another run")
+            descriptor = _lock(self.target / LOCK, self.target)
             _mark(descriptor)
-            for name in FILES:  # of a write that was killed
+            for name in RESULT_FILES:  # of a write that was killed
                 _temporary(self.target / name).unlink(missing_ok=True)
-            for path in field_files(self.target / FIELDS):
+            for path in field_files(self.target / FIELDS_FOLDER):
                 if path.name.startswith("."):
                     path.unlink()
         except OSError as error:
-            raise UsageError(f"cannot write {self.target}: {error.strerror or error}") from error
-        staging, held = self.path, self._lock
+            raise unwritable(self.target, error) from error
+        staging, claimed = self.path, self._lock
         self.path, self._lock, self.published = self.target, descriptor, True
         shutil.rmtree(staging, ignore_errors=True)
-        os.close(held)
+        os.close(claimed)
 
     def publish(self) -> None:
         """Give the staging folder its target's name; an old folder goes, but files that are not ours stay."""
         self._refuse()
-        if self._old.parent != self.target and not _is_working_directory(self.target):
+        # renaming a folder under somebody's feet would leave them in a deleted one
+        if self._old.parent != self.target and self.target not in (here := Path.cwd(), *here.parents):
             try:
-                self._rename_folder()
+                if self.target.is_dir() and any(self.target.iterdir()):
+                    os.rename(self.target, self._old)
+                os.rename(self.path, self.target)
             except OSError as error:
-                if error.errno not in (errno.EBUSY, errno.EXDEV):
+                if error.errno not in (errno.EBUSY, errno.EXDEV, errno.EPERM, errno.EACCES):
                     raise
-                self._rename_entries()  # a mounted folder cannot be renamed
+                self._rename_entries()  # a mounted folder cannot be renamed, nor one of somebody else in /tmp
         else:
             self._rename_entries()
-        self.path, self.published = self.target, True
-        self._parents.clear()
+        self.path, self.published, self._parents = self.target, True, []
         self._delete_old()
 
     def drop(self) -> None:
@@ -254,7 +291,8 @@ class Claim:
         while not folder.exists():
             missing.append(folder)
             folder = folder.parent
-        if not os.access(folder, os.W_OK | os.X_OK) and not self.target.is_dir():
+        places = [self.target, self.target / FIELDS_FOLDER] if self.target.is_dir() else [folder]
+        if not all(os.access(place, os.W_OK | os.X_OK) for place in places if place.is_dir()):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
         for folder in reversed(missing):
             folder.mkdir()
@@ -264,33 +302,34 @@ class Claim:
         for _ in range(20):  # another run may publish or clean up between two of these lines
             with suppress(FileExistsError):
                 self.path.mkdir()
-            try:
-                descriptor = _lock(self.path / LOCK)
-            except FileNotFoundError:
-                continue
-            if descriptor is None:
-                raise UsageError(f"{self.target} is in use by another run")
-            if _is_same(descriptor, self.path / LOCK):
-                break
-            os.close(descriptor)
+            with suppress(FileNotFoundError):
+                descriptor = _lock(self.path / LOCK, self.target)
+                if _is_same(descriptor, self.path / LOCK):
+                    break
+                os.close(descriptor)
         else:
             raise UsageError(f"{self.target} is in use by another run")
         self._lock = descriptor
-        for entry in self.path.iterdir():  # of a killed run
-            if entry.name != LOCK:
-                _delete(entry)
+        for entry in [entry for entry in self.path.iterdir() if entry.name != LOCK]:  # of a killed run
+            if entry.is_dir() and not entry.is_symlink():
+                shutil.rmtree(entry, ignore_errors=True)
+            else:
+                entry.unlink()
         _mark(descriptor)
 
     def _refuse_in_the_way(self) -> None:
         """Nobody else's folder is used, whatever it is called."""
         for path in (self.path, self._old):
-            if os.path.lexists(path) and not (is_ours(path) or (path == self.path and _is_unused(path))):
+            unused = path == self.path and not path.is_symlink() and held(path) == "nothing"
+            if os.path.lexists(path) and not (is_ours(path) or unused):
                 raise UsageError(f"{path} is in the way and was not made by {PROGRAM}; choose another --output")
 
     def _refuse(self) -> None:
         if not self._old.is_dir():  # else a run was killed while it took the place of an old one
-            _refuse_foreign(self.target)
-        _refuse_locked(self.target)
+            refuse_foreign(self.target)
+            _refuse_other_file(self.target, self._file)
+        with suppress(OSError):  # no lock, or not ours to open
+            os.close(_lock(self.target / LOCK, self.target, 0))
 
     def _recover(self) -> None:
         """Finish or undo what a run killed amid `publish` left; run.json leaves first and comes last."""
@@ -298,28 +337,22 @@ class Claim:
             return
         if (self.target / REPORT).exists():
             self._delete_old()
-        elif not self.target.exists():
-            os.rename(self._old, self.target)
-        elif not _is_marked(self._old / LOCK):  # it was renamed whole: what stands there now came later
-            _refuse_foreign(self.target)
-            self.target.rmdir()
+        elif not self.target.exists() or not _is_marked(self._old / LOCK):  # it was renamed whole
+            if self.target.exists():  # what stands there now came later
+                refuse_foreign(self.target)
+                self.target.rmdir()
             os.rename(self._old, self.target)
         else:
             if not (self._old / REPORT).exists():  # the target was empty before
-                for name in FILES:
+                for name in RESULT_FILES:
                     (self.target / name).unlink(missing_ok=True)
-                _discard_fields(self.target / FIELDS)
-            if (self._old / FIELDS).is_dir():
-                _discard_fields(self.target / FIELDS)
+                _discard_fields(self.target / FIELDS_FOLDER)
+            if (self._old / FIELDS_FOLDER).is_dir():
+                _discard_fields(self.target / FIELDS_FOLDER)
             for entry in self._old.iterdir():
                 if entry.name != LOCK:
                     os.replace(entry, self.target / entry.name)
             discard(self._old)
-
-    def _rename_folder(self) -> None:
-        if self.target.is_dir() and any(self.target.iterdir()):
-            os.rename(self.target, self._old)
-        os.rename(self.path, self.target)
 
     def _rename_entries(self) -> None:
         begun = self.path / ".old"  # that it is ours must be said before it has its name
@@ -336,46 +369,58 @@ class Claim:
     def _delete_old(self) -> None:
         if not self._old.is_dir():
             return
-        _discard_fields(self._old / FIELDS)  # what is left of it is not ours
-        _move_new(self._old, self.target, FILES | HIDDEN)
-        if (self._old / FIELDS).is_dir():
-            _move_new(self._old / FIELDS, self.target / FIELDS, ())
+        _discard_fields(self._old / FIELDS_FOLDER)  # what is left of it is not ours
+        _move_new(self._old, self.target, guests(self._old))
+        if (self._old / FIELDS_FOLDER).is_dir():
+            _move_new(self._old / FIELDS_FOLDER, self.target / FIELDS_FOLDER, contents(self._old / FIELDS_FOLDER, ()))
         discard(self._old)
 
 
-def _move_new(source: Path, target: Path, apart_from: Collection[str]) -> None:
-    """Move the entries of a folder into another that has none of their names."""
-    for entry in source.iterdir():
-        if entry.name not in apart_from and not os.path.lexists(target / entry.name):
-            shutil.move(entry, target / entry.name)
+def guests(folder: Path) -> set[str]:
+    """The names of what stands in a result folder and is not ours."""
+    names = contents(folder, HIDDEN)
+    return {name for name in names if name not in RESULT_FILES or (name in SIGNS and not is_own_file(folder / name))}
 
 
-def _real(target: Path) -> Path:
-    if target.is_symlink() and not target.exists():
-        raise UsageError(f"{target} is a link to nothing")
-    return Path(os.path.realpath(target))
+def _move_new(source: Path, target: Path, names: Iterable[str]) -> None:
+    """Move entries of a folder into another, but for those whose names it has."""
+    for name in names:
+        if not os.path.lexists(target / name):
+            shutil.move(source / name, target / name)
 
 
-def _refuse_foreign(target: Path) -> None:
-    hidden = {name for name in HIDDEN if is_ours(target / name) or _is_marked(target / name)}
-    if contents(target, hidden) and not read_report(target) and not _is_unused(target):
-        raise UsageError(f"{target} is not empty and was not made by {PROGRAM}; choose another --output")
+def refuse_foreign(target: Path, kind: str = "run", written: Iterable[str] = WRITTEN) -> None:
+    """UsageError where a run (a study) would take the place of what is not ours."""
+    found = held(target)
+    if found not in ("nothing", kind):
+        said = "is not empty and was not made by" if found == "other" else f"holds a {found} of"
+        raise UsageError(f"{target} {said} {PROGRAM}", "choose another --output")
+    for path in (target / name for name in written):
+        if os.path.lexists(path) and not is_own_file(path):
+            problem = f"{path} was not made by {PROGRAM}, and would be replaced"
+            raise UsageError(problem, "move it, or choose another --output", str(path))
 
 
-def _is_unused(folder: Path) -> bool:
-    """Whether a folder holds at most a lock in which nothing is written yet, as a run killed right then leaves it."""
-    names = contents(folder, ()) if not folder.is_symlink() else {""}
-    return not names or (names == {LOCK} and (folder / LOCK).is_file() and (folder / LOCK).stat().st_size == 0)
+def asked_from(file: str, folder: Path) -> dict[str, str]:
+    """How run.json names the config file of a run: by its path, and as seen from the folder; both may move together."""
+    path = os.path.realpath(file)
+    return {"config": path, "config_from_here": os.path.relpath(path, os.path.realpath(folder))} if file else {}
+
+
+def _refuse_other_file(folder: Path, file: str) -> None:
+    """UsageError when the rows of a folder come from another config file; of runs that name none they do not."""
+    theirs, ours = read_report(folder).get("asked"), asked_from(file, folder)
+    if not (ours and isinstance(theirs, dict) and "config" in theirs and has_rows(folder)):
+        return
+    if not any(theirs.get(name) == path for name, path in ours.items()):
+        problem = f"{folder} holds the run of another config file, {theirs['config']}"
+        raise UsageError(problem, "choose another --output, or replace it with --overwrite", str(folder))
 
 
 def _is_marked(lock: Path) -> bool:
-    """Whether a lock was made by this program."""
-    try:
-        found = lock.lstat()
-        with open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
-            return stat.S_ISREG(found.st_mode) and file.read(len(MARK)) == MARK
-    except OSError:
-        return False
+    with suppress(OSError), open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as file:
+        return stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.read(len(MARK)) == MARK
+    return False
 
 
 def _mark(descriptor: int) -> None:
@@ -392,21 +437,11 @@ def contents(path: Path, apart_from: Iterable[str]) -> set[str]:
             raise UsageError(f"{path} is not a folder")
         return {entry.name for entry in path.iterdir()} - set(apart_from)
     except OSError as error:
-        raise UsageError(f"cannot use {path}: {error.strerror or error}") from error
+        raise UsageError(f"cannot read {path}: {error.strerror or error}", file=str(path)) from error
 
 
-def _refuse_locked(folder: Path) -> None:
-    try:
-        descriptor = _lock(folder / LOCK, 0)
-    except OSError:
-        return  # no lock, or not ours to open
-    if descriptor is None:
-        raise UsageError(f"{folder} is in use by another run")
-    os.close(descriptor)
-
-
-def _lock(path: Path, flags: int = os.O_CREAT) -> int | None:
-    """An open, locked file; None when another process holds it."""
+def _lock(path: Path, target: Path, flags: int = os.O_CREAT) -> int:
+    """An open, locked file; UsageError when another process, which writes the target, holds it."""
     descriptor = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK | flags, 0o644)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -415,27 +450,13 @@ def _lock(path: Path, flags: int = os.O_CREAT) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        return None
+        raise UsageError(f"{target} is in use by another run") from None
     except OSError:
         pass  # a file system without locks: go on without
     return descriptor
 
 
 def _is_same(descriptor: int, path: Path) -> bool:
-    try:
+    with suppress(FileNotFoundError):
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
-    except FileNotFoundError:
-        return False
-
-
-def _is_working_directory(folder: Path) -> bool:
-    """Renaming a folder under somebody's feet would leave them in a deleted one."""
-    here = Path.cwd()
-    return folder == here or folder in here.parents
-
-
-def _delete(entry: Path) -> None:
-    if entry.is_dir() and not entry.is_symlink():
-        shutil.rmtree(entry, ignore_errors=True)
-    else:
-        entry.unlink()
+    return False

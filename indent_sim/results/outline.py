@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load_older
 from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, reach
 from indent_sim.process.errors import IndentSimError
 from indent_sim.results.folder import CONFIG
 
-POINTS = 160  # of a section from its axis to its end
-TURNS, RINGS = 96, 40  # of a surface: sections of a whole turn, and points of each
+Curve = tuple[np.ndarray, np.ndarray]  # (s, z)
+SECTIONS_PER_TURN, SURFACE_RINGS = 96, 40  # of a surface: sections of a whole turn, and points of each
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Outline:
 def scene_of(folder: Path) -> Config | None:
     """The scene of a result folder, in the user's units; None where there is none to read."""
     try:
-        return load(folder / CONFIG)
+        return load_older(folder / CONFIG)
     except (IndentSimError, OSError, ValueError):
         return None
 
@@ -47,9 +47,7 @@ def pieces(body: AnyBody) -> int:
     return body.dome.pieces if isinstance(body, Ball) else 1
 
 
-def half_section(
-    tip: Indenter, width: float, degrees: float = 0.0, points: int = POINTS
-) -> tuple[np.ndarray, np.ndarray]:
+def half_section(tip: Indenter, width: float, degrees: float = 0.0, points: int = 160) -> Curve:
     """(s, z) [length] of the tip in the half plane at this angle from x, from the apex out to `width`.
 
     A sphere is drawn whole where it fits, a tip that ends has a vertical side.
@@ -58,20 +56,15 @@ def half_section(
         angles = np.linspace(0, np.pi if width >= tip.R else np.arcsin(width / tip.R), points)
         return tip.R * np.sin(angles), tip.R * (1 - np.cos(angles))
     end = min(width, reach(tip))
-    corners = [_close(*crease, end, points // 4) for crease in tip.creases()]
+    corners = [np.linspace(radius, radius + across, points // 4) for radius, across in tip.creases()]  # no chords there
     s = np.unique(np.concatenate([np.linspace(0, end, points), *corners]))
+    s = s[(s >= 0) & (s <= end)]
     x, y = s * np.cos(np.radians(degrees)), s * np.sin(np.radians(degrees))
     z = np.asarray(tip.height(x, y), dtype=float)
     return (np.append(s, end), np.append(z, z[-1] + width)) if reach(tip) <= width else (s, z)
 
 
-def _close(radius: float, width: float, end: float, points: int) -> np.ndarray:
-    """Places across a rounding of the tip, where a corner would have chords."""
-    places = np.linspace(radius, radius + width, points)
-    return places[(places >= 0) & (places <= end)]
-
-
-def section(tip: Indenter, width: float, degrees: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def section(tip: Indenter, width: float, degrees: float = 0.0) -> Curve:
     """(s, z) [length] of the tip in the vertical plane at this angle from x, from left to right."""
     (left, below), (right, above) = half_section(tip, width, degrees + 180), half_section(tip, width, degrees)
     return np.concatenate([-left[:0:-1], right]), np.concatenate([below[:0:-1], above])
@@ -91,16 +84,16 @@ def outline(tip: Indenter, center: tuple[float, ...], width: float, kinematics: 
 def _surface(tip: Indenter, width: float) -> tuple[np.ndarray, np.ndarray]:
     """The tip's surface as triangles: sections about its axis, among them the edges of a pyramid."""
     edges, begin = (2 * tip.faces, tip.rotation) if isinstance(tip, RegularPyramid) else (1, 0.0)
-    turns = -(-TURNS // edges) * edges
+    turns = -(-SECTIONS_PER_TURN // edges) * edges
     angles = begin + 360 * np.arange(turns) / turns
-    sections = [half_section(tip, width, angle, RINGS) for angle in angles]
+    sections = [half_section(tip, width, angle, SURFACE_RINGS) for angle in angles]
     rings = len(sections[0][0])
-    points = np.concatenate([np.column_stack([s * np.cos(np.radians(angle)), s * np.sin(np.radians(angle)), z])
-                             for angle, (s, z) in zip(angles, sections, strict=True)])  # fmt: skip
+    turned = zip(np.radians(angles), sections, strict=True)
+    points = [np.column_stack([s * np.cos(angle), s * np.sin(angle), z]) for angle, (s, z) in turned]
     here = (rings * np.arange(turns)[:, None] + np.arange(rings - 1)[None, :]).ravel()
     there = (here + rings) % (rings * turns)
     triangles = [(here, here + 1, there + 1), (here, there + 1, there)]
-    return points, np.concatenate([np.column_stack(corners) for corners in triangles])
+    return np.concatenate(points), np.concatenate([np.column_stack(corners) for corners in triangles])
 
 
 def drawn_width(tip: Indenter, a: float, delta: float) -> float:

@@ -4,27 +4,34 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, NotRequired
+from types import GenericAlias
+from typing import Annotated, Any, Literal, NotRequired, cast
 
 import numpy as np
 from annotated_types import Ge
 from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
-from indent_sim.model.state import COLUMNS, EFFORT, ERRORS, OF_FRICTION, READINGS, State
+from indent_sim.config.schema import GONE
+from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
+from indent_sim.model.state import ERROR_COLUMNS, FRICTION_COLUMNS, KRYLOV_COLUMNS, READINGS, STATE_COLUMNS, State
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, content, read_report, refuse_links
-from indent_sim.results.tables import EXPERIMENT, SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY, number, state_of
+from indent_sim.results import folder as result_folder
+from indent_sim.results import tables
+from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, content, has_rows, read_report
+from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, state_of
 from indent_sim.results.xdmf import lost_fields
 
-STUDY = "study.json"  # in the folder of a study
 RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --output for that"
 RUN_AGAIN = "run its scene again without --resume, or with another --output"
 COMPARED = ("delta", "force", "a")
+SAME_DEPTH = 1e-9  # relative
+BEYOND_STATE = (*READINGS, *FRICTION_COLUMNS, *KRYLOV_COLUMNS, *ERROR_COLUMNS)  # columns that not every run has
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ class Results:
 
     path: Path
     table: dict[str, np.ndarray]
-    report: dict[str, Any] = field(default_factory=dict)
+    report: Report = field(default_factory=dict)
     surface: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __getitem__(self, column: str) -> np.ndarray:
@@ -52,23 +59,23 @@ def read(path: Path | str) -> Results:
     Of a table that is no result's, a measured curve, the rows are numbered, and the contact radius may be unknown.
     """
     path = Path(path)
-    columns = _force_table(path)
+    file = force_table(path)
+    if file == path and "step" not in (columns := read_table(path, ("delta", "force"))):
+        rows = len(columns["delta"])
+        columns = {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
+    else:
+        columns = read_table(file, ("step", "delta", "force"), unknown=("a",))
+        steps = columns["step"]
+        if not ((steps >= 0) & (steps < LARGEST_STEP_NUMBER) & (steps == np.floor(steps))).all():
+            raise UsageError(f"{file}: a step is not a whole number", file=str(file))
+        if len(set(steps)) != len(steps):
+            raise UsageError(f"{file} holds a step twice", file=str(file))
     surface = {}
     if os.path.lexists(path / SURFACE):
-        surface = read_table(path / SURFACE, SURFACE_COLUMNS, SURFACE_MAY_BE_EMPTY)
+        surface = read_table(path / SURFACE, tables.SURFACE_COLUMNS, tables.SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
     return Results(path, columns, checked_report(path), surface)
-
-
-def _force_table(path: Path) -> dict[str, np.ndarray]:
-    file = force_table(path)
-    if file == path:
-        columns = read_table(path, ("delta", "force"))
-        if "step" not in columns:
-            rows = len(columns["delta"])
-            return {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
-    return read_steps(file, ("delta", "force"), unknown=("a",))
 
 
 def force_table(path: Path) -> Path:
@@ -77,7 +84,7 @@ def force_table(path: Path) -> Path:
         return path
     if os.path.lexists(file := path / TABLE):
         return file
-    if os.path.lexists(path / STUDY):
+    if result_folder.held(path) == "study":
         remedy = f"name {path / 'runs' / 'NAME'}, the folder of a run"
         raise UsageError(f"{path} holds a study, which has no {TABLE} of its own", remedy, str(path))
     remedy = RUN_AGAIN if read_report(path) else "name the folder of a result"
@@ -92,132 +99,60 @@ def read_run(path: Path) -> Results:
     return Results(path, {name: np.empty(0) for name in ("step", *COMPARED, "newton_iterations")}, report)
 
 
-def rows_of(states: Iterable[State]) -> list[dict[str, Any]]:
+def rows_of(states: Iterable[State]) -> list[dict[str, float]]:
     """The rows of the force table as mappings from column to number."""
-    names = (*COLUMNS, *READINGS, *OF_FRICTION, *EFFORT, *ERRORS)
-    rows = ({name: getattr(state, name) for name in names} for state in states)
+    rows = ({name: getattr(state, name) for name in (*STATE_COLUMNS, *BEYOND_STATE)} for state in states)
     return [{name: value for name, value in row.items() if value is not None} for row in rows]
 
 
-LARGEST = 1e150  # a number whose square and cube are numbers too
-WHOLE = 1e15  # a step is a whole number below this
-
-Number = Annotated[float, AllowInfNan(False), Ge(-LARGEST)]
+LARGEST_NUMBER = 1e150  # a number whose square and cube are numbers too
+LARGEST_STEP_NUMBER = 1e15  # a step is a whole number below this
+Number = Annotated[float, AllowInfNan(False), Ge(-LARGEST_NUMBER)]
 Known = Number | None
 Count = Annotated[int, Ge(0)]
 
 
-class _Units(TypedDict, total=False):
-    length: str
-    force: str
+def _mapping(name: str = "mapping", /, *, needed: Collection[str] = (), **entries: Any) -> Any:
+    """A mapping of entries, those that are `needed` and others that may be missing."""
+    kinds = {key: kind if key in needed else NotRequired[kind] for key, kind in entries.items()}
+    return cast(Any, TypedDict)(name, kinds)
 
 
-class _Choice(TypedDict, total=False):
-    key: str
-
-
-class _Prediction(TypedDict, total=False):
-    force_error: Known
-
-
-class _Plan(TypedDict, total=False):
-    choices: list[_Choice]
-    prediction: _Prediction
-
-
-class _Curve(TypedDict, total=False):
-    delta: list[Number]
-    force: list[Number]
-    a: list[Number]
-
-
-class _HalfSpaceCurve(TypedDict):
-    delta: list[Number]
-    force: list[Number]
-
-
-class _HalfSpace(TypedDict, total=False):
-    name: str
-    delta: Number
-    force: Number
-    deviation: Known
-    curve: _HalfSpaceCurve
-
-
-class _Formula(TypedDict, total=False):
-    name: str
-    delta: Number
-    force: Number
-    deviation: Known
-
-
-class _Theory(TypedDict):
-    name: str
-    delta: Number
-    force: Number
-    force_deviation: NotRequired[Known]
-    delta_deviation: NotRequired[Known]
-    why: NotRequired[str]
-    curve: NotRequired[_Curve]
-    half_space: NotRequired[_HalfSpace | None]
-    formulas: NotRequired[list[_Formula]]
-
-
-class _Hertz(TypedDict):
-    E: Number
-    percent: Number
-
-
-class _Audit(TypedDict, total=False):
-    force_against_reaction: Known
-    substeps: Count
-
-
-class _Accuracy(TypedDict, total=False):
-    target: Number
-    elements: Number
-    tried: list[Number]
-
-
-class _Mesh(TypedDict, total=False):
-    hash: str
-
-
-class _Report(TypedDict, total=False):
-    status: Literal["running", "done", "failed", "interrupted"]
-    exit_code: int | None
-    reason: str
-    rows: Count
-    version: str
-    started: str
-    title: str
-    units: _Units
-    gap: str
-    method: str
-    control: str
-    center: list[Number]
-    plan: _Plan
-    theory: _Theory | None
-    hertz: _Hertz | None
-    warnings: list[str]
-    audit: _Audit | None
-    accuracy: _Accuracy | None
-    timings: dict[str, Number]
-    cpu_timings: dict[str, Number]
-    peak_memory_MB: Known
-    memory_before_MB: Known
-    dofs: Count
-    mesh: _Mesh | None
-    resumed_after: list[Count]
+ANSWER: Any = {"name": str, "delta": Number, "force": Number}
+CURVE: Any = {"delta": list[Number], "force": list[Number]}
+PLACE = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number)
+HALF_SPACE_SHAPE = _mapping(**ANSWER, deviation=Known, curve=_mapping(needed=CURVE, **CURVE))
+BESIDE_THEORY = {"half_space": HALF_SPACE_SHAPE | None, "curve": _mapping(**CURVE, a=list[Number]), "why": str}
+BESIDE_THEORY |= {"formulas": GenericAlias(list, _mapping(**ANSWER, deviation=Known))}
+THEORY_SHAPE = _mapping(needed=ANSWER, **ANSWER, force_deviation=Known, delta_deviation=Known, **BESIDE_THEORY)
+CHOICES = GenericAlias(list, _mapping(key=str))
+ENTRIES: Any = dict.fromkeys(("reason", "version", "started", "finished", "title", "gap", "method", "control"), str)
+ENTRIES |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {"versions": dict[str, object]}
+ENTRIES |= dict.fromkeys(("peak_memory_MB", "memory_before_MB"), Known) | dict.fromkeys(("rows", "dofs"), Count)
+ENTRIES |= {"exit_code": int | None, "center": list[Number], "warnings": list[str], "resumed_after": list[Count]}
+ENTRIES |= {"units": _mapping(length=str, force=str), "asked": _mapping(error_bars=bool, accuracy=Known)}
+REPORT_SHAPE = _mapping(
+    **ENTRIES,
+    status=Literal["running", "done", "failed", "interrupted"],
+    plan=_mapping(auto=list[str], choices=CHOICES, prediction=_mapping(force_error=Known)),
+    theory=THEORY_SHAPE | None,
+    hertz=_mapping(needed=("E", "percent"), E=Number, percent=Number) | None,
+    audit=_mapping(force_against_reaction=Known, substeps=Count) | None,
+    accuracy=_mapping(target=Number, elements=Number, tried=list[Number]) | None,
+    stick=_mapping(needed=("words",), words=str) | None,
+    adhesion=GenericAlias(dict, (str, Known | PLACE)) | None,
+    experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, PLACE)) | None) | None) | None,
+    mesh=_mapping(hash=str) | None,
+)
 
 
 @cache
-def _shape() -> TypeAdapter[Any]:
+def _shape() -> TypeAdapter[Report]:
     """What a run.json looks like; a run that reads none need not work it out."""
-    return TypeAdapter(_Report)
+    return TypeAdapter(REPORT_SHAPE)
 
 
-def checked_report(folder: Path) -> dict[str, Any]:
+def checked_report(folder: Path) -> Report:
     """The run.json of a folder, empty when there is none; UsageError when it is not what the program writes."""
     report = read_report(folder)
     if not report and os.path.lexists(folder / REPORT):
@@ -238,7 +173,7 @@ def _damaged(folder: Path, why: str) -> UsageError:
     return UsageError(f"{folder / REPORT} is damaged: {why}", RUN_ELSEWHERE, str(folder / REPORT))
 
 
-def _check_theory(theory: dict[str, Any]) -> None:
+def _check_theory(theory: Report) -> None:
     if theory and theory.get("delta_deviation", theory.get("force_deviation")) is None:
         raise ValueError("says no deviation")
     closed = theory.get("half_space")
@@ -259,8 +194,8 @@ def read_table(
     there, and in other columns, an empty cell is NaN. Columns of `words` are text as it stands.
     """
     if path.name == EXPERIMENT and not words:
-        raise UsageError(f"{path} is the table of an experiment: its picture is experiment.png in the result folder",
-                         file=str(path))  # fmt: skip
+        problem = f"{path} is the table of an experiment: its picture is experiment.png in the result folder"
+        raise UsageError(problem, file=str(path))
     try:
         text = content(path).decode("utf-8")
     except OSError as error:
@@ -285,37 +220,30 @@ def read_table(
     return columns
 
 
+def read_experiment(folder: Path) -> dict[str, np.ndarray]:
+    """The columns of a result's experiment.csv; UsageError when it is damaged, or without rows."""
+    columns = read_table(folder / EXPERIMENT, ("delta", "force"), ("t", "z", "a", *WORD_COLUMNS), WORD_COLUMNS)
+    if not len(columns["delta"]):
+        raise UsageError(f"{folder / EXPERIMENT} has no rows", RUN_AGAIN, str(folder / EXPERIMENT))
+    return columns
+
+
 def _row(line: str, header: Sequence[str], words: Sequence[str], place: str) -> list[float | str]:
     cells = line.split(",")
     if len(cells) != len(header):
         raise UsageError(f"{place} has {len(cells)} cells, the header {len(header)}: no table of numbers")
-    return [cell if name in words else _number(cell, f"{place}, column {n}")
-            for n, (name, cell) in enumerate(zip(header, cells, strict=True), start=1)]  # fmt: skip
+    named = enumerate(zip(header, cells, strict=True), start=1)
+    return [cell if name in words else _number(cell, f"{place}, column {n}") for n, (name, cell) in named]
 
 
 def _number(cell: str, place: str) -> float:
     try:
-        value = number(cell)
+        value = tables.number(cell)
     except ValueError:
         raise UsageError(f"{place} is not a number: no table of numbers with a header") from None
-    if abs(value) > LARGEST:
+    if abs(value) > LARGEST_NUMBER:
         raise UsageError(f"{place} is no number that a result can hold")
     return value
-
-
-def read_steps(path: Path, needed: Sequence[str], unknown: Sequence[str] = ()) -> dict[str, np.ndarray]:
-    """A table with a row per step, each a whole number from 0 on, once; UsageError otherwise."""
-    columns = read_table(path, ["step", *needed], unknown)
-    steps = columns["step"]
-    if not ((steps >= 0) & (steps < WHOLE) & (steps == np.floor(steps))).all():
-        raise UsageError(f"{path}: a step is not a whole number", file=str(path))
-    if len(set(steps)) != len(steps):
-        raise UsageError(f"{path} holds a step twice", file=str(path))
-    return columns
-
-
-SAME_DEPTH = 1e-9  # relative
-OF_THE_WRITER = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
 
 @dataclass(frozen=True)
@@ -325,48 +253,40 @@ class Earlier:
     states: tuple[State, ...]
     columns: tuple[str, ...]
     size: int
-    report: dict[str, Any]
+    report: Report
 
     def check(self, deltas: Sequence[float] | None, steps: int, folder: Path) -> None:
         """UsageError when these are not rows of a path of so many steps, to these depths where they are prescribed."""
         table = str(folder / TABLE)
-        if len(self.states) > steps:
-            problem = f"{table} has {len(self.states)} rows, the scene {steps} steps: it is damaged"
-            raise UsageError(problem, RUN_AGAIN, table)
+        wrong = [f" has {len(self.states)} rows, the scene {steps} steps"] if len(self.states) > steps else []
         for state, delta in zip(self.states, deltas or (), strict=False):
             if not math.isclose(state.delta, delta, rel_tol=SAME_DEPTH, abs_tol=0):
-                problem = f"{table}: row {state.step} is not at the scene's depth: it is damaged"
-                raise UsageError(problem, RUN_AGAIN, table)
-
-    def finished(self, steps: int) -> bool:
-        """Whether that run came to its end."""
-        return self.report.get("status") == "done" and len(self.states) == steps
-
-    @property
-    def worst_audit(self) -> float:
-        """The audit of the earlier rows; 0 when that run could not say."""
-        return float((self.report.get("audit") or {}).get("force_against_reaction") or 0.0)
-
-    @property
-    def entries(self) -> dict[str, Any]:
-        """What the run put into run.json beside the writer's own entries; `resumed_after` grows by one."""
-        own = {name: value for name, value in self.report.items() if name not in OF_THE_WRITER}
-        return own | {"resumed_after": [*own.get("resumed_after", []), len(self.states)]}
+                wrong.append(f": row {state.step} is not at the scene's depth")
+        if wrong:
+            raise UsageError(f"{table}{wrong[0]}: it is damaged", RUN_AGAIN, table)
 
 
-def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
-    """The run of this config in a folder; None when the folder holds no run.
-
-    Raises ConfigError when it holds a run of another config, UsageError when its rows cannot be understood.
-    """
+def begun_report(folder: Path) -> Report:
+    """The run.json of a run that `--resume` can go on with; empty where there are no rows, and so nothing to keep."""
     report = checked_report(folder)
-    if not report:
+    return report if report and (has_rows(folder) or report.get("rows")) else {}
+
+
+def earlier_run(folder: Path, config_yaml: str, report: Report | None = None) -> Earlier | None:
+    """The run of this config in a folder; None when the folder holds no row of any.
+
+    report: what this run says of itself. Raises ConfigError when the folder holds a run of another config, UsageError
+    when its rows cannot be understood.
+    """
+    theirs = begun_report(folder)
+    if not theirs:
         return None
     try:
-        refuse_links(folder)
-        _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml)
-        unknown = ("energy",) if report.get("method") == "theory" else ()
-        return Earlier(*_rows(folder / TABLE, unknown), report)
+        result_folder.refuse_links(folder)
+        follows = set.intersection(*(set((one.get("plan") or {}).get("auto") or ()) for one in (report or {}, theirs)))
+        _refuse_other(folder, content(folder / CONFIG).decode("utf-8"), config_yaml, follows)
+        unknown = ("energy",) if theirs.get("method") == "theory" else ()
+        return Earlier(*_rows(folder / TABLE, unknown), theirs)
     except FileNotFoundError as error:
         raise UsageError(f"{folder} has {REPORT} but no {Path(error.filename).name}", RUN_AGAIN, str(folder)) from error
     except UnicodeDecodeError as error:
@@ -375,54 +295,40 @@ def earlier_run(folder: Path, config_yaml: str) -> Earlier | None:
         raise UsageError(f"cannot read {folder}: {error.strerror or error}", RUN_AGAIN, str(folder)) from error
 
 
-def lost_files(folder: Path, surface: bool, fields: bool) -> list[str]:
-    """The files of a finished run, with a surface table and fields or without, that are missing or damaged now."""
-    lost = lost_fields(folder) if fields else []
-    return [*lost, SURFACE] if surface and not _has_last_surface(folder) else lost
+def lost_files(folder: Path, surface: Keep, fields: Keep) -> list[str]:
+    """The files of a finished run that are missing or damaged now; surface, fields: of which states it kept these."""
+    lost = lost_fields(folder) if fields != "none" else []
+    with suppress(UsageError):
+        if surface == "none" or (found := read(folder))["step"][-1] in found.surface.get("step", ()):
+            return lost
+    return [*lost, SURFACE]
 
 
-def _has_last_surface(folder: Path) -> bool:
-    try:
-        found = read(folder)
-    except UsageError:
-        return False
-    return found["step"][-1] in found.surface.get("step", ())
-
-
-def _refuse_other(folder: Path, theirs: str, ours: str) -> None:
+def _refuse_other(folder: Path, theirs: str, ours: str, follows: Collection[str]) -> None:
+    """ConfigError with the first key that differs, one that both left to the program (`follows`) last."""
     if theirs == ours:
         return
-    there, here = (dict(_keyed(text)) for text in (theirs, ours))
-    only_there, only_here = (_first_of_its_own(*pair) for pair in ((there, here), (here, there)))
-    told = [f"'{text}' {where}" for (_, text), where in ((only_there, "there"), (only_here, "here")) if text]
-    raise ConfigError(
-        only_here[0],
-        f"{folder} holds a run of another config ({', '.join(told) or 'the same lines in another order'})",
-        "give the same scene and --set as then, or another --output, or leave --resume out to replace it",
-    )
-
-
-def _first_of_its_own(one: dict[str, str], other: dict[str, str]) -> tuple[str, str]:
-    """Key and text of the first line that another config has not; empty where it has all."""
-    return next(((key, line.strip()[:80]) for key, line in one.items() if other.get(key) != line), ("", ""))
-
-
-def _keyed(config_yaml: str) -> Iterator[tuple[str, str]]:
-    """The lines of a config.yaml, each with its key: `mesh.h_far`."""
-    section = ""
-    for line in config_yaml.splitlines():
-        name = line.split(":")[0]
-        section = section if name.startswith(" ") else name
-        yield f"{section}.{name.strip()}" if name.startswith(" ") else name, line
+    documents = [parse(text, str(folder / CONFIG))[0] for text in (theirs, ours)]
+    there, here = (dict(leaves(document)) for document in documents)
+    for path, (problem, remedy) in GONE.items():
+        if path[-1] in (documents[0].get(path[0]) or {}):
+            again = f"leave --resume out to replace it; {remedy}"
+            raise ConfigError(key_text(path), f"{problem}; {folder} holds a run with it", again)
+    differ = [key for key in {**here, **there} if there.get(key) != here.get(key)]
+    key = min(differ, key=lambda key: key in follows or key.partition("[")[0] in follows, default="")
+    name, sides = key.rpartition(".")[2], ((there, "there"), (here, "here"))
+    told = ", ".join(f"'{name}: {inline(values[key])}' {where}" for values, where in sides if key in values)
+    problem = f"{folder} holds a run of another config ({told or 'the same lines in another order'})"
+    remedy = "give the same scene and --set as then, or another --output, or leave --resume out to replace it"
+    raise ConfigError(key, problem, remedy)
 
 
 def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[str, ...], int]:
     lines = content(path).split(b"\n")[:-1]  # what has no newline was torn
     if not lines:
-        return (), COLUMNS, 0
+        return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    known = {*READINGS, *OF_FRICTION, *EFFORT, *ERRORS}
-    if names[: len(COLUMNS)] != COLUMNS or not set(names[len(COLUMNS) :]) <= known:
+    if names[: len(STATE_COLUMNS)] != STATE_COLUMNS or not set(names[len(STATE_COLUMNS) :]) <= set(BEYOND_STATE):
         raise UsageError(f"{path} has other columns than this version writes", RUN_AGAIN, str(path))
     states: list[State] = []
     size = len(lines[0]) + 1

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
@@ -13,26 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.symbols import ADHERENCE
+from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.process.errors import UsageError
+from indent_sim.process.limits import unwritable
 from indent_sim.process.version import VERSION
-from indent_sim.results.folder import CONFIG, PROGRAM, content, write_atomically
+from indent_sim.results.folder import CONFIG, PROGRAM, Report, content, write_atomically
 from indent_sim.results.pictures import canvas, experiment, panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.pictures.pressure import strongest_step
-from indent_sim.results.reader import Results, read_run
+from indent_sim.results.reader import Results, read_experiment, read_run
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.xdmf import kept_steps
 
 MOST_ROWS = 100  # of a table; more are thinned
-DIGITS = 6
-WIDE = 110.0  # mm: what stays readable on a screen 400 pixels wide
-CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force",
-            "profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}  # fmt: skip
-OF_EXPERIMENT = "The experiment: force over depth and the way of the base; over contact radius, or what follows in time"
+OF_AUDIT = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
+CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
+CAPTIONS |= {"profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}
+EXPERIMENT_CAPTION = "The experiment: force over depth and the way of the base"
+EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
 NAME = "report.html"
-FORMATS = (".html", ".htm")
+REPORT_FORMATS = (".html", ".htm")
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,11 @@ class Table:
 
 
 def write(text: str, path: Path) -> None:
-    """Write a page into a file; UsageError when that cannot be."""
+    """Write a page into a file; UsageError when that cannot be, NotConverged on a full disk."""
     try:
         write_atomically(path, text)
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from error
+        raise unwritable(path, error) from error
 
 
 def of_run(folder: Path) -> str:
@@ -70,37 +70,38 @@ def of_run(folder: Path) -> str:
     if not report:
         raise UsageError(f"{folder} holds no result of {PROGRAM}: there is no run.json")
     failed = report.get("status") not in ("done", "running")
-    tables = [_rows(results), *_experiment(results), _choices(report), *_bars(report), _audit(report),
-              _provenance(report)]  # fmt: skip
-    return page(
-        title=report.get("title") or folder.resolve().name,
-        subtitle=_subtitle(results),
-        failure=f"{report['status']}: {report.get('reason') or 'no reason given'}" if failed else "",
-        numbers=_numbers(results),
-        said=[*_theory(results), *_hertz(results), *_stick(report), *_largest_pull(results), *_pull_off(results)],
-        pictures=[*_pictures(results), *_picture_of_experiment(folder)],
-        warnings=report.get("warnings", []),
-        tables=[table for table in tables if table.rows],
-        scene=_scene(folder),
-        chosen=", ".join(report.get("plan", {}).get("auto", [])) or "nothing",
-    )
+    failure = f"{report.get('status', 'unknown')}: {report.get('reason') or 'no reason given'}" if failed else ""
+    checked = [[name.replace("_", " "), short(value)] for name, value in _part(report, "audit").items()]
+    audit = Table("Audit", ["what", "value"], checked, OF_AUDIT)
+    decided = report.get("plan", {}).get("choices", [])
+    reasons = [[str(one.get("key", "")), short(one.get("value", "")), str(one.get("why", ""))] for one in decided]
+    choices = Table("Choices and their reasons", ["what", "choice", "why"], reasons)
+    tables = [_rows(results), *_experiment(results), choices, *_bars(report), audit, _provenance(report)]
+    words = _part(report, "stick").get("words")
+    held = [f"{words[:1].upper()}{words[1:]}."] if words else []
+    said = [*_theory(results), *_hertz(results), *held, *_largest_pull(results), *_pull_off(results)]
+    chosen = ", ".join(report.get("plan", {}).get("auto", [])) or "nothing"
+    scene = ""
+    with suppress(OSError, ValueError):
+        scene = content(folder / CONFIG).decode("utf-8")
+    beside = {"numbers": _numbers(results), "said": said, "scene": scene, "chosen": chosen}
+    seen = {"pictures": _pictures(results), "warnings": report.get("warnings", [])}
+    title, shown = report.get("title") or folder.resolve().name, [table for table in tables if table.rows]
+    parts = [choice(report, "kinematics"), report.get("method"), f"{report.get('rows', 0)} rows"]
+    parts += [f"{PROGRAM} {report.get('version', '')}", report.get("finished", report.get("started", ""))]
+    subtitle = "  ·  ".join(str(part).replace("_", " ") for part in parts if part)
+    return page(title=title, subtitle=subtitle, failure=failure, tables=shown, **seen, **beside)
 
 
 def page(**parts: Any) -> str:
-    """The page of its parts; whatever is text stays text."""
+    """The page of its parts; whatever is text stays text. What only a run has may be missing."""
     from jinja2 import Environment, StrictUndefined
 
+    parts = {"numbers": [], "said": [], "scene": "", "chosen": ""} | parts
     source = (files("indent_sim.results") / "report.html").read_text(encoding="utf-8")
     template = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True).from_string(source)
     text = template.render(program=PROGRAM, version=VERSION, **parts)
     return "".join(sign for sign in text if sign in "\n\t" or sign >= " ") + "\n"  # no control characters
-
-
-def _subtitle(results: Results) -> str:
-    report = results.report
-    parts = [choice(report, "kinematics"), report.get("method"), f"{report.get('rows', 0)} rows",
-             f"{PROGRAM} {report.get('version', '')}", report.get("finished", report.get("started", ""))]  # fmt: skip
-    return "  ·  ".join(str(part).replace("_", " ") for part in parts if part)
 
 
 def _numbers(results: Results) -> list[tuple[str, str]]:
@@ -108,27 +109,25 @@ def _numbers(results: Results) -> list[tuple[str, str]]:
     if not len(results):
         return []
     deepest = int(np.argmax(results["delta"]))
-    found = []
+    found, unknown = [], np.full(len(results), np.nan)
     for name in ("delta", "force", "a"):
         along = axis(name, [results])
-        error = results.table.get(f"{name}_error", np.full(len(results), np.nan))[deepest]
+        error = results.table.get(f"{name}_error", unknown)[deepest]
         bar = f" ± {float(along(error)):.2g}" if np.isfinite(error) else ""
         found.append((along.name, f"{float(along(results[name][deepest])):.4g}{bar} {in_print(along.unit)}".strip()))
-    peak = results.table.get("p_max", np.full(len(results), np.nan))[deepest]
+    peak = results.table.get("p_max", unknown)[deepest]
     if np.isfinite(peak):
-        found.append(("largest pressure", scaled("pressure", [results], np.array([peak]), "p").said(peak)))
+        found.append(("largest pressure", scaled("pressure", [results], peak, "p").said(peak)))
     return found
 
 
 def _theory(results: Results) -> list[str]:
     """What theory and the usual formulas say beside the run."""
-    theory = results.report.get("theory") or {}
+    theory = _part(results.report, "theory")
     if not theory:
         return ["No theory is known for this scene."]
     asked = "delta" if "delta_deviation" in theory else "force"
-    units, kind = results.report.get("units") or {}, {"delta": "length", "force": "force"}[asked]
-    unit = in_print(unit_of(kind, units))
-    lines = []
+    unit, lines = _unit(results, {"delta": "length", "force": "force"}[asked]), []
     if f"{asked}_deviation" in theory and results.report.get("method") != "theory":
         exact = "exact for this body" if theory.get("exact") else theory.get("why", "")
         beside = f"this run {theory[f'{asked}_deviation']:+.2%}{f' ({exact})' if exact else ''}"
@@ -142,133 +141,100 @@ def _theory(results: Results) -> list[str]:
 def _hertz(results: Results) -> list[str]:
     """What a fit of the half-space formula to the curve reads."""
     fit = results.report.get("hertz")
-    modulus = scaled("pressure", [results], np.array([fit["E"]]), "E").said(fit["E"]) if fit else ""
-    return [f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} %)."] if fit else []
+    if not fit:
+        return []
+    modulus = scaled("pressure", [results], fit["E"], "E").said(fit["E"])
+    return [f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} %{fit.get('against', '')})."]
 
 
 def _largest_pull(results: Results) -> list[str]:
     """The largest pull of the rows of a tip that adheres with a range, and what is known of it beforehand."""
-    known = results.report.get("adhesion") or {}
+    known = _part(results.report, "adhesion")
     pulled = known.get("largest_pull")
     if not pulled:
         return []
-    units = results.report.get("units") or {}
-    labels = {"1": ""} | {kind: f" {in_print(unit_of(kind, units))}".rstrip() for kind in ("force", "length")}
-    numbers = [f"{symbol.meaning} {known[symbol.name]:.4g}{labels[symbol.dimension]}" for symbol in ADHERENCE
-               if known.get(symbol.name) is not None]  # fmt: skip
+    labels = {"1": ""} | {kind: f" {_unit(results, kind)}".rstrip() for kind in ("force", "length")}
+    symbols = [symbol for symbol in ADHESION_SYMBOLS if known.get(symbol.name) is not None]
+    numbers = [f"{symbol.meaning} {known[symbol.name]:.4g}{labels[symbol.dimension]}" for symbol in symbols]
     place = f"force {pulled['force']:.5g}{labels['force']} at delta {pulled['delta']:.5g}{labels['length']}"
     return [f"Largest pull: {place}.", f"Beforehand: {', '.join(numbers)}."]
 
 
-def _stick(report: Mapping[str, Any]) -> list[str]:
-    """What no slip would change."""
-    stick = report.get("stick")
-    return [f"{stick['words'][:1].upper()}{stick['words'][1:]}."] if stick else []
-
-
 def _pull_off(results: Results) -> list[str]:
     """Where a tip that adheres comes off."""
-    pulled = ((results.report.get("experiment") or {}).get("adhesion") or {}).get("pull_off") or {}
-    units = results.report.get("units") or {}
-    force, length = (in_print(unit_of(kind, units)) for kind in ("force", "length"))
-    return [f"Pull-off under {how.replace('_', ' ')}: force {found['force']:.5g} {force} "
-            f"at delta {found['delta']:.5g} {length}." for how, found in pulled.items()]  # fmt: skip
+    force, length = _unit(results, "force"), _unit(results, "length")
+    told = []
+    for how, found in _part(results.report, "experiment", "adhesion", "pull_off").items():
+        place = f"force {found['force']:.5g} {force} at delta {found['delta']:.5g} {length}"
+        told.append(f"Pull-off under {how.replace('_', ' ')}: {place}.")
+    return told
 
 
-def _picture_of_experiment(folder: Path) -> list[Picture]:
-    if not (folder / EXPERIMENT).exists():
-        return []
-    return [Picture(canvas.element(partial(experiment.draw, folder)), OF_EXPERIMENT, broad=True)]
+def _part(report: Report, *names: str) -> Report:
+    """A mapping in run.json, by the names of those that it is in; empty where there is none."""
+    for name in names:
+        report = report.get(name) or {}
+    return report
+
+
+def _unit(results: Results, kind: str) -> str:
+    return in_print(unit_of(kind, _part(results.report, "units")))
 
 
 def _experiment(results: Results) -> list[Table]:
-    """The rows of experiment.csv."""
-    path = results.path / EXPERIMENT
-    rows = list(csv.reader(io.StringIO(content(path).decode("utf-8")))) if path.exists() else []
-    if len(rows) < 2:
+    if not (results.path / EXPERIMENT).exists():
         return []
-    kept = thinned(rows[1:])
-    cells = [[short(cell) for cell in row] for row in kept]
-    return [Table(f"Rows of {EXPERIMENT}", rows[0], cells, told(rows[1:], kept), True)]
+    columns = read_experiment(results.path)
+    return [table_of(f"Rows of {EXPERIMENT}", list(columns), list(zip(*columns.values(), strict=True)))]
+
+
+def table_of(title: str, head: Sequence[str], rows: Sequence[Sequence[object]], words: str = "") -> Table:
+    """A table of numbers with at most MOST_ROWS of its rows, the first and the last among them."""
+    places = np.linspace(0, len(rows) - 1, min(MOST_ROWS, len(rows))).round().astype(int)
+    kept = f"{len(places)} of {len(rows)} rows. " if len(places) < len(rows) else ""
+    return Table(title, head, [[short(cell) for cell in rows[i]] for i in places], kept + words, True)
 
 
 def _pictures(results: Results) -> list[Picture]:
-    """What there is to draw of a result."""
-    touched = strongest_step(results) is not None
-    there = {"force": len(results) > 0, "pressure": touched, "profile": touched,
-             "fields": bool(kept_steps(results.path))}  # fmt: skip
-    return [Picture(canvas.element(partial(panels.draw, [results], Wish((what,), width=WIDE))), CAPTIONS[what])
-            for what, is_there in there.items() if is_there]  # fmt: skip
+    there = ["force"] if len(results) else []
+    there += ["pressure", "profile"] if strongest_step(results) is not None else []
+    there += ["fields"] if kept_steps(results.path, results["step"]) else []
+    found = []
+    for what in there:
+        drawing = partial(panels.draw, [results], Wish((what,), width=110.0))  # mm: readable on a small screen
+        found.append(Picture(canvas.element(drawing), CAPTIONS[what]))
+    if (results.path / EXPERIMENT).exists():
+        found.append(Picture(canvas.element(partial(experiment.draw, results.path)), EXPERIMENT_CAPTION, broad=True))
+    return found
 
 
 def _rows(results: Results) -> Table:
-    names = [name for name in results.table if name != "wall_s"]
-    every = list(range(len(results)))
-    kept = thinned(every)
-    rows = [[short(results.table[name][i]) for name in names] for i in kept]
-    return Table("Rows of force_indentation.csv", names, rows, told(every, kept) + _unit_words(results), True)
+    columns = {name: column for name, column in results.table.items() if name != "wall_s"}
+    rows = list(zip(*columns.values(), strict=True))
+    kinds = [_unit(results, kind) for kind in ("length", "force", "pressure")]
+    units = f"Lengths in {kinds[0]}, forces in {kinds[1]}, pressures in {kinds[2]}." if all(kinds) else ""
+    return table_of("Rows of force_indentation.csv", list(columns), rows, units)
 
 
-def _unit_words(results: Results) -> str:
-    units = results.report.get("units") or {}
-    kinds = [in_print(unit_of(kind, units)) for kind in ("length", "force", "pressure")]
-    return f"Lengths in {kinds[0]}, forces in {kinds[1]}, pressures in {kinds[2]}." if all(kinds) else ""
-
-
-def thinned(rows: Sequence[Any]) -> Sequence[Any]:
-    """At most MOST_ROWS of them, the first and the last among them."""
-    places = np.linspace(0, len(rows) - 1, min(MOST_ROWS, len(rows))).round().astype(int)
-    return [rows[i] for i in places]
-
-
-def told(rows: Sequence[Any], kept: Sequence[Any]) -> str:
-    """That rows were left out, in words."""
-    return f"{len(kept)} of {len(rows)} rows. " if len(kept) < len(rows) else ""
-
-
-def _choices(report: Mapping[str, Any]) -> Table:
-    choices = report.get("plan", {}).get("choices", [])
-    rows = [[str(one.get("key", "")), short(one.get("value", "")), str(one.get("why", ""))] for one in choices]
-    return Table("Choices and their reasons", ["what", "choice", "why"], rows)
-
-
-def _bars(report: Mapping[str, Any]) -> list[Table]:
-    """The parts of the error bar at every step."""
+def _bars(report: Report) -> list[Table]:
     budget = report.get("error_budget")
     rows = [one for one in budget if isinstance(one, Mapping)] if isinstance(budget, list) else []
     if not rows:
         return []
     names = list(dict.fromkeys(name for row in rows for name in row))
-    kept = thinned(rows)
-    cells = [[short(row.get(name, "")) for name in names] for row in kept]
-    return [Table("Where the error bars come from", names, cells, told(rows, kept), True)]
+    cells = [[row.get(name, "") for name in names] for row in rows]
+    return [table_of("Where the error bars come from", names, cells)]
 
 
-def _audit(report: Mapping[str, Any]) -> Table:
-    audit = report.get("audit") or {}
-    words = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
-    rows = [[name.replace("_", " "), short(value)] for name, value in audit.items()]
-    return Table("Audit", ["what", "value"], rows, words)
-
-
-def _provenance(report: Mapping[str, Any]) -> Table:
+def _provenance(report: Report) -> Table:
     """Which program, libraries and mesh made this, and what it took."""
-    mesh = report.get("mesh") or {}
-    facts = {"program": f"{PROGRAM} {report.get('version', '')}", "started": report.get("started"),
-             "finished": report.get("finished"), "ranks": report.get("ranks"), "unknowns": report.get("dofs"),
-             **{f"mesh {name}": value for name, value in mesh.items()},
-             **{name: value for name, value in (report.get("versions") or {}).items()},
-             "seconds": sum((report.get("timings") or {}).values()) or None,
-             "peak memory [MB]": report.get("peak_memory_MB")}  # fmt: skip
+    facts: Report = {"program": f"{PROGRAM} {report.get('version', '')}"}
+    facts |= {name: report.get(name) for name in ("started", "finished", "ranks")} | {"unknowns": report.get("dofs")}
+    facts |= {f"mesh {name}": value for name, value in _part(report, "mesh").items()} | _part(report, "versions")
+    facts |= {"PETSC_OPTIONS": report.get("PETSC_OPTIONS"), "seconds": sum(_part(report, "timings").values()) or None}
+    facts |= {"peak memory [MB]": report.get("peak_memory_MB")}
     rows = [[name, short(value)] for name, value in facts.items() if value is not None]
     return Table("Provenance", ["what", "value"], rows)
-
-
-def _scene(folder: Path) -> str:
-    try:
-        return content(folder / CONFIG).decode("utf-8")
-    except (OSError, ValueError):
-        return ""
 
 
 def short(value: Any) -> str:
@@ -277,4 +243,4 @@ def short(value: Any) -> str:
         number = float(value)
     except (TypeError, ValueError):
         return str(value) if value is not None else ""
-    return "" if number != number or isinstance(value, bool) else f"{number:.{DIGITS}g}"
+    return "" if number != number or isinstance(value, bool) else f"{number:.6g}"

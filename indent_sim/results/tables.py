@@ -17,16 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import EFFORT, ERRORS, READINGS, State, Surface
+from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, READINGS, State, Surface
+from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import write_atomically
 
 SURFACE = "surface.csv"
 EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
-WORDS = ("branch",)  # columns of words
-
-INTEGERS = ("step", "newton_iterations", *EFFORT)
-MAY_BE_EMPTY = {"p_max", *READINGS, *ERRORS}
-SURFACE_MAY_BE_EMPTY = ("u_x", "pressure")  # theory does not say u_x; under a sharp apex or edge p is infinite
+WORD_COLUMNS = ("branch",)  # columns of words
+INTEGERS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
+MAY_BE_EMPTY = {"p_max", *READINGS, *ERROR_COLUMNS}
+# Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip there is no gap
+SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
 SURFACE_HEADER = (*SURFACE_COLUMNS, "z")  # and shear with friction
 
@@ -47,9 +48,8 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
     if len(cells) != len(names):
         return None
     try:
-        values: dict[str, Any] = {
-            name: whole(cell) if name in INTEGERS else number(cell) for name, cell in zip(names, cells, strict=True)
-        }
+        named = zip(names, cells, strict=True)
+        values: dict[str, Any] = {name: whole(cell) if name in INTEGERS else number(cell) for name, cell in named}
         empty = {name for name, value in values.items() if math.isnan(value)}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
@@ -105,13 +105,17 @@ def surface_blocks(path: Path) -> dict[int, bytes]:
 def drop_later_blocks(path: Path, steps: int) -> None:
     """Keep the lines of a surface table that belong to the first `steps` steps, whole lines alone.
 
-    Those of an older version of this program get empty cells for the columns that they lack.
+    Those of an older version of this program get empty cells for the columns that they lack. UsageError for no table.
     """
     if not path.exists():
         return
     data = path.read_bytes()
     head, *lines = data[: data.rfind(b"\n") + 1].splitlines() or [b""]
-    names = [name for name in head.decode().split(",") if name]
+    try:
+        names = [name for name in head.decode().split(",") if name]
+    except UnicodeDecodeError:
+        why = f"{path} is no table: its first line is no text"
+        raise UsageError(why, "remove it and leave --resume out", str(path)) from None
     missing = [name for name in SURFACE_HEADER if name not in names]
     lacking = b"," * len(missing)
     kept = [",".join([*names, *missing]).encode(), *(line + lacking for line in lines if _step(line) <= steps)]

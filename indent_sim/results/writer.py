@@ -11,44 +11,33 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import COLUMNS, READINGS, State, Surface
+from indent_sim.model.state import FRICTION_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
-from indent_sim.results import checkpoint
+from indent_sim.results import checkpoint, folder, tables
 from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
-from indent_sim.results.folder import CONFIG, MESH, PROGRAM, REPORT, TABLE, Claim, append_whole, write_atomically
+from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
-from indent_sim.results.tables import (
-    DYNAMIC,
-    EXPERIMENT,
-    SURFACE,
-    drop_later_blocks,
-    row,
-    surface_block,
-    surface_blocks,
-    surface_header,
-    table_of,
-)
-from indent_sim.results.xdmf import FieldWriter
+from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
+from indent_sim.results.xdmf import ARRAYS, SHEAR_ARRAYS, FieldWriter
 
-Keep = Literal["none", "last", "all"]
-SYNC_EVERY = 1.0  # s: what a power failure may cost; a killed process loses nothing
+OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
 
 class ResultFolder:
     """The files of one run, written as its states come; a context manager, used on rank 0 alone.
 
-    columns: those of the force table beyond `COLUMNS` that this run has. mesh: the file that the config names, as text
+    columns: those of the force table beyond `STATE_COLUMNS` that this run has. mesh: the config's mesh file, as text
     in parts. The folder appears under its name with the first row. `report` becomes run.json. Leaving the block ends
     the run: status done, failed or interrupted after the exception that passes through. A run that fails
     before its first row replaces no earlier results; one that ends with exit code 2 or 3 leaves nothing.
-    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them.
+    With `resume` the rows of this config that are there stay (`earlier`), and the run goes on behind them; else rows of
+    another config than that of the `file` are not replaced, where it is given.
     """
 
     def __init__(
@@ -58,22 +47,22 @@ class ResultFolder:
         *,
         surface: Keep = "last",
         columns: tuple[str, ...] = (),
-        report: Mapping[str, Any] | None = None,
+        report: Report | None = None,
         resume: bool = False,
+        file: str = "",
         mesh: Iterable[str] = (),
     ):
-        self.report: dict[str, Any] = dict(report or {})
+        self.report: Report = dict(report or {})
         self.rows = 0
-        self._target = Path(target)
-        self._config_yaml, self._mesh = config_yaml, mesh
-        self._surface = surface
-        self._columns = (*COLUMNS, *READINGS, *columns)
+        self._target, self._config_yaml, self._mesh, self._surface = Path(target), config_yaml, mesh, surface
+        self._columns = (*STATE_COLUMNS, *READINGS, *columns)
+        self._arrays = ARRAYS | (SHEAR_ARRAYS if FRICTION_COLUMNS[0] in columns else {})
         self.earlier: Earlier | None = None
-        self._resume = resume
+        self._resume, self._file = resume, "" if resume else file
         self._fields: FieldWriter | None = None
         self._deepest = (-math.inf, b"")  # depth, and lines of the surface table
-        self._synced = -math.inf
-        self._status: dict[str, Any] = {"status": "running", "exit_code": None, "reason": ""}
+        self._synced, self._sync = -math.inf, True  # when last, and whether the next write waits for the disk
+        self._status: Report = {"status": "running", "exit_code": None, "reason": ""}
         self._started = _now()
 
     @property
@@ -83,16 +72,16 @@ class ResultFolder:
 
     def __enter__(self) -> ResultFolder:
         with uninterrupted():
-            self._claim = Claim(self._target)
+            self._claim = folder.Claim(self._target, self._file)
             try:
-                found = earlier_run(self._claim.target, self._config_yaml) if self._resume else None
+                found = earlier_run(self._claim.target, self._config_yaml, self.report) if self._resume else None
                 with self._writing():
-                    if found is not None and found.states:
+                    if found is not None:
                         self._continue(found)
                     else:
                         write_atomically(self.path / CONFIG, self._config_yaml)
                         if self._mesh:
-                            write_atomically(self.path / MESH, self._mesh)
+                            write_atomically(self.path / folder.MESH_FILE, self._mesh)
                         write_atomically(self.path / TABLE, ",".join(self._columns) + "\n")
                     self._save_report()
             except BaseException:
@@ -104,12 +93,13 @@ class ResultFolder:
         self._claim.adopt()
         self._columns = earlier.columns  # those of an older version of this program may be fewer
         os.truncate(self.path / TABLE, earlier.size)
-        drop_later_blocks(self.path / SURFACE, len(earlier.states))
+        tables.drop_later_blocks(self.path / SURFACE, len(earlier.states))
         self.earlier, self.rows = earlier, len(earlier.states)
-        blocks = surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
-        self._deepest = max([(earlier.states[step - 1].delta, block) for step, block in blocks.items()],
-                            default=self._deepest)  # fmt: skip
-        self.report = earlier.entries | self.report
+        blocks = tables.surface_blocks(self.path / SURFACE) if self._surface == "last" else {}
+        depths = [(earlier.states[step - 1].delta, block) for step, block in blocks.items()]
+        self._deepest = max(depths, default=self._deepest)
+        kept = {name: value for name, value in earlier.report.items() if name not in OWN_ENTRIES}
+        self.report = kept | {"resumed_after": [*kept.get("resumed_after", []), self.rows]} | self.report
         self._started = earlier.report.get("started", self._started)
 
     def append(self, state: State) -> None:
@@ -120,25 +110,24 @@ class ResultFolder:
         if not state.converged:
             raise ValueError(f"step {state.step} has not converged and is no result: {state.reason}")
         with uninterrupted(), self._writing():
-            sync = time.monotonic() - self._synced > SYNC_EVERY
+            self._sync = time.monotonic() - self._synced > 1.0  # s that a power failure may cost
             if state.surface is not None:
-                self._write_surface(state, state.surface, sync)
-            append_whole(self.path / TABLE, row(state, self._columns), sync)
+                self._write_surface(state, state.surface)
+            append_whole(self.path / TABLE, tables.row(state, self._columns), self._sync)
             self.rows += 1
-            if sync or self.rows == 1:  # in a run of thousands of quick steps the report would cost more than they do
-                self._save_report(sync)
-            if not self._claim.published:
-                self._publish()
-            if sync:
+            if self._sync or self.rows == 1:  # of thousands of quick steps it would cost more than they do
+                self._save_report()
+            self._publish()
+            if self._sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, *mesh: Any, keep: Keep, friction: bool = False) -> None:
+    def open_fields(self, *mesh: Any, keep: Keep) -> None:
         """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`)."""
         if keep == "none":
             return
         with uninterrupted(), self._writing():
             done = self.rows if self.earlier else None
-            self._fields = FieldWriter(self.path, *mesh, keep_all=keep == "all", done=done, friction=friction)
+            self._fields = FieldWriter(self.path, *mesh, keep=keep, done=done, arrays=self._arrays)
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]
@@ -155,16 +144,16 @@ class ResultFolder:
         with uninterrupted(), self._writing():
             for name, items in ((EXPERIMENT, rows), (DYNAMIC, dynamic)):
                 if items:
-                    write_atomically(self.path / name, table_of(items))
+                    write_atomically(self.path / name, tables.table_of(items))
                 else:
                     (self.path / name).unlink(missing_ok=True)
 
-    def save_checkpoint(self, saved: Checkpoint, identity: Mapping[str, Any]) -> None:
+    def save_checkpoint(self, saved: Checkpoint, identity: Report) -> None:
         """Keep the last equilibria for `--resume`, which can do without: a full disk is no failure here."""
         with uninterrupted(), suppress(OSError):
             checkpoint.write(self.path / CHECKPOINT, saved, identity)
 
-    def read_checkpoint(self, identity: Mapping[str, Any]) -> Checkpoint:
+    def read_checkpoint(self, identity: Report) -> Checkpoint:
         """The last equilibria of the run that is continued; an empty one when they are of no use."""
         return checkpoint.read(self.path / CHECKPOINT, identity)
 
@@ -173,13 +162,13 @@ class ResultFolder:
         if self._status["status"] == "running":
             self._status = dict(zip(("status", "exit_code", "reason"), _ending(error), strict=True))
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self.finish(error)
+        self._sync = True
         with uninterrupted():
             try:
-                if self._leaves_nothing():
+                worth = self.rows or not self._claim.replaces_results
+                if not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth):
                     self._claim.drop()
                     return
                 self._claim.give_ballast()
@@ -187,34 +176,32 @@ class ResultFolder:
                     (self.path / CHECKPOINT).unlink(missing_ok=True)
                 with self._writing() if error is None else suppress(OSError):
                     self._save_report()
-                    if not self._claim.published:
-                        self._publish()
+                    self._publish()
             finally:
                 self._claim.release()
 
-    def _leaves_nothing(self) -> bool:
-        worth = self.rows or not self._claim.replaces_results
-        return not self._claim.published and (self._status["exit_code"] in (2, 3) or not worth)
-
     def _publish(self) -> None:
+        if self._claim.published:
+            return
         self._claim.publish()
         if self._fields is not None:
             self._fields.directory = self.path
 
-    def _save_report(self, sync: bool = True) -> None:
+    def _save_report(self) -> None:
         ended = {} if self._status["status"] == "running" else {"finished": _now()}
         identity = {"program": PROGRAM, "version": VERSION, **self._status, "rows": self.rows}
         report = {**identity, "started": self._started, **ended, **self.report}
-        write_atomically(self.path / REPORT, to_json(report) + "\n", sync)
+        write_atomically(self.path / REPORT, to_json(report) + "\n", self._sync)
 
-    def _write_surface(self, state: State, surface: Surface, sync: bool) -> None:
+    def _write_surface(self, state: State, surface: Surface) -> None:
         """Every state's surface, or those of the deepest and of the last."""
-        path, header, block = self.path / SURFACE, surface_header(surface), surface_block(state.step, surface)
+        path, block = self.path / SURFACE, tables.surface_block(state.step, surface)
         if self._surface == "all" and path.exists():
-            append_whole(path, block, sync)
+            append_whole(path, block, self._sync)
         elif self._surface != "none":
             depth, deepest = self._deepest
-            write_atomically(path, header + (deepest if depth > state.delta else b"") + block, sync)
+            shown = tables.surface_header(surface) + (deepest if depth > state.delta else b"") + block
+            write_atomically(path, shown, self._sync)
             if state.delta >= depth:
                 self._deepest = (state.delta, block)
 

@@ -10,38 +10,30 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import FIELDS, append_whole, content, field_files, write_atomically
-from indent_sim.results.outline import Outline
+from indent_sim.results.folder import FIELDS_FOLDER, Keep, append_whole, content, field_files, write_atomically
 
-CELLS = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
-Kinds = dict[str, tuple[str, str, tuple[int, ...]]]  # where the values of an array are, what each is, and its shape
-ARRAYS: Kinds = {
-    "displacement": ("Node", "Vector", (3,)),
-    "pressure": ("Node", "Scalar", ()),
-    "stress": ("Cell", "Tensor", (9,)),
-    "von_mises": ("Cell", "Scalar", ()),
-    "principal_stresses": ("Cell", "Vector", (3,)),
-    "J": ("Cell", "Scalar", ()),
-    "energy_density": ("Cell", "Scalar", ()),
-}
-OF_FRICTION: Kinds = {"shear": ("Node", "Scalar", ())}  # where the tip drags on the surface
-LASTING: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
+TOPOLOGY_TYPES = {2: "Polyline", 3: "Triangle", 4: "Tetrahedron"}
+Kind = tuple[str, str, tuple[int, ...]]  # where the values of an array are, what each is, and its shape
+Kinds = dict[str, Kind]
 OF_TIP: Kinds = {"displacement": ("Node", "Vector", (3,))}
+ARRAYS = OF_TIP | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
+ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
+ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
+SHEAR_ARRAYS: Kinds = {"shear": ("Node", "Scalar", ())}  # where the tip drags on the surface
+LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
-GRID = re.compile(
-    r'<Grid Name="step (?P<step>\d{1,9})".*?Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n', re.DOTALL
-)
-HEAD = (
-    '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
-    '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
-)
+GRID = re.compile(r'<Grid Name="step (?P<step>\d{1,9})".*?Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n', re.DOTALL)
+XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
+XDMF_HEAD += '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
 TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
 
 
@@ -57,25 +49,28 @@ class _Kept:
 class FieldWriter:
     """A growing time series of the fields of `ARRAYS` on one mesh, and of the tip above it.
 
-    points (n, 2) or (n, 3) [length], two columns being (x, z); cells (m, 3) or (m, 4) vertex numbers; regions (m,). All
-    states are kept, or the deepest and the last. The time of a state is its step: depths may go back.
-    With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
-    missing, damaged or of another mesh: then they begin anew. With friction there is the shear of the contact surface.
+    body: points (n, 2) or (n, 3) [length], two columns being (x, z), cells (m, 3) or (m, 4) of their numbers, regions
+    (m,), and the tip. All states are kept, or the deepest and the last. The time of a state is its step, for depths may
+    go back. With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
+    missing, damaged or of another mesh: then they begin anew. arrays: what each state has.
     """
 
-    def __init__(self, directory: Path, points: np.ndarray, cells: np.ndarray, regions: np.ndarray, tip: Outline, *,
-                 keep_all: bool = False, done: int | None = None, friction: bool = False):  # fmt: skip
+    def __init__(
+        self, directory: Path, *body: Any, keep: Keep = "last", done: int | None = None, arrays: Kinds = ARRAYS
+    ):
         self.directory = Path(directory)
-        self._all = keep_all
-        self._arrays = ARRAYS | (OF_FRICTION if friction else {})
-        self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions),
-                      "tip_points": tip.points, "tip_cells": tip.cells}  # fmt: skip
-        self._tip = tip
+        self._keep, self._arrays = keep, arrays
+        points, cells, regions, self._tip = body
+        self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions)}
+        self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}
         found = self._found(done) if done is not None else None
-        self.continued = found is not None
-        self._kept = found or []
+        self.continued, self._kept = found is not None, found or []
         if not self.continued:
-            self._begin()
+            self._fields.mkdir(exist_ok=True)
+            kinds = {name: "<f8" if values.dtype.kind == "f" else "<i8" for name, values in self._mesh.items()}
+            mesh = {name: values.astype(kinds[name]) for name, values in self._mesh.items()}
+            write_atomically(self._fields / MESH, _hdf5(mesh), sync=False)
+            (self.directory / OLD).unlink(missing_ok=True)
         self._save()
 
     def write(self, step: int, delta: float, fields: Mapping[str, np.ndarray]) -> None:
@@ -85,7 +80,7 @@ class FieldWriter:
         arrays["tip_displacement"] = self._tip.at(delta).astype("<f8")
         write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
         state = self._state(step, delta)
-        if self._all:
+        if self._keep == "all":
             for name, text in state.texts.items():
                 append_whole(self.directory / name, text.encode(), sync=False, tail=TAIL.encode())
             return
@@ -95,15 +90,7 @@ class FieldWriter:
 
     @property
     def _fields(self) -> Path:
-        return self.directory / FIELDS
-
-    def _begin(self) -> None:
-        """The mesh in a folder that has no state."""
-        self._fields.mkdir(exist_ok=True)
-        kinds = {"f": "<f8"}
-        mesh = {name: values.astype(kinds.get(values.dtype.kind, "<i8")) for name, values in self._mesh.items()}
-        write_atomically(self._fields / MESH, _hdf5(mesh), sync=False)
-        (self.directory / OLD).unlink(missing_ok=True)
+        return self.directory / FIELDS_FOLDER
 
     def _found(self, done: int) -> list[_Kept] | None:
         """The states up to step `done` in the files of an earlier run; None where they are of no use."""
@@ -113,43 +100,39 @@ class FieldWriter:
                 return None
             grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
             kept = [self._state(int(grid["step"]), float(grid["delta"])) for grid in grids if int(grid["step"]) <= done]
-            return kept if all(self._is_whole(state.step) for state in kept) else None
+            files = (_arrays(self._fields / _file(state.step)) for state in kept)  # one in memory at a time
+            are_whole = all(file[name].shape == self._shape(name) for file in files for name in self._arrays)
+            return kept if are_whole else None
         except Exception:  # HDF5 has an error for every way of being damaged
             return None
-
-    def _is_whole(self, step: int) -> bool:
-        arrays = _arrays(self._fields / _file(step))
-        return all(arrays[name].shape == self._shape(name) for name in self._arrays)
 
     def _shape(self, name: str) -> tuple[int, ...]:
         center, _, components = self._arrays[name]
         return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
     def _state(self, step: int, delta: float) -> _Kept:
-        body, tip = self._grid(step, delta, "", self._arrays, LASTING), self._grid(step, delta, "tip_", OF_TIP, {})
-        return _Kept(step, delta, {XDMF: body, TIP: tip})
+        body = self._grid(step, delta, "", self._arrays, LASTING_ARRAYS)
+        return _Kept(step, delta, {XDMF: body, TIP: self._grid(step, delta, "tip_", OF_TIP, {})})
 
     def _grid(self, step: int, delta: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
         """A state of the mesh whose arrays begin with a prefix."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
-        items = [_attribute(_file(step), f"{prefix}{name}", name, kind, counts) for name, kind in arrays.items()]
-        items += [_attribute(MESH, name, name, kind, counts, "Int") for name, kind in lasting.items()]
+        items = [_attribute(name, kind, counts, _file(step), prefix) for name, kind in arrays.items()]
+        items += [_attribute(name, kind, counts, MESH, "", "Int") for name, kind in lasting.items()]
         corners = cells.shape[1]
         many = f' NodesPerElement="{corners}"' if corners == 2 else ""
-        return (
-            f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
-            f'<Information Name="delta" Value="{delta:.17g}"/>\n'
-            f'<Topology TopologyType="{CELLS[corners]}"{many} NumberOfElements="{len(cells)}">'
-            f"{_item(MESH, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
-            f'<Geometry GeometryType="XYZ">{_item(MESH, f"{prefix}points", points.shape)}</Geometry>\n'
-            f"{''.join(items)}</Grid>\n"
-        )
+        head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
+        head += f'<Information Name="delta" Value="{delta:.17g}"/>\n'
+        topology = f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{many} NumberOfElements="{len(cells)}">'
+        topology += f"{_item(MESH, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"
+        geometry = f'<Geometry GeometryType="XYZ">{_item(MESH, f"{prefix}points", points.shape)}</Geometry>\n'
+        return "".join([head, topology, geometry, *items, "</Grid>\n"])
 
     def _save(self) -> None:
         """Name the states that are kept, and no others; then theirs may go."""
         for name in (XDMF, TIP):
-            text = HEAD + "".join(state.texts[name] for state in self._kept) + TAIL
+            text = XDMF_HEAD + "".join(state.texts[name] for state in self._kept) + TAIL
             write_atomically(self.directory / name, text, sync=False)
         named = {MESH, *(_file(state.step) for state in self._kept)}
         for path in field_files(self._fields):
@@ -159,32 +142,37 @@ class FieldWriter:
 
 def lost_fields(folder: Path) -> list[str]:
     """The files of fields that a finished run left in its folder and that are missing or damaged now, by name."""
-    try:
-        text = content(folder / XDMF).decode("utf-8")
-    except (OSError, ValueError):
-        return [XDMF]
-    steps = [int(grid["step"]) for grid in GRID.finditer(text)]
+    text = _index(folder)
+    steps = _named_steps(text)
     if not (steps and text.endswith(TAIL)):
         return [XDMF]
     wanted = {MESH: {"points", "cells"}} | {_file(step): set(ARRAYS) for step in steps}
-    return [f"{FIELDS}/{name}" for name, arrays in wanted.items() if not arrays <= _names(folder / FIELDS / name)]
+    fields = folder / FIELDS_FOLDER
+    return [f"{FIELDS_FOLDER}/{name}" for name, arrays in wanted.items() if not arrays <= _names(fields / name)]
 
 
-def kept_steps(folder: Path) -> dict[int, float]:
-    """The steps whose fields are in a result folder, with their depths [length]; none without fields."""
-    try:
-        text = content(folder / XDMF).decode("utf-8")
-        return {int(grid["step"]): float(grid["delta"]) for grid in GRID.finditer(text)}
-    except (OSError, ValueError):
-        return {}
+def kept_steps(folder: Path, rows: Collection[float]) -> list[int]:
+    """The steps whose fields are in a result folder, of those that have rows: fields are written before their row."""
+    return [step for step in _named_steps(_index(folder)) if step in rows]
+
+
+def _index(folder: Path) -> str:
+    """The text of fields.xdmf; "" where it cannot be read."""
+    with suppress(OSError, ValueError):
+        return content(folder / XDMF).decode("utf-8")
+    return ""
+
+
+def _named_steps(index: str) -> list[int]:
+    return [int(grid["step"]) for grid in GRID.finditer(index)]
 
 
 def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
     """The mesh (points (n, 3) [length], cells, region) and the fields of a kept step; UsageError when damaged."""
     try:
-        found = _arrays(folder / FIELDS / MESH) | _arrays(folder / FIELDS / _file(step))
+        found = _arrays(folder / FIELDS_FOLDER / MESH) | _arrays(folder / FIELDS_FOLDER / _file(step))
         counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
-        kinds = ARRAYS | LASTING | {name: kind for name, kind in OF_FRICTION.items() if name in found}
+        kinds = ARRAYS | LASTING_ARRAYS | {name: kind for name, kind in SHEAR_ARRAYS.items() if name in found}
         if all(found[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
             return found
         raise ValueError("its arrays do not belong together")
@@ -204,22 +192,20 @@ def _file(step: int) -> str:
     return f"step-{step}.h5"
 
 
-def _attribute(file: str, array: str, name: str, kind: tuple[str, str, tuple[int, ...]], counts: Mapping[str, int],
-               number: str = "Float") -> str:  # fmt: skip
-    """An array of a file as the values of a grid."""
+def _attribute(name: str, kind: Kind, counts: Mapping[str, int], file: str, prefix: str, number: str = "Float") -> str:
+    """An array of a file, in which its name has a prefix, as the values of a grid."""
     center, rank, components = kind
     head = f'<Attribute Name="{name}" Center="{center}" AttributeType="{rank}">'
-    return f"{head}{_item(file, array, (counts[center], *components), number)}</Attribute>\n"
+    return f"{head}{_item(file, prefix + name, (counts[center], *components), number)}</Attribute>\n"
 
 
 def _item(file: str, path: str, shape: tuple[int, ...], kind: str = "Float") -> str:
     dimensions = " ".join(str(n) for n in shape)
     form = f'DataType="{kind}" Precision="8" Format="HDF" Dimensions="{dimensions}"'
-    return f"<DataItem {form}>{FIELDS}/{file}:/{path}</DataItem>"
+    return f"<DataItem {form}>{FIELDS_FOLDER}/{file}:/{path}</DataItem>"
 
 
 def _hdf5(arrays: dict[str, np.ndarray]) -> bytes:
-    """The bytes of an HDF5 file."""
     import h5py
 
     image = io.BytesIO()
@@ -231,10 +217,9 @@ def _hdf5(arrays: dict[str, np.ndarray]) -> bytes:
 
 def _names(path: Path) -> set[str]:
     """The names of what an HDF5 file holds, none when it is damaged."""
-    try:
+    with suppress(Exception):  # HDF5 has an error for every way of being damaged
         return set(_arrays(path))
-    except Exception:  # HDF5 has an error for every way of being damaged
-        return set()
+    return set()
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

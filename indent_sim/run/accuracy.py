@@ -5,18 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from indent_sim.config.schema import Config
+from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.error_bars import FORCELESS, RATIOS, Bars, Budget, Companion
-from indent_sim.scene.fineness import MOST, RATE, Fineness, target_of
+from indent_sim.run.error_bars import FORCELESS, RATIOS, Bars, Budget, Companion, companions_of, on_finer_mesh, on_first
+from indent_sim.scene.cost import EACH, START_SECONDS
+from indent_sim.scene.fineness import MOST_ELEMENTS, RATE, Fineness, target_of
 from indent_sim.scene.scene import Scene
 
 ATTEMPTS = 6
-LEAST, GREATEST = 1.3, 2.5  # how much finer a next mesh is
+LEAST_REFINEMENT, GREATEST = 1.3, 2.5  # how much finer a next mesh is
 AIM = 1.1  # and how much finer than the estimate says
 
 Resolve = Callable[[float | None], Scene]  # the scene with so many elements in a contact radius
@@ -35,19 +38,22 @@ class Attempt:
 
     def judge(self, resolve: Resolve, states: Sequence[State], bars: Bars) -> None:
         """Find whether an error bar is wider than the scene's accuracy allows, and what to try then."""
-        found, worst = worst_of(states, bars.budgets)
+        shares = [(budget.total / force, budget) for force, budget in _pushing(states, bars.budgets)]
+        unknown = [(inf, budget) for share, budget in shares if share != share]
+        error, worst = max(unknown or shares, key=lambda one: one[0], default=(0.0, None))
         fineness = self.scene.plan.fineness
-        if fineness is None or worst is None or found <= fineness.target:
+        if fineness is None or worst is None or error <= fineness.target:
             return
         tried = (*self.tried, fineness.n)
-        finer, end = _finer(resolve, fineness, found, worst, _from_rest(states, bars.budgets), len(tried))
+        from_rest = next((budget.path / force for force, budget in _pushing(states, bars.budgets)), 0.0)
+        finer, end = _finer(resolve, fineness, error, worst, from_rest, len(tried))
         if finer is not None and finer.plan.fineness is not None:
             end = f"refining to {finer.plan.fineness.n:.3g} elements in the contact radius"
             ratio = self.scene.sizes.h_contact / finer.sizes.h_contact
             last = [Companion(1.0, states, self.scene), *bars.companions][: len(RATIOS)]
             self.following = Attempt(finer, tried, [replace(one, ratio=one.ratio * ratio) for one in last])
-        self.missed = (f"accuracy not reached: the error at step {worst.step} is estimated as {found:.2g} of the "
-                       f"force, {fineness.target:g} is asked for; {end}")  # fmt: skip
+        self.missed = f"accuracy not reached: the error at step {worst.step} is estimated as {error:.2g} of the force"
+        self.missed += f", {fineness.target:g} is asked for; {end}"
 
 
 def attempts(resolve: Resolve, elements: float | None = None, tried: Sequence[float] = ()) -> Iterator[Attempt]:
@@ -63,15 +69,33 @@ def attempts(resolve: Resolve, elements: float | None = None, tried: Sequence[fl
         attempt = attempt.following
 
 
+def foreseen(scene: Scene, error_bars: bool = False) -> Scene:
+    """The scene with the seconds and the memory of its whole run predicted; error_bars: asked for beside `accuracy`."""
+    if not scene.is_meshed or not (error_bars or scene.plan.fineness):
+        return scene
+    others = companions_of(scene, error_bars)
+    physics = scene.physics
+    # the first mesh meets most accuracies, but leaves no room for what the steps of a path with friction or a stiff
+    # penalty cost, and one from a file has the sizes that it has
+    is_refined = physics.has_friction, isinstance(physics.contact, Penalty), scene.sizes.refinements is not None
+    if scene.plan.fineness and any(is_refined):
+        others += [on_finer_mesh(scene, LEAST_REFINEMENT), *on_first(scene)]
+    beside = [other.cost for other in others]
+    seconds = scene.cost.seconds + sum(cost.seconds - START_SECONDS + EACH for cost in beside)
+    memory = max(cost.memory for cost in (scene.cost, *beside))
+    prediction = scene.plan.prediction | {"memory_MB": round(memory / 1e6), "seconds": float(f"{seconds:.2g}")}
+    return replace(scene, plan=replace(scene.plan, prediction=prediction))
+
+
 def unjudged(scene: Scene, states: Sequence[State], bars: Bars) -> list[str]:
     """What to say of steps whose error bar is wider than the scene's accuracy allows, but that are not held to it."""
     floor, fineness = _floor(states), scene.plan.fineness
     if fineness is None:
         return []
-    wide = [state.step for state, budget in zip(states, bars.budgets, strict=True)
-            if abs(state.force) <= floor and not budget.total <= fineness.target * abs(state.force)]  # fmt: skip
+    forceless = [(state, bar) for state, bar in zip(states, bars.budgets, strict=True) if abs(state.force) <= floor]
+    wide = [str(state.step) for state, bar in forceless if not bar.total <= fineness.target * abs(state.force)]
     said = f"accuracy is not asked of steps with less than {FORCELESS:g} of the largest force"
-    return [f"{said}: of {', '.join(map(str, wide[:5]))}{' and more' if len(wide) > 5 else ''}"] if wide else []
+    return [f"{said}: of {', '.join(wide[:5])}{' and more' if len(wide) > 5 else ''}"] if wide else []
 
 
 def _floor(states: Sequence[State]) -> float:
@@ -79,64 +103,72 @@ def _floor(states: Sequence[State]) -> float:
     return FORCELESS * max((abs(state.force) for state in states), default=0.0)
 
 
-def worst_of(states: Sequence[State], budgets: Sequence[Budget]) -> tuple[float, Budget | None]:
-    """The largest error bar relative to its force, of all steps that have a force, and its budget."""
-    floor = _floor(states)
-    bars = [(budget.total / abs(state.force), budget)
-            for state, budget in zip(states, budgets, strict=True) if abs(state.force) > floor]  # fmt: skip
-    unknown = [(float("inf"), budget) for relative, budget in bars if relative != relative]
-    return max(unknown or bars, key=lambda bar: bar[0], default=(0.0, None))
+def _pushing(states: Sequence[State], budgets: Sequence[Budget]) -> Iterator[tuple[float, Budget]]:
+    """The size of the force of every step that has one, with its budget."""
+    floor, forces = _floor(states), (abs(state.force) for state in states)
+    return ((force, budget) for force, budget in zip(forces, budgets, strict=True) if force > floor)
 
 
 def _finer(
-    resolve: Resolve, fineness: Fineness, found: float, worst: Budget, from_rest: float, attempts: int
+    resolve: Resolve, fineness: Fineness, error: float, worst: Budget, from_rest: float, attempts: int
 ) -> tuple[Scene | None, str]:
     """The next scene, or why there is none; `from_rest`: what the path costs the first row."""
-    allowed = fineness.target * worst.total / found
+    allowed = fineness.target * worst.total / error
     if worst.enforcement >= allowed and fineness.stiffness_given:
-        return None, f"the penalty's epsilon_n alone costs {found * worst.enforcement / worst.total:.2g}"
+        return None, f"the penalty's epsilon_n alone costs {error * worst.enforcement / worst.total:.2g}"
     if worst.path >= allowed:
-        return None, f"the steps of the path alone cost {found * worst.path / worst.total:.2g}: " + (
-            "more of them may help" if from_rest < fineness.target else
-            f"{from_rest:.2g} at the first row, which is one step from rest however many there are")  # fmt: skip
+        helps = f"{from_rest:.2g} at the first row, which is one step from rest however many there are"
+        helps = "more of them may help" if from_rest < fineness.target else helps
+        return None, f"the steps of the path alone cost {error * worst.path / worst.total:.2g}: {helps}"
     if worst.truncation >= allowed:
-        return None, "the finite body that stands for the half-space costs more"
+        return None, "the finite body that stands for the half-space, or flat facets for a curved surface, cost more"
     if attempts >= ATTEMPTS:
         return None, f"{attempts} attempts were not enough"
     other = worst.truncation + worst.path
     room = (allowed - other) / (worst.total - other)
-    factor = 2.0 if fineness.refinements else min(max(AIM * room ** (-1 / RATE), LEAST), GREATEST)
-    if fineness.n * factor > MOST:
-        return None, f"more than {MOST:g} elements in the contact radius would be needed"
+    factor = 2.0 if fineness.refinements else min(max(AIM * room ** (-1 / RATE), LEAST_REFINEMENT), GREATEST)
+    if fineness.n * factor > MOST_ELEMENTS:
+        return None, f"more than {MOST_ELEMENTS:g} elements in the contact radius would be needed"
     try:
         return resolve(fineness.n * factor), ""
     except ConfigError as limit:
         return None, f"the next mesh is beyond this machine ({limit.problem})"
 
 
-def _from_rest(states: Sequence[State], budgets: Sequence[Budget]) -> float:
-    """What the path costs the first row that has a force, relative to it."""
-    floor = _floor(states)
-    costs = (budget.path / abs(state.force) for state, budget in zip(states, budgets, strict=True)
-             if abs(state.force) > floor)  # fmt: skip
-    return next(costs, 0.0)
-
-
 def entry(config: Config, fineness: Fineness | None, tried: Sequence[float]) -> dict[str, Any] | None:
     """What run.json says of the accuracy: what was asked for, and of a mesh the elements in a contact radius, now and
     before; None where nothing was asked for."""
     target = target_of(config.accuracy)
-    if target is None or fineness is None:
-        return None if target is None else {"target": target}
-    return {"target": target, "elements": fineness.n, "tried": list(tried)}
+    of_mesh = {"elements": fineness.n, "tried": list(tried)} if fineness else {}
+    return None if target is None else {"target": target} | of_mesh
 
 
-def refuse_other_bars(before: Mapping[str, Any], config: Config, with_bars: bool, folder: Path) -> None:
-    """ConfigError when the run of a folder, by its run.json, asked for other error bars than the one to resume it."""
-    if before and with_bars and "error_budget" not in before:
+@dataclass(frozen=True)
+class Asked:
+    """What a run was asked for beside its rows: error bars, and how small they are to be."""
+
+    error_bars: bool
+    accuracy: float | None
+
+    @property
+    def bars(self) -> bool:
+        """Whether there are error bars."""
+        return self.error_bars or self.accuracy is not None
+
+
+def asked_in(report: Mapping[str, Any]) -> Asked:
+    """What the run of a run.json was asked for; those of older versions say it by what they have."""
+    target = (report.get("accuracy") or {}).get("target")
+    telling = {"stick"} if target else {"stick", "error_budget"}
+    said = {"error_bars": bool(telling & report.keys()), "accuracy": target} | report.get("asked", {})
+    return Asked(said["error_bars"], said["accuracy"])
+
+
+def refuse_other_bars(before: Asked, asked: Asked, folder: Path) -> None:
+    """ConfigError when the run of a folder was asked for other error bars than the one to resume it."""
+    if asked.bars and not before.bars:
         raise ConfigError("", f"{folder} holds a run without error bars", "leave --resume out to replace it")
-    asked = (before.get("accuracy") or {}).get("target")
-    if before and asked != target_of(config.accuracy):
-        there, here = (f"accuracy {one:g}" if one else "no accuracy" for one in (asked, target_of(config.accuracy)))
-        raise ConfigError("accuracy", f"{folder} holds a run with {there}, this one has {here}",
-                          "leave --resume out to replace it")  # fmt: skip
+    if before.accuracy != asked.accuracy:
+        there, here = (f"accuracy {one:g}" if one else "no accuracy" for one in (before.accuracy, asked.accuracy))
+        problem = f"{folder} holds a run with {there}, this one has {here}"
+        raise ConfigError("accuracy", problem, "leave --resume out to replace it")

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from indent_sim.config.scene_file import located, to_yaml, told_together
+from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.mesh import gmsh
-from indent_sim.mesh.piece import Piece
+from indent_sim.mesh.body_from_file import Piece
 from indent_sim.model.body import MeshFromFile
-from indent_sim.model.contact import Penalty
 from indent_sim.model.loading import LoadPath
-from indent_sim.model.state import EFFORT, ERRORS, State
+from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import BackendError, ConfigError, VerificationError
 from indent_sim.process.limits import spent
 from indent_sim.process.ranks import Alone, on_root
 from indent_sim.process.signals import unmasked
 from indent_sim.process.usage import Clock, memory
-from indent_sim.results.reader import checked_report, earlier_run, lost_files
+from indent_sim.results.folder import asked_from
+from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.accuracy import Attempt, attempts, entry, refuse_other_bars, unjudged
+from indent_sim.run.accuracy import Asked, Attempt, asked_in, attempts, entry, foreseen, refuse_other_bars, unjudged
 from indent_sim.run.by_theory import TheoryWalk
-from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, beside, softer, sticks, ways
-from indent_sim.run.readings import Readings
-from indent_sim.run.record import Record
+from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, bearer, beside, softer, sticks, ways
+from indent_sim.run.readings import Equilibrium, Readings
+from indent_sim.run.record import Beside, Comm, Record, amend
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.run.summary import stages
+from indent_sim.scene.fineness import target_of
 from indent_sim.scene.given import mapped_skin, piece_of
 from indent_sim.scene.scene import Scene, resolve
 
-if TYPE_CHECKING:
-    from indent_sim.config.schema import Config, OutputSettings
+Floats = Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -48,44 +51,47 @@ class Outcome:
 
 def simulate(
     config: Config,
-    comm: Any = None,
+    comm: Comm = None,
     *,
     directory: Path | None = None,
     progress: Progress | None = None,
     resume: bool = False,
     error_bars: bool = False,
+    overwrite: bool = False,
 ) -> Outcome:
     """Simulate a config and write its result folder (collective over `comm` [this process alone], files by rank 0).
 
     With `resume` the rows of an earlier run of the same config stay, and the others are computed. With `error_bars`,
     or `accuracy` in the config, every row has its force_error; `accuracy` refines the mesh until it is small enough.
+    Rows of another config file are not replaced, but with `overwrite`.
     Raises ConfigError, UsageError, MeshError, NotConverged, VerificationError, BackendError; what was computed
     before a failure is on disk.
     """
-    from indent_sim.config.file import located
-
     comm = comm if comm is not None else Alone()
     target = Path(directory or config.output.directory or "results/run")
     try:
-        outcome = Run(config, comm, target, progress, resume, error_bars).outcome()
+        outcome = Run(config, comm, target, progress, resume, error_bars, overwrite).outcome()
     except ConfigError as error:
-        raise located(config, error) from None
+        raise all_mistakes(error, config) from None
     if config.output.plot:
-        on_root(comm, _plot, target)
+        on_root(comm, _plot, target, outcome.report)
     return outcome
 
 
 class Run:
     """One config simulated on one mesh, or on finer and finer ones, into the same folder."""
 
-    def __init__(self, config: Config, comm: Any, target: Path, progress: Progress | None, resume: bool, bars: bool):
-        self.config, self.comm, self.target, self.progress = config, comm, target, progress
-        self._resume, self._clock = resume, Clock()
-        self._before = comm.bcast(on_root(comm, checked_report, target)) if resume else {}
-        self._with_bars = bars or config.accuracy is not None or "error_budget" in self._before
-        asked = bars or ("error_budget" in self._before and config.accuracy is None)
-        self._with_stick = asked or "stick" in self._before
-        refuse_other_bars(self._before, config, self._with_bars, target)
+    def __init__(
+        self, config: Config, comm: Comm, target: Path, say: Progress | None, resume: bool, bars: bool, overwrite: bool
+    ):
+        self.config, self.comm, self.target, self.progress = config, comm, target, say
+        self._resume, self._overwrite, self._clock = resume, overwrite, Clock()
+        self._before = comm.bcast(on_root(comm, begun_report, target)) if resume else {}
+        before = asked_in(self._before)
+        self._asked = Asked(bars or before.error_bars, target_of(config.accuracy))
+        if self._before:
+            refuse_other_bars(before, self._asked, target)
+        self._beside = Beside()
         with self._clock.stage("resolve"), spent():
             self._piece = body_from_file(config, comm)
 
@@ -105,24 +111,19 @@ class Run:
 
     def _outcome(self, attempt: Attempt) -> Outcome:
         """Simulate an attempt, with its error bars, and judge it."""
-        from indent_sim.config.file import to_yaml
-
         config, scene, decided = self.config, attempt.scene, resolved(self.config, attempt.scene)
         self.comm = communicator(self.comm, scene)
         resume = self._resume and not attempt.companions  # only the first one
-        if resume and (outcome := _finished(self.comm, self.target, to_yaml(decided), scene, decided.output)):
+        whole = scene if attempt.companions else foreseen(scene, self._asked.error_bars)
+        said, text = self._said(scene, decided, whole.plan.prediction), to_yaml(decided)
+        if resume and (outcome := self._finished(text, scene, decided.output, said)):
             return outcome
-        with Record(self.comm, self.target, to_yaml(decided), surface=config.output.surface, resume=resume,
-                    columns=(*scene.physics.columns, *self._columns(scene)),
-                    mesh=mesh_text(config, self._piece)) as record, unmasked(), spent():  # fmt: skip
-            physics, plan = scene.physics, scene.plan
-            said = {"choices": list(plan.choices), "prediction": plan.prediction, "scales": physics.scales,
-                    "auto": left_open(config, decided)}  # fmt: skip
-            record.note(title=plan.title, units=plan.units, gap=physics.gap, method=scene.method,
-                        control=physics.path.control, center=[c * physics.scales.length for c in physics.center],
-                        plan=said, warnings=list(plan.warnings), ranks=self.comm.size,
-                        memory_before_MB=round(memory(), 1))  # fmt: skip
-            bars = self._bars(attempt) if self._with_bars else None
+        columns, mesh = (*scene.physics.columns, *self._columns(scene)), mesh_text(config, self._piece)
+        folder = {"columns": columns, "file": "" if self._overwrite else config.source.name, "resume": resume}
+        opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
+        with opened as record, unmasked(), spent():
+            plan, self._beside = scene.plan, record.beside
+            bars = self._bars(attempt) if self._asked.bars else None
             if bars is not None:
                 record.note(error_budget=bars.budgets, accuracy=entry(config, plan.fineness, attempt.tried))
             simulation = Simulation(config, scene, record, self._clock, bars)
@@ -132,22 +133,50 @@ class Run:
             if bars is not None:
                 record.warn(*unjudged(scene, states, bars))
                 attempt.judge(self._resolved, states, bars)
-                if self._with_stick and attempt.following is None:
-                    stick = self._stick(Companion(1.0, states, scene), bars)
+                if self._asked.error_bars and attempt.following is None:
+                    run = Companion(1.0, states, scene)
+                    stick = self._beside("what no slip would change", lambda: self._stick(run, bars), None)
                     record.note(stick=stick, timings=stages(self._clock.stages))
             if attempt.missed:
                 record.fail(VerificationError(attempt.missed))
         return Outcome(self.target, record.report, states, len(record.earlier.states) if record.earlier else 0)
 
-    def _columns(self, scene: Scene) -> tuple[str, ...]:
-        """Columns that apply to the scene: of its linear solver, and of the error bars.
+    def _finished(self, text: str, scene: Scene, output: OutputSettings, said: dict[str, Any]) -> Outcome | None:
+        """The outcome of a run that came to its end before, with what its files lack since among its warnings."""
+        comm, target = self.comm, self.target
+        earlier = comm.bcast(on_root(comm, earlier_run, target, text, said))
+        if earlier is None:
+            return None
+        physics, steps = scene.physics, len(scene.physics.deltas)
+        depths = [delta * physics.scales.depth for delta in physics.deltas]
+        earlier.check(depths if physics.path.control == "depth" else None, steps, target)
+        if earlier.report.get("status") != "done" or len(earlier.states) != steps:
+            return None
+        lost = comm.bcast(on_root(comm, lost_files, target, output.surface, output.fields))
+        is_said = EXPERIMENT in (earlier.report.get("missing") or ())
+        if scene.experiment is not None and not (is_said or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))):
+            lost = [*lost, EXPERIMENT]
+        again = "missing or damaged since; leave --resume out to compute them again"
+        told = [f"{', '.join(lost)}: {again}"] if lost else []
+        report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *told]}
+        return Outcome(target, report, list(earlier.states), steps)
 
-        The depth has one where it is found, not given.
-        """
-        effort = EFFORT if scene.solver.linear == "iterative" else ()
-        finds_depths = scene.physics.path.control == "force"
-        bars = ERRORS if self._with_bars else ()
-        return (*effort, *(name for name in bars if finds_depths or name != "delta_error"))
+    def _said(self, scene: Scene, decided: Config, prediction: dict[str, float]) -> dict[str, Any]:
+        """What run.json says from the beginning."""
+        physics, plan = scene.physics, scene.plan
+        asked = asdict(self._asked) | asked_from(self.config.source.name, self.target)
+        said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
+        center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
+        planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
+        said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
+        return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
+
+    def _columns(self, scene: Scene) -> tuple[str, ...]:
+        """Columns that apply to the scene: of its linear solver, and the error bars of what it finds."""
+        effort = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
+        given = {"delta"} if scene.physics.path.control == "depth" else set()
+        judged = {*STATE_COLUMNS, *scene.physics.columns} - given if self._asked.bars else set[str]()
+        return (*effort, *(name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged))
 
     def _bars(self, attempt: Attempt) -> Bars:
         if not attempt.scene.is_meshed:
@@ -155,32 +184,35 @@ class Run:
         with self._clock.stage("imports"):
             backend()
         with self._clock.stage("companions"):
-            companions = attempt.companions or self._companions(attempt)
-            own = companions[0].scene
-            soft = self._curve(softer(own)) if own is not None and isinstance(own.physics.contact, Penalty) else None
-            return ErrorBars(attempt.scene, companions, soft, ways(companions[0], self._curve))
+            companions = attempt.companions
+            if not companions:  # those of a resumed run begin with its earlier attempts, as before
+                earlier = [self._resolved(elements) for elements in reversed(attempt.tried)]
+                others = beside(attempt.scene, earlier)
+                companions = [Companion(ratio, self._curve(other), other) for ratio, other in others]
+            soft = softer(companions[0].scene) if companions[0].scene else None
+            curve = self._curve(soft) if soft else None
+            return ErrorBars(attempt.scene, companions, curve, ways(companions[0], self._curve))
 
     def _stick(self, run: Companion, bars: Bars) -> dict[str, Any] | None:
-        """What no slip would change of the deepest force: as the plan knows it, or solved beside the run, in three
-        dimensions on a coarser mesh."""
-        scene = run.scene
-        assert scene is not None
+        """What no slip would change of the deepest force: as the plan knows it, or solved beside the run."""
+        assert run.scene is not None
         with self._clock.stage("companions"):
-            where = run if scene.physics.part.dim == 2 or not bars.companions else bars.companions[0]
-            found = sticks(where, self._curve) if scene.is_meshed else scene.plan.stick
-        return asdict(found) | {"words": found.words} if found else None
-
-    def _companions(self, attempt: Attempt) -> list[Companion]:
-        """Runs beside the first attempt; those of a resumed one begin with its earlier attempts, as before."""
-        earlier = [self._resolved(elements) for elements in reversed(attempt.tried)]
-        return [Companion(ratio, self._curve(other), other) for ratio, other in beside(attempt.scene, earlier)]
+            known = run.scene.plan.stick
+            changed = sticks(bearer(run, bars.companions), self._curve) if run.scene.is_meshed else known
+        return asdict(changed) | {"words": changed.words} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:
-        """The states of a scene without surface tables; what one failed to reach is missing."""
-        return list(states(scene, self.comm, with_surface=False))
+        """The states of a scene without surface tables; what one failed to reach is missing, all where it ended."""
+        return self._beside("a run beside this one", lambda: list(states(scene, self.comm, with_surface=False)), [])
 
 
-def body_from_file(config: Config, comm: Any) -> Piece | None:
+def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
+    """An error of a scene, and those that it has without; a mesh file is read once, so there it stands alone."""
+    is_of_file = isinstance(config.body, MeshFromFile)
+    return located(config, first) if is_of_file else told_together(first, config, resolve)
+
+
+def body_from_file(config: Config, comm: Comm) -> Piece | None:
     """The body of the config's mesh file, None where it names none (collective).
 
     On several ranks rank 0 reads the file, has its arrays mapped, and all know the skin of the body.
@@ -194,47 +226,23 @@ def body_from_file(config: Config, comm: Any) -> Piece | None:
     return skin or known
 
 
-def _finished(comm: Any, target: Path, config_yaml: str, scene: Scene, output: OutputSettings) -> Outcome | None:
-    """The outcome of a run that came to its end before; UsageError when its rows are of another path.
-
-    It stays as it is; what has become of its files since is among its warnings.
-    """
-    earlier = comm.bcast(on_root(comm, earlier_run, target, config_yaml))
-    if earlier is None:
-        return None
-    physics, steps = scene.physics, len(scene.physics.deltas)
-    depths = [delta * physics.scales.depth for delta in physics.deltas]
-    earlier.check(depths if physics.path.control == "depth" else None, steps, target)
-    if not earlier.finished(steps):
-        return None
-    lost = comm.bcast(on_root(comm, lost_files, target, output.surface != "none", output.fields != "none"))
-    if scene.experiment is not None and not comm.bcast(on_root(comm, (target / EXPERIMENT).exists)):
-        lost = [*lost, EXPERIMENT]
-    said = [f"{', '.join(lost)}: missing or damaged since; leave --resume out to compute them again"] if lost else []
-    report = earlier.report | {"warnings": [*earlier.report.get("warnings", []), *said]}
-    return Outcome(target, report, list(earlier.states), steps)
-
-
-def states(scene: Scene, comm: Any = None, *, with_surface: bool = True) -> Iterator[State]:
+def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True) -> Iterator[State]:
     """Walk a scene without writing anything: one State per requested depth, in the user's units.
 
     For notebooks and tests; a State that is not converged is the last one.
     """
     comm = communicator(comm if comm is not None else Alone(), scene)
-    if not scene.is_meshed:
-        walk = TheoryWalk(scene, comm)
-        readings = Readings(scene)
-        yield from (readings.read(state).in_units(scene.physics.scales)
-                    for state in walk.states(scene.physics.path, lambda step: with_surface))  # fmt: skip
-        return
-    fe = backend()
-    mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
-    walk = fe.walk(scene, mesh)
-    readings = Readings(scene, walk.equilibrium)
+    beside = Beside(comm)
+    fe = backend() if scene.is_meshed else None
+    mesh = fe and fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
+    walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
+    readings = Readings(scene, walk.equilibrium if fe else None, beside)
     for state in walk.states(scene.physics.path, lambda step: with_surface):
         yield readings.read(state).in_units(scene.physics.scales)
     del walk, readings  # what dies after the release stays
-    fe.release(mesh)
+    beside.meeting.free()
+    if fe:
+        fe.release(mesh)
 
 
 @dataclass(frozen=True)
@@ -242,7 +250,7 @@ class CondensedBody:
     """A linear body condensed to its contact surface: thousands of tips and depths, milliseconds each."""
 
     scene: Scene
-    equilibrium: Any
+    equilibrium: Equilibrium
 
     @property
     def compliance(self) -> Any:
@@ -250,10 +258,7 @@ class CondensedBody:
         return self.equilibrium.contact.compliance
 
     def states(
-        self,
-        indenter: Indenter | None = None,
-        deltas: Sequence[float] | None = None,
-        forces: Sequence[float] | None = None,
+        self, indenter: Indenter | None = None, deltas: Floats | None = None, forces: Floats | None = None
     ) -> list[State]:
         """Press another tip, or to other depths or forces, all in the user's units; one State each, without surface
         tables.
@@ -262,23 +267,23 @@ class CondensedBody:
         """
         if deltas is not None and forces is not None:
             raise ValueError("give depths or forces, not both")
-        changes: dict[str, Any] = {}
+        scene, physics, scales = self.scene, self.scene.physics, self.scene.physics.scales
         if indenter is not None:
-            changes["indenter"] = self.scene.physics.scales.scaled(indenter)
+            scene = scene.with_physics(indenter=scales.scaled(indenter))
         if deltas is not None:
-            values = tuple(delta / self.scene.physics.scales.depth for delta in deltas)
-            changes |= {"deltas": values, "path": LoadPath("depth", values)}
+            values = tuple(delta / scales.depth for delta in deltas)
+            scene = scene.with_physics(deltas=values, path=LoadPath("depth", values))
         if forces is not None:
-            begin = max(*self.scene.physics.deltas, 1e-3 * self.scene.physics.body.height)  # of the search
-            values = tuple(force / self.scene.physics.scales.force for force in forces)
-            changes |= {"deltas": (begin,) * len(forces), "path": LoadPath("force", values)}
-        scene = self.scene.with_physics(**changes)
+            begin = max(*physics.deltas, 1e-3 * physics.body.height)  # of the search
+            values = tuple(force / scales.force for force in forces)
+            scene = scene.with_physics(deltas=(begin,) * len(forces), path=LoadPath("force", values))
         equilibrium = self.equilibrium.under(scene)
-        readings, states = Readings(scene, equilibrium), backend().Walk(equilibrium).states(scene.physics.path, _never)
+        readings, walk = Readings(scene, equilibrium), backend().Walk(equilibrium)
+        states = walk.states(scene.physics.path, lambda step: False)
         return [readings.read(state).in_units(scene.physics.scales) for state in states]
 
 
-def condense(scene: Scene, comm: Any = None) -> CondensedBody:
+def condense(scene: Scene, comm: Comm = None) -> CondensedBody:
     """Factor a linear scene's body once and condense it (collective); see `CondensedBody`.
 
     Raises ConfigError when the scene is not one that condenses.
@@ -287,8 +292,16 @@ def condense(scene: Scene, comm: Any = None) -> CondensedBody:
         raise ConfigError("solver.method", "this scene does not condense", "linear elastic, reference gap, no Nitsche")
     fe = backend()
     comm = comm if comm is not None else mpi().COMM_SELF
+    while _left:
+        fe.release(_left.pop())
     mesh = fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
-    return CondensedBody(scene, fe.equilibrium(scene, mesh))
+    body = CondensedBody(scene, fe.equilibrium(scene, mesh))
+    if comm.size == 1:  # several ranks need not let go of it at the same time
+        weakref.finalize(body, _left.append, mesh).atexit = False
+    return body
+
+
+_left: list[Any] = []  # meshes of condensed bodies that are gone: what PETSc keeps of them goes with the next one
 
 
 def warm_up() -> None:
@@ -297,7 +310,7 @@ def warm_up() -> None:
     backend()
 
 
-def communicator(comm: Any, scene: Scene) -> Any:
+def communicator(comm: Comm, scene: Scene) -> Comm:
     """The communicator that solves a scene: a mesh is one of MPI, on this process alone as elsewhere."""
     return mpi().COMM_SELF if scene.is_meshed and isinstance(comm, Alone) else comm
 
@@ -311,13 +324,11 @@ def mpi() -> Any:
     return MPI
 
 
-def _never(step: int) -> bool:
-    return False
+def _plot(directory: Path, report: dict[str, Any]) -> None:
+    from indent_sim.results.pictures import canvas, experiment, forces
 
-
-def _plot(directory: Path) -> None:
-    from indent_sim.results.pictures import experiment, forces
-
-    forces.plot_run(directory)
+    draw = amend(directory, report)
+    picture = directory / canvas.FORCE_PICTURE
+    draw(canvas.FORCE_PICTURE, lambda: forces.force_indentation(read(directory), picture), None)
     if (directory / EXPERIMENT).exists():
-        experiment.plot_experiment(directory)
+        draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

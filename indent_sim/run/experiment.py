@@ -2,37 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from math import hypot, inf, isnan, nan
+from math import hypot, inf, isnan, log, nan
 from typing import Any
 
 import numpy as np
 
-from indent_sim.model.experiment import Experiment, Relaxation
+from indent_sim.model.experiment import Calibration, Experiment
+from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
-from indent_sim.run.readings import punches_of
+from indent_sim.run.readings import Equilibrium, punches_of
 from indent_sim.scene.given import remaining
 from indent_sim.scene.scene import Scene
-from indent_sim.scene.theories import relative_tip
+from indent_sim.scene.theories import relative_tip, shape_of
 from indent_sim.theory.layer import Layer
+from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.surface import relaxation
 from indent_sim.theory.surface.adhesion import Contact, Jkr, maugis_lambda, maugis_pull_off, tabor
-from indent_sim.theory.surface.punches import Punches, radius_at
-from indent_sim.theory.surface.relaxation import LEAST_SAMPLES, ElasticCurve, Modulus, OneCycle, PowerLaw, Prony
-from indent_sim.theory.surface.stepping import StepByStep, Surface, layer_surface
+from indent_sim.theory.surface.punches import FittedPunches, Punches, radius_at
+from indent_sim.theory.surface.relaxation import LEAST_SAMPLES, ElasticCurve, Modulus, OneCycle
+from indent_sim.theory.surface.stepping import RelaxingSurface, StepByStep, layer_surface
 
-POINTS = 200  # of an equilibrium curve, and of a history at least; at most as many more
+CURVE_POINTS = 200  # of an equilibrium curve, and of a history at least; at most as many more
 SHALLOWEST = 1e-5  # of the deepest depth: a power law below
-SAMPLES = 80  # of an elastic curve
-FEW = 2.0  # elements that a contact must have to be one of them
-DEEPER = 1.001  # of what is asked for: the curve is known up to there
+CURVE_SAMPLES = 80  # of an elastic curve
+FEWEST_IN_CONTACT = 2.0  # elements that a contact must have to be one of them
+DEPTH_OVERSHOOT = 1.001  # of what is asked for: the curve is known up to there
 # By so many distances of nodes contact ends beyond where the edge pressure of nodal punches changes its sign: measured
 # against theory on layers of nu = 0 ... 0.5, 0.14 to 0.18 and 0.04 to 0.08
-EDGE = {"displacement": 0.16, "mixed": 0.06}
-SHORTEST = 1e-3  # of a history: shorter times of a power law do not matter where it is stepped through
+EDGE_SHIFT = {"displacement": 0.16, "mixed": 0.06}
+# Of the depth at pull-off by depth: least error of that by force on a mesh, measured: 0.0019
+LEAST_PULL_OFF_ERROR = 0.002
+EXPONENT_VARIATION = 0.05  # of the tip's radius, for the exponent of the force
+IN_UNITS = ("adhesion", "cantilever")  # parts of run.json whose numbers have units
+SHORTEST_TIME = 1e-3  # of a history: shorter times of a power law do not matter where it is stepped through
 
 
 @dataclass(frozen=True)
@@ -59,50 +65,51 @@ class Dynamic:
 
 @dataclass(frozen=True)
 class Findings:
-    """What an experiment comes to, in the user's units: the rows of its tables, its part of run.json, and warnings."""
+    """What an experiment comes to: the rows of its tables, its part of run.json, and warnings."""
 
     rows: list[Row]
     dynamic: list[Dynamic] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
+    def in_units(self, scales: Scales) -> Findings:
+        """The same in the user's units, of which the scales are the scene's."""
+        depth, force = scales.depth, scales.force
+        units = {"z": depth, "delta": depth, "force": force, "a": scales.length, "force_error": force}
+        units |= {"delta_error": depth, "maugis_pull_off": force, "storage": force / depth, "loss": force / depth}
+        rows = [Row(**_measured(vars(row), units)) for row in self.rows]
+        dynamic = [Dynamic(**_measured(vars(row), units)) for row in self.dynamic]
+        measured = {name: _measured(self.report[name], units) for name in IN_UNITS if name in self.report}
+        return Findings(rows, dynamic, self.report | measured, self.warnings)
 
-def conduct(scene: Scene, equilibrium: Any = None) -> Findings:
-    """The experiment of a scene that has one, and whose body is condensed where it is meshed.
+
+def _measured(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
+    """Numbers by name, or parts with such numbers, times the unit of their name."""
+    return {
+        name: _measured(one, units) if isinstance(one, dict) else one * units[name] if one and name in units else one
+        for name, one in numbers.items()
+    }
+
+
+def conduct(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
+    """The experiment of a scene that has one, and whose body is condensed where it is meshed, in the user's units.
 
     NotConverged where the curve that it needs has no such depth.
     """
     assert scene.experiment is not None
-    with _unreached():
-        return _Conduct(scene, scene.experiment, equilibrium).findings()
-
-
-@contextmanager
-def _unreached() -> Iterator[None]:
     try:
-        yield
-    except (ValueError, ArithmeticError) as error:
+        return _Evaluation(scene, scene.experiment, equilibrium).findings().in_units(scene.physics.scales)
+    except UNSOLVED as error:
         raise NotConverged(f"experiment: {error}") from error
 
 
-def modulus_of(law: Relaxation) -> Modulus:
-    """E(t)/E(0) of a relaxation law."""
-    if law.power_law is not None:
-        return PowerLaw(law.power_law.exponent, law.power_law.time)
-    fractions, times = zip(*(law.prony or ()), strict=True)
-    return Prony(fractions, times)
+class _Evaluation:
+    """One experiment, without units."""
 
-
-class _Conduct:
-    """One experiment, in the scene's units until its findings."""
-
-    def __init__(self, scene: Scene, experiment: Experiment, equilibrium: Any):
+    def __init__(self, scene: Scene, experiment: Experiment, equilibrium: Equilibrium):
         self.scene, self.experiment, self._equilibrium = scene, experiment, equilibrium
-        scales = scene.physics.scales
-        self.D, self.L, self.F = scales.depth, scales.length, scales.force
-        self.compliance = experiment.compliance * self.F / self.D
-        unit = self.F if experiment.force_history else self.D
-        self.points = [(t, value / unit) for t, value in experiment.points]
+        self.compliance, self.of_force = experiment.compliance, bool(experiment.force_history)
+        self.points = list(experiment.points)
         self.is_put_at_rest = bool(self.points) and self.points[0][1] > 0  # by a jump that is no row
         if self.is_put_at_rest:
             self.points = [(self.points[0][0], 0.0), *self.points]
@@ -110,161 +117,142 @@ class _Conduct:
         self.is_stepped = experiment.is_stepped  # or found to have to be
         self.warnings: list[str] = []
 
-    # ---- what is known of the body -------------------------------------------------------------------------------
-
     @cached_property
     def punches(self) -> Punches:
         return punches_of(self.scene, self._equilibrium)
 
     @cached_property
-    def jkr(self) -> Jkr:
-        assert self.experiment.adhesion is not None
-        scales = self.scene.physics.scales
-        return Jkr(self.punches, self.experiment.adhesion.work / (scales.pressure * scales.length))
+    def jkr(self) -> Jkr | None:
+        """The contact of a tip that adheres; None for one that does not."""
+        adhesion = self.experiment.adhesion
+        return Jkr(self.punches, adhesion.work) if adhesion else None
 
     @property
     def modulus(self) -> Modulus:
         law = self.experiment.relaxation
-        return modulus_of(law) if law else Prony((), ())
+        if law and law.power_law:
+            return relaxation.PowerLaw(law.power_law.exponent, law.power_law.time)
+        terms = law.prony if law and law.prony else ()
+        return relaxation.Prony(tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms))
 
     def curve_to(self, top: float) -> ElasticCurve:
         """The elastic curve up to a depth, by theory, by flat punches, or by equilibria of the condensed body."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None
-            found = theory.contact.curve(_samples(SHALLOWEST * top, DEEPER * top))
-            return _curve([s.delta for s in found], [s.force for s in found], [s.a for s in found])
-        if not self._equilibrium.solve(top * DEEPER):  # which condenses to as much surface as is needed
-            raise ValueError(f"the depth {top * self.D:g} was not reached: {self._equilibrium.failure}")
+            solutions = theory.contact.curve(_samples(SHALLOWEST * top, DEPTH_OVERSHOOT * top))
+            return _curve([(s.delta, s.force, s.a) for s in solutions])
+        self._press(self._equilibrium, top * DEPTH_OVERSHOOT, top)  # which condenses to as much surface as is needed
         try:
-            radii = _samples(self.punches.smallest, radius_at(self.punches, DEEPER * top))
-        except (ValueError, ArithmeticError):
+            radii = _samples(self.punches.smallest, radius_at(self.punches, DEPTH_OVERSHOOT * top))
+        except UNSOLVED:
             return self._solved(top)
         samples = [self.punches.at(a) for a in radii]
-        return _curve([p.delta for p in samples], [p.force for p in samples], radii)
+        return _curve([(p.delta, p.force, p.a) for p in samples])
+
+    def _press(self, equilibrium: Equilibrium, depth: float, named: float) -> None:
+        """Solve a body at a depth; ValueError where it fails."""
+        if not equilibrium.solve(depth):
+            deep = named * self.scene.physics.scales.depth
+            raise ValueError(f"the depth {deep:g} was not reached: {equilibrium.failure}")
 
     def _solved(self, top: float) -> ElasticCurve:
         """The same by equilibria at depths at which some elements touch."""
-        found, h = [], self.scene.sizes.h_contact
-        for delta in _samples(DEEPER * top, SHALLOWEST * top):
+        samples: list[tuple[float, float, float]] = []
+        for delta in _samples(DEPTH_OVERSHOOT * top, SHALLOWEST * top):
             if not self._equilibrium.solve(delta):
                 break
             numbers = self._equilibrium.numbers()
-            if numbers["a"] < FEW * h:
+            if numbers["a"] < FEWEST_IN_CONTACT * self.scene.sizes.h_contact:
                 break
-            found.append((delta, numbers["force"], numbers["a"]))
-        if len(found) < LEAST_SAMPLES:
-            few = f"the contact has {FEW:g} elements at {len(found)} of {SAMPLES} depths"
+            samples.append((delta, numbers["force"], numbers["a"]))
+        if len(samples) < LEAST_SAMPLES:
+            few = f"the contact has {FEWEST_IN_CONTACT:g} elements at {len(samples)} of {CURVE_SAMPLES} depths"
             raise ValueError(f"{few}: give a smaller mesh.h_contact")
-        return _curve(*map(list, zip(*reversed(found), strict=True)))
+        return _curve(samples[::-1])
 
-    def depth_of(self, force: float) -> float:
-        """A depth with this force at least, from the deepest one on."""
-        top = self.deepest
-        for _ in range(60):
-            if float(self.curve_to(top).force(np.array(top))) >= force:
-                return top
-            top *= 1.3
-        raise ValueError(f"the force {force * self.F:g} was not reached")
-
-    def surface(self, top: float) -> Surface:
+    def surface(self, top: float) -> RelaxingSurface:
         """The surface up to the contact at a depth, for stepping in time."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None and isinstance(theory.contact, Layer)
-            return layer_surface(theory.contact, theory.contact.curve([DEEPER * top])[0].a)
-        if not self._equilibrium.solve(top * DEEPER):
-            raise ValueError(f"the depth {top * self.D:g} was not reached: {self._equilibrium.failure}")
+            return layer_surface(theory.contact, theory.contact.curve([DEPTH_OVERSHOOT * top])[0].a)
+        self._press(self._equilibrium, top * DEPTH_OVERSHOOT, top)
         x, heights, areas, A = self._equilibrium.contact.weighted
         part, copies = self.scene.physics.part, self.scene.physics.part.copies
-        order = np.argsort(x[:, 0]) if part.kinematics.name == "axisymmetric" else np.arange(len(x))
+        is_round = part.kinematics.name == "axisymmetric"
+        order = np.argsort(x[:, 0]) if is_round else np.arange(len(x))
         heights, areas, A = copies * heights[order], copies * areas[order], copies * A[np.ix_(order, order)]
-        if part.kinematics.name != "axisymmetric":
-            return Surface(A, heights, areas, is_plane=self.scene.physics.scales.dim == 2)
-        return Surface(A, heights, areas, x[order, 0], EDGE[part.regions[0].formulation])
-
-    # ---- the findings --------------------------------------------------------------------------------------------
+        if not is_round:
+            return RelaxingSurface(A, heights, areas, is_plane=self.scene.physics.scales.dim == 2)
+        return RelaxingSurface(A, heights, areas, x[order, 0], EDGE_SHIFT[part.regions[0].formulation])
 
     def findings(self) -> Findings:
-        found = self.experiment
-        rows = self._rows()
-        report: dict[str, Any] = {"by": "theory" if not self.scene.is_meshed else "condensed body"}
-        if found.adhesion:
-            report |= self._adhesion()
-        if found.relaxation and self.points:
+        """What the experiment comes to, without units."""
+        rows, given = self._rows(), self.experiment
+        report: dict[str, Any] = {"by": "condensed body" if self.scene.is_meshed else "theory"}
+        if self.jkr:
+            report |= self._adhesion(self.jkr)
+        if given.relaxation and self.points:
             report["relaxation"] = {"method": "time steps" if self.is_stepped else "quadrature"}
-        if found.calibration:
-            force, modulus = self._uncertain()
+        if given.calibration:
+            force, modulus = self._uncertain(given.calibration)
             report["calibration"] = {"force": force, "modulus": modulus}
-            rows = [Row(**(vars(row) | {"force_error": force * abs(row.force)})) for row in rows]
-        dynamic = self._dynamic(rows)
-        return Findings([self._in_units(row) for row in rows], dynamic, report, self.warnings)
-
-    def _in_units(self, row: Row) -> Row:
-        error = None if row.force_error is None else row.force_error * self.F
-        return Row(row.t, row.z * self.D, row.delta * self.D, row.force * self.F, row.a * self.L, row.branch, error)
+            rows = [replace(row, force_error=force * abs(row.force)) for row in rows]
+        return Findings(rows, self._dynamic(rows), report, self.warnings)
 
     def _rows(self) -> list[Row]:
+        if self.jkr:
+            return self._jkr_history(self.jkr) if self.points else self._jkr_curve(self.jkr)
         if not self.points:
-            return self._equilibria()
-        if self.experiment.adhesion:
-            return self._adhesive()
+            curve, shares = self.curve_to(self.deepest), (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
+            return [self._on(curve, nan, depth, "stable") for depth in (self.deepest * shares).tolist()]
         if self.is_stepped:
             return self._stepped()
         return self._cycle() if self.experiment.relaxation else self._elastic()
 
-    def _equilibria(self) -> list[Row]:
-        """The whole equilibrium curve by the contact radius, without a history."""
-        top = self.deepest
-        if not self.experiment.adhesion:
-            curve = self.curve_to(top)
-            depths = [top * (k / POINTS) ** 2 for k in range(1, POINTS + 1)]
-            return [self._row(nan, d, float(curve.force(np.array(d))), float(curve.a(np.array(d))), "stable")
-                    for d in depths]  # fmt: skip
-        last, deep = self.jkr.pull_off(self.compliance), self.jkr.stable(top)
-        assert deep is not None
-        low = max(1.001 * self.punches.smallest, 0.02 * last.a)
-        radii = low * (deep.a / low) ** np.linspace(0.0, 1.0, POINTS)
-        return [self._of(nan, self.jkr.at(float(a)), "stable" if a >= last.a else "unstable") for a in radii]
+    def _on(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> Row:
+        contact = Contact(float(curve.a(np.array(delta))), delta, float(curve.force(np.array(delta))))
+        return self._row(t, contact, branch)
 
-    def _of(self, t: float, contact: Contact, branch: str) -> Row:
-        return self._row(t, contact.delta, contact.force, contact.a, branch)
-
-    def _row(self, t: float, delta: float, force: float, a: float, branch: str) -> Row:
-        return Row(t, delta + self.compliance * force, delta, force, a, branch)
+    def _row(self, t: float, contact: Contact | relaxation.Response, branch: str) -> Row:
+        return Row(t, contact.delta + self.compliance * contact.force, contact.delta, contact.force, contact.a, branch)
 
     def _times(self) -> list[tuple[float, float, str]]:
         """Times, values and branches: every point of the history and, between them, enough for a curve."""
-        (t, value), found = self.points[0], []
+        (t, value), times = self.points[0], []
         if not self.is_put_at_rest:
-            found.append((t, value, _branch(value, self.points[1][1])))
+            times.append((t, value, _branch(value, self.points[1][1])))
         for ((t0, v0), (t1, v1)), rows in zip(pairwise(self.points), self._rows_between(), strict=True):
             branch = _branch(v0, v1)
-            found += [(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
-            found.append((t1, v1, branch))
-        return found
+            times += [(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
+            times.append((t1, v1, branch))
+        return times
 
     def _rows_between(self) -> list[int]:
         """Rows of each piece of the history: its share of the time, or of the pieces if that is more; a jump: 1."""
         spans = np.diff([t for t, _ in self.points])
         share = np.maximum(spans / spans.sum(), 1.0 / len(spans))
-        return [max(1, round(POINTS * part)) if span > 0 else 1 for part, span in zip(share, spans, strict=True)]
+        return [max(1, round(CURVE_POINTS * part)) if span > 0 else 1 for part, span in zip(share, spans, strict=True)]
 
     def _elastic(self) -> list[Row]:
         """Every point an equilibrium of the elastic curve."""
-        largest = max(value for _, value in self.points)
-        of_force = bool(self.experiment.force_history)
-        curve = self.curve_to(self.depth_of(largest) if of_force else self._deepest_way(largest))
-        rows = []
+        curve, rows = self.curve_to(self._deepest_at(max(value for _, value in self.points))), []
         for t, value, branch in self._times():
-            delta = curve.depth(value) if of_force else curve.depth_behind(self.compliance, value)
-            force, a = float(curve.force(np.array(delta))), float(curve.a(np.array(delta)))
-            rows.append(self._row(t, delta, force, a, branch))
+            delta = curve.depth(value) if self.of_force else curve.depth_behind(self.compliance, value)
+            rows.append(self._on(curve, t, delta, branch))
         return rows
 
-    def _deepest_way(self, z: float) -> float:
-        """The depth that a base's way z may come to."""
-        return min(z, self.deepest) if self.compliance else z
+    def _deepest_at(self, largest: float, softest: float = 1.0) -> float:
+        """The depth that the largest value of a history may lead to, in a body that keeps a share of its modulus."""
+        if not self.of_force:
+            return min(largest, self.deepest) if self.compliance else largest
+        top, force = self.deepest, largest / softest
+        for _ in range(60):
+            if float(self.curve_to(top).force(np.array(top))) >= force:
+                return top
+            top *= 1.3
+        raise ValueError(f"the force {force * self.scene.physics.scales.force:g} was not reached")
 
     def _cycle(self) -> list[Row]:
         """Lee-Radok and Ting; stepping where the contact turns out to grow again."""
@@ -278,112 +266,114 @@ class _Conduct:
         rows = []
         for k, (t, value, branch) in enumerate(wanted):
             jumps = k + 1 < len(wanted) and wanted[k + 1][0] == t
-            found = cycle.at(t, after=not jumps)
-            rows.append(self._row(t, value, found.force, found.a, branch))
+            response = cycle.at(t, after=not jumps)
+            rows.append(self._row(t, replace(response, delta=value), branch))
         return rows
 
     def _stepped(self) -> list[Row]:
         times, values = map(list, zip(*self.points, strict=True))
-        largest, of_force = max(values), bool(self.experiment.force_history)
-        softest = remaining(self.experiment)
-        top = self.depth_of(largest / softest) if of_force else self._deepest_way(largest)
-        span = times[-1] - times[0]
-        modulus = self.modulus.prony(SHORTEST * span / len(times), span)
-        stepper = StepByStep(self.surface(top), modulus, self.compliance, of_force)
+        surface, span = self.surface(self._deepest_at(max(values), remaining(self.experiment))), times[-1] - times[0]
+        modulus = self.modulus.prony(SHORTEST_TIME * span / len(times), span)
+        stepper = StepByStep(surface, modulus, self.compliance, self.of_force)
         ways = [_branch(*pair) for pair in pairwise(values)]
         branches, point, rows = [ways[0], *ways], 0, []  # of the piece that ends at each point
-        for found in stepper.responses(times, values, self._rows_between()):
-            rows.append(self._row(found.t, found.delta, found.force, found.a, branches[point]))
-            point += found.t == times[point]
+        for response in stepper.responses(times, values, self._rows_between()):
+            rows.append(self._row(response.t, response, branches[point]))
+            point += response.t == times[point]
         return rows[1:] if self.is_put_at_rest else rows
 
-    # ---- adhesion ------------------------------------------------------------------------------------------------
+    def _jkr_curve(self, jkr: Jkr) -> list[Row]:
+        """The whole equilibrium curve by the contact radius, without a history."""
+        last, deep = jkr.pull_off(self.compliance), jkr.stable(self.deepest)
+        assert deep is not None
+        low = max(1.001 * self.punches.smallest, 0.02 * last.a)
+        radii = low * (deep.a / low) ** np.linspace(0.0, 1.0, CURVE_POINTS)
+        return [self._row(nan, jkr.at(float(a)), "stable" if a >= last.a else "unstable") for a in radii]
 
-    def _adhesive(self) -> list[Row]:
+    def _jkr_history(self, jkr: Jkr) -> list[Row]:
         """Stable equilibria as the history passes: the tip snaps in at first touch and comes off where it must."""
-        of_force = bool(self.experiment.force_history)
-        compliance = inf if of_force else self.compliance
-        last = self.jkr.pull_off(compliance)
-        comes_off = last.force if of_force else last.delta + compliance * last.force
-        rows, touches, wanted = [], False, self._times()
-        stable = self.jkr.branch(max(value for _, value, _ in wanted), compliance)
-        for t, value, branch in wanted:
+        compliance = inf if self.of_force else self.compliance
+        last = jkr.pull_off(compliance)
+        comes_off = last.force if self.of_force else last.delta + compliance * last.force
+        rows, touches, times = [], False, self._times()
+        stable = jkr.branch(max(value for _, value, _ in times), compliance)
+        for t, value, branch in times:
             touches = value > comes_off if touches else value >= 0.0
             contact = stable(value) if touches else None
-            if contact is not None:
-                rows.append(self._of(t, contact, branch))
-            elif of_force:
-                rows.append(Row(t, nan, nan, value, 0.0, branch))
-            else:
-                rows.append(Row(t, value, value, 0.0, 0.0, branch))
+            off = Row(t, nan, nan, value, 0.0, branch) if self.of_force else Row(t, value, value, 0.0, 0.0, branch)
+            rows.append(off if contact is None else self._row(t, contact, branch))
         if any(isnan(row.delta) for row in rows):
             self.warnings.append("the force pulls harder than adhesion holds: while it does there is no depth")
         return rows
 
-    def _adhesion(self) -> dict[str, Any]:
+    def _adhesion(self, jkr: Jkr) -> dict[str, Any]:
         """The parts `adhesion` and `cantilever` of run.json."""
-        assert self.experiment.adhesion is not None
-        held = {name: self._said(self.jkr.pull_off(c), ("delta", "force"))
-                for name, c in (("force_control", inf), ("depth_control", 0.0))}  # fmt: skip
-        report: dict[str, Any] = {"adhesion": {"pull_off": held, **self._range()}}
+        by_force, by_depth = jkr.pull_off(inf), jkr.pull_off(0.0)
+        held = {"force_control": _said(by_force), "depth_control": _said(by_depth)}
+        if isinstance(self.punches, FittedPunches):  # of a mesh, which knows where the force is least up to an error
+            apart = (abs(Jkr(other, jkr.work).pull_off(inf).delta - by_force.delta) for other in self.punches.beside)
+            held["force_control"]["delta_error"] = max(2 * max(apart), LEAST_PULL_OFF_ERROR * abs(by_depth.delta))
+        report: dict[str, Any] = {"adhesion": {"pull_off": held, **self._range(jkr.work)}}
         if self.experiment.cantilever:
-            snapped, last = self.jkr.stable(0.0, self.compliance), self.jkr.pull_off(self.compliance)
+            snapped, last = jkr.stable(0.0, self.compliance), jkr.pull_off(self.compliance)
             assert snapped is not None  # no spring lets go before z < 0
-            names = ("z", "delta", "force")
-            report["cantilever"] = {"jump_in": self._said(snapped, names) | {"z": 0.0},
-                                    "jump_out": self._said(last, names)}  # fmt: skip
+            out = {"z": last.delta + self.compliance * last.force} | _said(last)
+            report["cantilever"] = {"jump_in": {"z": 0.0} | _said(snapped), "jump_out": out}
         return report
 
-    def _said(self, contact: Contact, names: Sequence[str]) -> dict[str, float]:
-        row = self._in_units(self._of(nan, contact, ""))
-        return {name: getattr(row, name) for name in names}
-
-    def _range(self) -> dict[str, float]:
+    def _range(self, work: float) -> dict[str, float]:
         """Tabor and Maugis numbers, and the pull-off force that the latter gives on a half-space."""
-        adhesion, physics = self.experiment.adhesion, self.scene.physics
-        assert adhesion is not None
-        if adhesion.range is None:
+        given, physics = self.experiment.adhesion, self.scene.physics
+        if given is None or given.range is None:
             return {}
-        scales = physics.scales
-        R = relative_tip(physics.indenter, physics.body).R * self.L  # type: ignore[union-attr]
-        E_star = physics.material.E_star * scales.pressure
-        given = adhesion.work, adhesion.range, R, E_star
-        parameter = maugis_lambda(*given)
-        shape = maugis_pull_off(parameter)
-        return {"tabor": tabor(*given), "maugis_lambda": parameter,
-                "maugis_pull_off": shape * np.pi * adhesion.work * R}  # fmt: skip
+        R = relative_tip(physics.indenter, physics.body).R  # type: ignore[union-attr]
+        numbers = work, given.range, R, physics.material.E_star
+        parameter = maugis_lambda(*numbers)
+        pull_off = maugis_pull_off(parameter) * np.pi * work * R
+        return {"tabor": tabor(*numbers), "maugis_lambda": parameter, "maugis_pull_off": pull_off}
 
-    # ---- the instrument ------------------------------------------------------------------------------------------
+    def _uncertain(self, given: Calibration) -> tuple[float, float]:
+        """Relative uncertainties of a force, k times a deflection, and of a modulus fitted to it, E ~ F/F_1(R)."""
+        of_R = 0.0
+        if given.R:
+            less, more = (self._force(R) for R in (1.0 - EXPONENT_VARIATION, 1.0 + EXPONENT_VARIATION))
+            of_R = log(more / less) / log((1.0 + EXPONENT_VARIATION) / (1.0 - EXPONENT_VARIATION))
+        return given.stiffness, hypot(given.stiffness, of_R * given.R)
 
-    def _uncertain(self) -> tuple[float, float]:
-        """Relative uncertainties of a force, k times a deflection, and of a modulus fitted to it, E ~ F/R^(1/2)."""
-        assert self.experiment.calibration is not None
-        given = self.experiment.calibration
-        return given.stiffness, hypot(given.stiffness, 0.5 * given.R)
+    def _force(self, share: float) -> float:
+        """The elastic force at the deepest depth with the tip's radius times a share."""
+        theory, tip = self.scene.plan.theory, self.scene.physics.indenter
+        tip = replace(tip, R=share * tip.R)  # type: ignore[arg-type, call-arg, union-attr]
+        if not self.scene.is_meshed and theory is not None and (shape := shape_of(tip)):
+            return replace(theory.contact, tip=shape).curve([self.deepest])[0].force
+        other = self._equilibrium.under(self.scene.with_physics(indenter=tip))
+        self._press(other, self.deepest, self.deepest)
+        return float(other.force)
 
     def _dynamic(self, rows: list[Row]) -> list[Dynamic]:
         """K(a) (G' + i G'') of the contact that the history ends with, or of the deepest one."""
-        if not self.experiment.frequencies:
-            return []
-        a = rows[-1].a
-        stiffness = 0.0
-        if a > 0:
+        frequencies = self.experiment.frequencies or ()
+        stiffness, a = 0.0, rows[-1].a
+        if frequencies and a > 0:
             curve = self.curve_to(self.deepest)
             depths = np.geomspace(SHALLOWEST, 1.0, 4000) * curve.deepest
             delta = float(np.interp(a, curve.a(depths), depths))
-            stiffness = float(curve.stiffness(np.array(delta))) * self.F / self.D
-        found = [(f, stiffness * self.modulus.complex(2 * np.pi * f)) for f in self.experiment.frequencies]
-        return [Dynamic(f, K.real, K.imag) for f, K in found]
+            stiffness = float(curve.stiffness(np.array(delta)))
+        complex_stiffness = [stiffness * self.modulus.complex(2 * np.pi * f) for f in frequencies]
+        return [Dynamic(f, K.real, K.imag) for f, K in zip(frequencies, complex_stiffness, strict=True)]
 
 
 def _samples(first: float, last: float) -> list[float]:
-    return [float(x) for x in np.geomspace(first, last, SAMPLES)]
+    return [float(x) for x in np.geomspace(first, last, CURVE_SAMPLES)]
 
 
-def _curve(delta: Sequence[float], force: Sequence[float], a: Sequence[float]) -> ElasticCurve:
-    return ElasticCurve(*(np.array(values, dtype=float) for values in (delta, force, a)))
+def _curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
+    return ElasticCurve(*np.array(samples, dtype=float).reshape(-1, 3).T)
+
+
+def _said(contact: Contact) -> dict[str, float]:
+    return {"delta": contact.delta, "force": contact.force}
 
 
 def _branch(before: float, after: float) -> str:
     return "hold" if before == after else "approach" if after > before else "retract"
-

@@ -9,11 +9,13 @@ from math import nan
 from typing import Any
 
 from indent_sim.model.state import State
+from indent_sim.run.record import Beside
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import half_space_force, relative_tip, shape_of
+from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface.punches import FittedPunches, LayerPunches, Punches, radius_at
 
-LEAST_PERCENT = 1e-6  # of a fit: less is rounding, and 0
+Equilibrium = Any  # of fe, which is loaded where a mesh is solved alone: its body that has just found a state
 
 
 class Readings:
@@ -23,8 +25,8 @@ class Readings:
     of a mesh knows which of its points touch, and jumps by a per cent where the next one does), or the tangent's.
     """
 
-    def __init__(self, scene: Scene, equilibrium: Any = None):
-        self.scene, self._equilibrium = scene, equilibrium
+    def __init__(self, scene: Scene, equilibrium: Equilibrium = None, beside: Beside | None = None):
+        self.scene, self._equilibrium, self._beside = scene, equilibrium, beside or Beside()
         self._condensed_to = -1  # nodes, as many as the punches are made of
         self._punches: Punches | None = None
 
@@ -32,16 +34,18 @@ class Readings:
         """The state with its stiffness, area and E_hertz; NaN where there is none."""
         if not state.converged:
             return state
-        area, before = self.scene.physics.part.kinematics.contact_area(state.a), self._krylov_iterations
-        stiffness = self._stiffness(state)
+        before = self._krylov_iterations
+        stiffness = self._beside("stiffness", lambda: self._stiffness(state), nan)
+        area = self._beside("area", lambda: self.scene.physics.part.kinematics.contact_area(state.a), nan)
+        E_hertz = self._beside("E_hertz", lambda: self._hertz(state), nan)
         if state.krylov_iterations is not None:
             state = replace(state, krylov_iterations=state.krylov_iterations + self._krylov_iterations - before)
-        return replace(state, stiffness=stiffness, area=area, E_hertz=self._hertz(state))
+        return replace(state, stiffness=stiffness, area=area, E_hertz=E_hertz)
 
     @property
     def _krylov_iterations(self) -> int:
         """Those of the body so far."""
-        return getattr(self._equilibrium, "krylov_iterations", None) or 0
+        return (self._equilibrium.effort.krylov or 0) if self._equilibrium else 0
 
     def _hertz(self, state: State) -> float:
         physics = self.scene.physics
@@ -56,24 +60,20 @@ class Readings:
         physics = self.scene.physics
         if physics.has_friction:  # it is another on the way out
             return nan
-        if not physics.adheres and (state.delta <= 0 or state.force <= 0):
+        if self.scene.plan.adhesion is None and (state.delta <= 0 or state.force <= 0):
             return 0.0
         if self._equilibrium is None:
             return nan
         if self.scene.solver.method == "condensed" and physics.part.kinematics.name == "axisymmetric":
-            with suppress(ValueError, ArithmeticError):
-                punches = self._fitted()
-                return punches.at(radius_at(punches, state.delta)).stiffness
+            with suppress(*UNSOLVED):
+                nodes = self._equilibrium.contact.compliance.size
+                if self._punches is None or nodes != self._condensed_to:
+                    self._punches, self._condensed_to = punches_of(self.scene, self._equilibrium), nodes
+                return self._punches.at(radius_at(self._punches, state.delta)).stiffness
         return float(self._equilibrium.stiffness)
 
-    def _fitted(self) -> Punches:
-        nodes = self._equilibrium.contact.compliance.size
-        if self._punches is None or nodes != self._condensed_to:
-            self._punches, self._condensed_to = punches_of(self.scene, self._equilibrium), nodes
-        return self._punches
 
-
-def punches_of(scene: Scene, equilibrium: Any = None) -> Punches:
+def punches_of(scene: Scene, equilibrium: Equilibrium = None) -> Punches:
     """The flat punches of every radius on a linear axisymmetric body: theory's, or of the body condensed on a mesh.
 
     ValueError where there are none: a tip whose contact does not grow, or that theory has no shape of, a contact of a
@@ -98,10 +98,13 @@ def hertz_force(scene: Scene, delta: float) -> float | None:
     return closed[1] if closed else None
 
 
-def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, float] | None:
+def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
     """The modulus E in the user's units that a least-squares fit of the half-space formula to a curve reads, and by how
-    many `percent` it is off; None where there is no formula or no contact, or a tip that adheres."""
-    if scene.physics.adheres:
+    many `percent` it is off that of the matter that the tip touches, which `against` names where there are several.
+
+    None where there is no formula or no contact, or a tip that adheres.
+    """
+    if scene.plan.adhesion:
         return None
     D, F = scene.physics.scales.depth, scene.physics.scales.force
     points = [(state.force / F, force) for state in states if (force := hertz_force(scene, state.delta / D))]
@@ -109,6 +112,7 @@ def hertz_fit(scene: Scene, states: Sequence[State]) -> dict[str, float] | None:
     if not total:
         return None
     ratio = sum(found * force for found, force in points) / total
-    E = scene.physics.material.constants.E * scene.physics.scales.pressure
-    percent = 100 * (ratio - 1)
-    return {"E": ratio * E, "percent": percent if abs(percent) >= LEAST_PERCENT else 0.0}
+    percent, E = 100 * (ratio - 1), scene.physics.material.constants.E * scene.physics.scales.pressure
+    touched, *others = scene.physics.part.regions
+    against = f", against E = {E:.4g} of {touched.name}" if others else ""
+    return {"E": ratio * E, "percent": percent if abs(percent) >= 1e-6 else 0.0, "against": against}

@@ -5,48 +5,46 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.model.state import State
 from indent_sim.model.tips import Sphere
-from indent_sim.process.usage import peak_memory
+from indent_sim.process.usage import Clock, peak_memory
 from indent_sim.run.readings import hertz_fit, hertz_force
-from indent_sim.scene.scene import ROUGH, Scene
-from indent_sim.scene.theories import Theory, half_space_depth, half_space_force, relative_tip
-from indent_sim.theory.solution import Solution
+from indent_sim.run.record import Beside
+from indent_sim.scene.expected import ExpectedAdhesion
+from indent_sim.scene.scene import FRICTION_WHY, Scene
+from indent_sim.scene.theories import half_space_depth, half_space_force, relative_tip
+from indent_sim.theory.solution import UNSOLVED, Solution
 from indent_sim.theory.surface.no_slip import FRICTIONLESS
+from indent_sim.theory.theory import Theory
 
-PARABOLIC = "its friction is that of a paraboloid"
-POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
+if TYPE_CHECKING:
+    from indent_sim.theory.surface.adhesion import Contact  # with scipy's searches
+
+FORMULA_POINTS, OF_THEORY = 50, 20  # of the curves kept for the plot, a formula's and theory's
 
 
 def summary(
-    scene: Scene, states: list[State], wall: dict[str, float], cpu: dict[str, float], worst_audit: float | None
+    scene: Scene, states: list[State], clock: Clock, worst_audit: float | None, beside: Beside
 ) -> dict[str, Any]:
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
-    return {
-        "theory": theory_comparison(scene, states),
-        **({"adhesion": adhesion(scene, states)} if scene.plan.adhesion else {}),
-        "hertz": hertz_fit(scene, states),
-        "audit": {
-            "force_against_reaction": worst_audit,
-            "energy_by_trapezoid": None if scene.physics.adheres else energy_balance(states),
-            "newton_iterations": sum(state.newton_iterations for state in states),
-            **_krylov(states),
-            "substeps": sum(state.substeps for state in states),
-        },
-        "timings": stages(wall),
-        "cpu_timings": stages(cpu),
-        "peak_memory_MB": round(peak_memory(), 1),
-    }
-
-
-def _krylov(states: list[State]) -> dict[str, int]:
-    """The iterations of an iterative linear solver, where there was one."""
-    counts = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
-    return {"krylov_iterations": sum(counts)} if counts else {}
+    krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
+    expected = scene.plan.adhesion
+    balance = None if expected else energy_balance(states)  # what snaps loses some
+    audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
+    audit["newton_iterations"] = sum(state.newton_iterations for state in states)
+    if krylov:
+        audit["krylov_iterations"] = sum(krylov)
+    audit["substeps"] = sum(state.substeps for state in states)
+    entries = {"theory": beside("theory", lambda: theory_comparison(scene, states, beside), None)}
+    if expected:
+        entries["adhesion"] = beside("adhesion", lambda: adhesion(expected, states), {})
+    entries |= {"hertz": beside("Hertz fit", lambda: hertz_fit(scene, states), None), "audit": audit}
+    spent = {"timings": stages(clock.stages), "cpu_timings": stages(clock.cpu)}
+    return entries | spent | {"peak_memory_MB": round(peak_memory(), 1)}
 
 
 def stages(seconds: Mapping[str, float]) -> dict[str, float]:
@@ -69,7 +67,7 @@ def energy_balance(states: list[State]) -> float | None:
     return work / spent - 1
 
 
-def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | None:
+def theory_comparison(scene: Scene, states: list[State], beside: Beside | None = None) -> dict[str, Any] | None:
     """Small-strain theory beside the deepest state, and its curve over the depths walked; None without theory.
 
     Theory is asked for what the run found: for the force at its depth, or for the depth at the force prescribed, with
@@ -77,40 +75,40 @@ def theory_comparison(scene: Scene, states: list[State]) -> dict[str, Any] | Non
     `force_deviation` or `delta_deviation` = this run / theory - 1; `exact` when the finite body is the theory's own.
     Beside a tip that adheres it is that of one without range (JKR), with its stable branch.
     """
-    if scene.physics.adheres:
+    if scene.plan.adhesion:
         return _without_range(scene, states)
-    pushed = [state for state in states if state.delta > 0]
-    theory = scene.plan.theory
-    if theory is None or not pushed:
+    beside = beside or Beside()
+    theory, deepest = scene.plan.theory, max(states, key=lambda state: state.delta, default=None)
+    if theory is None or deepest is None or deepest.delta <= 0:
         return None
-    deepest = max(pushed, key=lambda state: state.delta)
-    rough, unlike = scene.plan.friction or FRICTIONLESS, _unlike(scene)
-    D, L = scene.physics.scales.depth, scene.physics.scales.length * rough.radius
-    F = scene.physics.scales.force * rough.force
-    solution = _theory_beside(scene, theory, deepest, F)
+    rubbed = scene.plan.friction
+    rough, unlike, scales = rubbed or FRICTIONLESS, _unlike(scene), scene.physics.scales
+    D, L, F = scales.depth, scales.length * rough.radius, scales.force * rough.force
+    depth: float | None = deepest.delta / D
+    if scene.physics.path.control == "force":  # theory's at this force, where it is in the body
+        depth = theory.depth(deepest.force / F, scene.physics.body.height)
+        depth = depth if depth is not None and depth < scene.physics.body.height else None
+    solution = None if depth is None else theory.at(depth)
     if solution is None:
         return None
-    found = {"force_deviation": deepest.force / (solution.force * F) - 1}
-    if scene.physics.path.control == "force":
-        found = {"delta_deviation": deepest.delta / (solution.delta * D) - 1}
+    numbers, name = _numbers(solution, D, F, L), "delta" if scene.physics.path.control == "force" else "force"
+    deviation = {f"{one}_deviation": getattr(deepest, one) / numbers[one] - 1 for one in (name, "a")}
     curve = theory.contact.up_to(solution, OF_THEORY) if scene.is_meshed else []  # else: the rows
-    return {
-        "name": _name(scene, theory),
-        "exact": not unlike,
-        "why": "; ".join(unlike) or theory.why,
-        "delta": solution.delta * D,
-        "force": solution.force * F,
-        "a": solution.a * L,
-        **found,
-        "a_deviation": deepest.a / (solution.a * L) - 1,
-        "half_space": _half_space(scene, deepest),
-        "formulas": _formulas(scene, theory, deepest),
-        "curve": {
-            "delta": [s.delta * D for s in curve],
-            "force": [s.force * F for s in curve],
-            "a": [s.a * L for s in curve],
-        },
-    }
+    knowing = f" {'with' if rubbed else 'without'} friction" if FRICTION_WHY in scene.differences else ""
+    said = {"name": theory.name + knowing, "exact": not unlike, "why": "; ".join(unlike) or theory.why}
+    others: dict[str, Any] = {"half_space": beside("half-space formula", lambda: _half_space(scene, deepest), None)}
+    others["formulas"] = beside("film formulas", lambda: _formulas(scene, theory, deepest), [])
+    return said | numbers | deviation | others | {"curve": _columns(curve, D, F, L)}
+
+
+def _numbers(contact: Solution | Contact, D: float, F: float, L: float) -> dict[str, float]:
+    """Depth, force and radius of a contact in the units D, F and L."""
+    return {"delta": contact.delta * D, "force": contact.force * F, "a": contact.a * L}
+
+
+def _columns(curve: Sequence[Solution | Contact], D: float, F: float, L: float) -> dict[str, list[float]]:
+    rows = [_numbers(contact, D, F, L) for contact in curve]
+    return {name: [row[name] for row in rows] for name in ("delta", "force", "a")}
 
 
 def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]]:
@@ -118,20 +116,17 @@ def _formulas(scene: Scene, theory: Theory, state: State) -> list[dict[str, Any]
     D, F = scene.physics.scales.depth, scene.physics.scales.force
     is_forced = scene.physics.path.control == "force"
     name, unit, force = ("delta", D, state.force / F) if is_forced else ("force", F, None)
-    said = {formula: theory.formula_at(formula, state.delta / D, force) for formula in theory.formulas}
-    return [
-        {"name": formula, name: value * unit, "deviation": value * unit / getattr(state, name) - 1}
-        for formula, value in said.items()
-        if value is not None and getattr(state, name) != 0
-    ]
+    own = getattr(state, name)
+    said = ((formula, theory.formula_at(formula, state.delta / D, force)) for formula in theory.formulas)
+    values = [(formula, value * unit) for formula, value in said if value is not None and own != 0]
+    return [{"name": formula, name: value, "deviation": value / own - 1} for formula, value in values]
 
 
-def adhesion(scene: Scene, states: Sequence[State]) -> dict[str, Any]:
+def adhesion(expected: ExpectedAdhesion, states: Sequence[State]) -> dict[str, Any]:
     """What was known of the attraction beforehand, and the row that is pulled most [user's units]."""
     pulled = min((state for state in states if state.force < 0), key=lambda state: state.force, default=None)
-    found = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None
-    assert scene.plan.adhesion
-    return dataclasses.asdict(scene.plan.adhesion) | {"largest_pull": found}
+    row = {"step": pulled.step, "delta": pulled.delta, "force": pulled.force} if pulled else None
+    return dataclasses.asdict(expected) | {"largest_pull": row}
 
 
 def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | None:
@@ -146,51 +141,22 @@ def _without_range(scene: Scene, states: Sequence[State]) -> dict[str, Any] | No
         beside, last = jkr.stable(*asked), jkr.pull_off()
         if beside is None:
             return None
-        branch = jkr.branch(beside.delta)
-        curve = [found for delta in np.linspace(last.delta, beside.delta, POINTS) if (found := branch(float(delta)))]
-    except (ValueError, ArithmeticError):
+        contacts = map(jkr.branch(beside.delta), np.linspace(last.delta, beside.delta, FORMULA_POINTS).tolist())
+        curve = [contact for contact in contacts if contact]
+    except UNSOLVED:
         return None
-    name, value, here = ("delta", beside.delta * D, deepest.delta) if is_forced else ("force", beside.force * F,
-                                                                                     deepest.force)  # fmt: skip
-    return {
-        "name": "JKR",
-        "exact": False,
-        "why": "; ".join(scene.differences),
-        "delta": beside.delta * D,
-        "force": beside.force * F,
-        "a": beside.a * L,
-        **({f"{name}_deviation": here / value - 1} if value else {}),
-        "a_deviation": deepest.a / (beside.a * L) - 1,
-        "curve": {
-            "delta": [found.delta * D for found in curve],
-            "force": [found.force * F for found in curve],
-            "a": [found.a * L for found in curve],
-        },
-    }
-
-
-def _name(scene: Scene, theory: Theory) -> str:
-    """Theory's name, with what it knows of the scene's friction."""
-    if not scene.physics.has_friction:
-        return theory.name
-    return f"{theory.name} {'with' if scene.plan.friction else 'without'} friction"
+    numbers, name = _numbers(beside, D, F, L), "delta" if is_forced else "force"
+    deviation = {f"{name}_deviation": getattr(deepest, name) / numbers[name] - 1} if numbers[name] else {}
+    said = {"name": "JKR", "exact": False, "why": "; ".join(scene.differences)}
+    deviation |= {"a_deviation": deepest.a / numbers["a"] - 1}
+    return said | numbers | deviation | {"curve": _columns(curve, D, F, L)}
 
 
 def _unlike(scene: Scene) -> tuple[str, ...]:
     """What the problem has that theory, with friction where that is known, has not."""
-    if scene.plan.friction is None:
-        return scene.differences
-    is_round = (PARABOLIC,) if isinstance(scene.physics.indenter, Sphere) else ()
-    return (*(why for why in scene.differences if why != ROUGH), *is_round)
-
-
-def _theory_beside(scene: Scene, theory: Theory, state: State, F: float) -> Solution | None:
-    """Theory at the state's depth, or, where forces are prescribed, at its force; F: that of theory's 1."""
-    delta, height = state.delta / scene.physics.scales.depth, scene.physics.body.height
-    if scene.physics.path.control == "depth":
-        return theory.at(delta)
-    found = theory.depth(state.force / F, height)
-    return theory.at(found) if found is not None and found < height else None
+    known = FRICTION_WHY if scene.plan.friction else ""
+    is_round = ("its friction is that of a paraboloid",) if known and isinstance(scene.physics.indenter, Sphere) else ()
+    return (*(why for why in scene.differences if why != known), *is_round)
 
 
 def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
@@ -199,18 +165,13 @@ def _half_space(scene: Scene, state: State) -> dict[str, Any] | None:
         return None
     D, F, E_star = scene.physics.scales.depth, scene.physics.scales.force, scene.physics.material.E_star
     tip = relative_tip(scene.physics.indenter, scene.physics.body)
+    closed, name, unit = half_space_force(tip, state.delta / D, E_star), "force", F
     if scene.physics.path.control == "force":
         closed, name, unit = half_space_depth(tip, state.force / F, E_star), "delta", D
-    else:
-        closed, name, unit = half_space_force(tip, state.delta / D, E_star), "force", F
     if closed is None or getattr(state, name) == 0:
         return None
     value = closed[1] * unit
-    depths = [state.delta / D * n / POINTS for n in range(1, POINTS + 1)]
+    depths = [state.delta / D * n / FORMULA_POINTS for n in range(1, FORMULA_POINTS + 1)]
     curve = [(delta, force) for delta in depths if (force := hertz_force(scene, delta))]
-    return {
-        "name": closed[0],
-        name: value,
-        "deviation": value / getattr(state, name) - 1,
-        "curve": {"delta": [delta * D for delta, _ in curve], "force": [force * F for _, force in curve]},
-    }
+    columns = {"delta": [delta * D for delta, _ in curve], "force": [force * F for _, force in curve]}
+    return {"name": closed[0], name: value, "deviation": value / getattr(state, name) - 1, "curve": columns}

@@ -7,14 +7,13 @@ scene of configs/): one core of about 2020, OpenBLAS, forms compiled before.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
-from indent_sim.mesh.meshed import MeshedPart
-from indent_sim.mesh.part import Part
-from indent_sim.mesh.piece import Size
+from indent_sim.mesh.modelled_part import Part
+from indent_sim.mesh.part_from_file import MeshedPart
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import UNIT_BALLS, Inclusion
 
@@ -23,16 +22,17 @@ PLANE = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
 # within 5 % on 23 boxes, quarters and cylinders of 1 000 to 63 000 cells, graded and not
 SOLID = {"cells": (4.16, 1.94), "nodes": (5.15, 5.90), "vertices": (0.56, 1.22)}
 FACETS, ON_FACET = {2: 1.0, 3: 2.3}, 2.1  # facets per size^(dim - 1), nodes per facet
-CANDIDATES = 3.0  # elements between the fine patch and the rim of the surface that is condensed
+CONDENSED_RIM = 3.0  # elements between the fine patch and the rim of the surface that is condensed
 
-THEORY, PER_ROW = 0.5, 0.005  # s: of a run without a mesh, and of each of its rows
-START = 1.05  # s: imports, gmsh, writing
-COMPANIONS = 0.5  # of what a run costs beyond that: its two companions on coarser meshes, and another mesh now and then
+THEORY_SECONDS, PER_ROW = 0.5, 0.005  # s: of a run without a mesh, and of each of its rows
+START_SECONDS = 1.05  # s: imports, gmsh, writing
+EACH = 0.07  # s: of every further scene of a run
 PROCESS = 1.7e8  # bytes
 MOST_CANDIDATES = 5000  # nodes that a body is condensed to: beyond it the dense matrices are gigabytes
-POINTS = 50  # of an integral over a body, in each direction
+INTEGRAL_POINTS = 50  # of an integral over a body, in each direction
 KRYLOV, KRYLOV_SECONDS = 10.0, 3e-7  # iterations of a linear system, and the time of one per unknown
 KRYLOV_BYTES = 3.3e3  # per unknown of an iterative solver
+FRICTION_STEP_TIME = {2: 2.2, 3: 1.0}  # by dim: times as long a step of Newton's method takes with friction
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
@@ -63,46 +63,46 @@ class Cost:
     memory: float
     seconds: float
 
-    @property
-    def with_error_bars(self) -> Cost:
-        """The same run together with its companions."""
-        return replace(self, seconds=self.seconds + COMPANIONS * (self.seconds - START))
-
 
 def cost(sizes: Sizes, part: Part, work: Work) -> Cost:
     """Predict what a scene will cost."""
     dim, count = part.dim, _counts(sizes, part)
     dofs = count["nodes"] * dim + (count["vertices"] if work.mixed else 0.0)
     memory, solve = _needs(sizes, part, work, dofs)
-    return Cost(count["cells"], dofs, float(PROCESS + memory), float(START + 3e-5 * count["cells"] + solve))
+    return Cost(count["cells"], dofs, float(PROCESS + memory), float(START_SECONDS + 3e-5 * count["cells"] + solve))
 
 
 def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, float]:
     """Memory [bytes] and processor time [s] of the solution."""
-    if work.linear == "iterative":
-        return KRYLOV_BYTES * dofs, _iterative(dofs, work)
-    if work.method == "newton":
-        return (6e3 * dofs if part.dim == 2 else 1100.0 * dofs**1.25), _newton(part.dim, dofs, work)
-    n = candidates(sizes, part) * (part.dim if work.rough else 1)
-    return (6e3 * dofs + DENSE * n**2 if part.dim == 2 else 780.0 * dofs**1.25), _condensed(part.dim, n, dofs, work)
+    dim = part.dim
+    if work.linear == "iterative":  # assembly and Krylov iterations at every iteration of Newton's method
+        newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13  # the edge crosses more elements a step
+        each = (8e-6 if work.nonlinear else 8e-7) + KRYLOV * KRYLOV_SECONDS
+        return KRYLOV_BYTES * dofs, dofs * (3e-5 + newton * each)
+    if work.method == "newton":  # assembly and factorisation at every iteration
+        one = 1.5e-3 + 6e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2
+        seconds = work.iterations * one * (FRICTION_STEP_TIME[dim] if work.rough else 1.0)
+        return (6e3 * dofs if dim == 2 else 1100.0 * dofs**1.25), seconds
+    # one factorisation, one solve for each of n candidates on the surface, and small dense systems
+    n = candidates(sizes, part) * (dim if work.rough else 1)
+    body = 1e-5 * dofs if dim == 2 else 4e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55
+    in_contact = n / 2 if work.rough else n  # its directions are dense together only where it touches
+    memory = 6e3 * dofs + DENSE * n**2 if dim == 2 else 780.0 * dofs**1.25
+    return memory, body + work.iterations * (3e-4 + 3e-11 * in_contact**3)
 
 
 def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
     """Cells, nodes of quadratic elements, and vertices of the mesh."""
     if isinstance(part, MeshedPart):
         size, fold = part.piece.size, 2 ** (part.dim * (sizes.refinements or 0))
-        return {"cells": size.cells * fold, "nodes": _nodes_of(size, part.dim) * fold, "vertices": size.points * fold}
+        nodes = 2 * size.points + size.cells + (0 if part.dim == 2 else size.outside / 2)  # by Euler, holes left out
+        return {"cells": size.cells * fold, "nodes": nodes * fold, "vertices": size.points * fold}
     within = sum(_elements_of(*one, sizes, part) for one in sizes.inclusions)
     if part.dim == 2:
         area = _inverse_area(sizes, part) + within
         return {name: factor * area for name, factor in PLANE.items()}
     volume, surface = _inverse_sizes(sizes, part)
     return {name: inside * (volume + within) + outside * surface for name, (inside, outside) in SOLID.items()}
-
-
-def _nodes_of(size: Size, dim: int) -> float:
-    """Vertices and edges of a mesh, by Euler's formula, holes left out."""
-    return 2 * size.points + size.cells + (0 if dim == 2 else size.outside / 2)
 
 
 def _inverse_area(sizes: Sizes, part: Part) -> float:
@@ -116,7 +116,7 @@ def _inverse_area(sizes: Sizes, part: Part) -> float:
 def _inverse_sizes(sizes: Sizes, part: Part) -> tuple[float, float]:
     """The integrals of 1/size^3 over a body, and of 1/size^2 over its surface and the interfaces of its layers."""
     (x, wx), (y, wy) = (_both_ways(*ends, c, sizes) for ends, c in zip(part.extent[:-1], sizes.axis, strict=True))
-    depth, wz = _log_grid(part.height, sizes.smallest, POINTS)
+    depth, wz = _log_grid(part.height, sizes.smallest, INTEGRAL_POINTS)
     is_inside = np.all([side.inwards(x[:, None], y[None, :]) >= 0 for side in part.outline], axis=0)
     weight = wx[:, None] * wy[None, :] * is_inside
     r = np.hypot(x[:, None] - sizes.axis[0], y[None, :] - sizes.axis[1])
@@ -124,7 +124,7 @@ def _inverse_sizes(sizes: Sizes, part: Part) -> tuple[float, float]:
     levels = [0.0, part.height, *(-z for z in part.interfaces)]
     surface = sum((weight / sizes.at(r, np.array(z)) ** 2).sum() for z in levels)
     for side in part.outline:
-        at, length = side.points(POINTS)
+        at, length = side.points(INTEGRAL_POINTS)
         distance = np.hypot(at[:, 0] - sizes.axis[0], at[:, 1] - sizes.axis[1])
         surface += (length * wz[None, :] / sizes.at(distance[:, None], depth[None, :]) ** 2).sum()
     return float(volume), float(surface)
@@ -133,13 +133,12 @@ def _inverse_sizes(sizes: Sizes, part: Part) -> tuple[float, float]:
 def _both_ways(low: float, high: float, c: float, sizes: Sizes) -> tuple[np.ndarray, np.ndarray]:
     """Points and weights from the tip's axis both ways to the ends."""
     ways = [(sign, abs(end - c)) for sign, end in ((-1, low), (1, high)) if abs(end - c) > 1e-9 * (high - low)]
-    grids = [(sign, *_log_grid(length, sizes.smallest, POINTS)) for sign, length in ways]
+    grids = [(sign, *_log_grid(length, sizes.smallest, INTEGRAL_POINTS)) for sign, length in ways]
     return np.concatenate([c + sign * x for sign, x, _ in grids]), np.concatenate([w for _, _, w in grids])
 
 
 def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) -> float:
-    """Elements in an inclusion and in the shells around it, by size^dim, beyond those that would be there without it;
-    a mirror image counts for its own part."""
+    """Elements in and around an inclusion beyond those without it; a mirror image counts for its own part."""
     dim = part.dim
     spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
     size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
@@ -156,26 +155,9 @@ def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) 
 def candidates(sizes: Sizes, part: Part) -> float:
     """How many nodes of the surface may come into contact: the order of a condensed body's dense matrices."""
     dim = part.dim
-    r, wr = _log_grid(sizes.patch + CANDIDATES * sizes.h_contact, sizes.smallest)
+    r, wr = _log_grid(sizes.patch + CONDENSED_RIM * sizes.h_contact, sizes.smallest)
     size = sizes.at(r, np.zeros_like(r)) ** (dim - 1)
     return ON_FACET * FACETS[dim] * float((_ring(r, dim, _sectors(sizes, part)) * wr / size).sum())
-
-
-def _condensed(dim: int, n: float, dofs: float, work: Work) -> float:
-    """One factorisation, one solve for each of n candidates on the surface, and small dense systems [s]."""
-    body = 1e-5 * dofs if dim == 2 else 4e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55
-    return body + work.iterations * (3e-4 + 3e-11 * n**3)
-
-
-def _newton(dim: int, dofs: float, work: Work) -> float:
-    """Assembly and factorisation of the whole body at every iteration [s]."""
-    return work.iterations * (7e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2)
-
-
-def _iterative(dofs: float, work: Work) -> float:
-    """Assembly and Krylov iterations at every iteration of Newton's method on the whole body [s]."""
-    newton = 4.0 * (work.steps + 1) * max(1.0, dofs / 2e4) ** 0.13  # the contact's edge crosses more elements a step
-    return dofs * (3e-5 + newton * ((8e-6 if work.nonlinear else 8e-7) + KRYLOV * KRYLOV_SECONDS))
 
 
 def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
@@ -185,12 +167,9 @@ def _ring(r: np.ndarray, dim: int, sectors: float) -> np.ndarray:
 
 def _sectors(sizes: Sizes, part: Part) -> float:
     """Quarters of a full turn about the tip's axis that the modelled part contains; sides in two dimensions."""
-    return float(np.prod([_sides(ends, c) for ends, c in zip(part.extent[:-1], sizes.axis, strict=False)]))
-
-
-def _sides(ends: tuple[float, float], c: float) -> float:
-    low, high = ends
-    return 1.0 if min(abs(c - low), abs(high - c)) <= 1e-9 * (high - low) else 2.0
+    on_axes = zip(part.extent[:-1], sizes.axis, strict=False)
+    at_end = [min(abs(c - low), abs(high - c)) <= 1e-9 * (high - low) for (low, high), c in on_axes]
+    return 2.0 ** at_end.count(False)
 
 
 def _log_grid(length: float, smallest: float, points: int = 200) -> tuple[np.ndarray, np.ndarray]:

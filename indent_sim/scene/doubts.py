@@ -6,34 +6,42 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from indent_sim.mesh.meshed import MeshedPart
-from indent_sim.mesh.sizes import ENOUGH, Sizes
+from indent_sim.mesh.part_from_file import MeshedPart
+from indent_sim.mesh.sizes import DOUBTFUL_ELEMENTS, Sizes
 from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, RegularPyramid, Sphere, reach
-from indent_sim.scene.given import FELT, Given
-from indent_sim.scene.theories import Theory, half_space_force
+from indent_sim.scene.given import ATTRACTION_REACH, Given, unused_material
+from indent_sim.scene.theories import half_space_force
+from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.theory import Theory
+
+if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
 
 PER_DEPTH = 1.5  # per cent of force for a per cent of depth, of a paraboloid
-TELLING = 0.005  # of the force: a smaller error is not worth a warning
+NEGLIGIBLE_ERROR = 0.005  # of the force: a smaller error is not worth a warning
 UNRESOLVED = 0.02  # of the force: a contact in less than two elements
 STIFFEST = 1e3  # E*/h of a penalty: beyond it the pressures oscillate
-ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
+STIFFNESS_ROUNDING = 1e-9  # of a stiffness that was chosen to be just this large
 SMALL = 0.05  # characteristic strain up to which forces of small strain are good to some per cent: a/R = 0.25
 SEVERAL = 0.002  # of the force: between the equilibria of one mesh with active_set, over 1, 3 and 6 steps
 ABSURD = 100.0  # depth over the radius of a tip's end: a needle, or a mistake
 HARDLY = 0.45  # Poisson ratio from which a body is said to hardly compress
 MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the depth, at most
-DEEPER = 1.5  # power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
+# Power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
+SINKING_POWER = 1.5
 JKR_RIGHT = 0.01  # of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
 LOST = 0.05  # of what friction adds to the force: a smaller share is not worth a warning
 FREE = 0.3  # friction up to which the edge slips: steps of a tenth of the path need no second pass (0.01 %, measured)
-STEEPEST = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+STEEPEST_FORCE = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
+VERIFIED_CONTRAST = 1001.0  # of moduli, up to which random stacks were held to theory
 
 
 @dataclass(frozen=True)
@@ -48,9 +56,6 @@ class Doubt:
     force_error: float = 0.0
 
 
-CONTRAST = 1001.0  # of moduli, up to which random stacks were held to theory
-
-
 NO_CONTACT = Doubt("no_contact", "the tip never reaches the body: every depth is <= 0")
 
 
@@ -58,10 +63,9 @@ def doubts(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> tuple[Doubt
     """All that speaks against the model, the contact method and the mesh of a scene at its deepest contact."""
     if given.deepest <= 0:
         return () if given.attraction else (NO_CONTACT,)
-    of_model = of_theory(given, gap)
     of_contact = (*_of_contact(given, law, gap, sizes), *_of_friction(given, law, sizes))
-    of_mesh = (*_of_mesh(given, sizes), *_of_facets(given, sizes))
-    return (*of_model, *of_contact, *of_mesh, *_of_truncation(given))
+    truncated = [Doubt("truncation", "", given.truncation.error)] if given.truncation else []
+    return (*of_theory(given, gap), *of_contact, *_of_mesh(given, sizes), *_of_facets(given, sizes), *truncated)
 
 
 def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
@@ -69,6 +73,12 @@ def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     if given.deepest <= 0:
         return tuple(_of_reach(given)) if given.attraction else (NO_CONTACT,)
     return (*_of_model(given), *_of_tip(given, gap), *_of_reach(given), *_of_adhesion(given))
+
+
+def of_material(config: Config, given: Given) -> tuple[Doubt, ...]:
+    """That the section `material` is of no use."""
+    words = unused_material(config, given.physics.part)
+    return (Doubt("material", words),) if words else ()
 
 
 def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
@@ -81,36 +91,35 @@ def of_whole_contact(given: Given) -> tuple[Doubt, ...]:
 
 def _of_model(given: Given) -> Iterator[Doubt]:
     """Where the scene needs more than was asked for."""
-    body, material, tip, delta, a = given.body, given.material, given.tip, given.deepest, given.a
+    physics = given.physics
+    body, material, tip, delta, a = physics.body, physics.material, physics.indenter, given.deepest, given.a
     strain, formula = characteristic_strain(given.relative, delta, a)
-    if given.small_strain and strain > SMALL:
+    if physics.small_strain and strain > SMALL:
         yield Doubt("small_strain", f"strains near {formula} = {strain:.2g}: small strain is no longer a good model")
     if isinstance(tip, Paraboloid) and delta > 0.1 * tip.R:
         words = "depth beyond R/10: a sphere of this R would feel at least 1 % less than the paraboloid"
         yield Doubt("paraboloid", words)
-    if given.small_strain and delta > 0.1 * body.height:
+    if physics.small_strain and delta > 0.1 * body.height:
         share = f"depth is {delta / body.height:.0%} of the thickness"
         yield Doubt("small_strain", f"{share}: small strain is no longer a good model")
-    if a > 0.8 * body.rim_distance(given.center):
+    if a > 0.8 * body.rim_distance(physics.center):
         yield Doubt("rim", "the contact comes close to the edge of the body")
-    locked = [region.material.constants.nu for region in given.part.regions if region.formulation == "displacement"]
-    if (nu := max(locked, default=0.0)) >= LOCKING:
+    if (nu := physics.most_locked) >= LOCKING:
         yield Doubt("locking", f"nu = {nu:g} with displacement elements: pressures oscillate, forces are too high")
     for words in stability.instabilities(material, stability.largest_strain(given.relative, a, delta, body.height)):
         yield Doubt("stability", words)
     solution = given.solution(delta) if body.dim == 3 else None
     closed = half_space_force(given.relative, delta, material.E_star)
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
-        cause = "for a contact this large the body is not thick enough"
-        why = f"does not apply: {'the body is layered' if len(given.layers) > 1 else cause}"
-        yield Doubt("half_space", f"{closed[0]}, half-space, {why}")
+        thin = "for a contact this large the body is not thick enough"
+        cause = "the body is layered" if len(given.layers) > 1 else thin
+        yield Doubt("half_space", f"{closed[0]}, half-space, does not apply: {cause}")
 
 
 def _of_tip(given: Given, gap: str) -> Iterator[Doubt]:
     """That a tip ends inside the contact, and what the model makes of it."""
-    tip, delta, end = given.tip, given.deepest, reach(given.tip)
-    is_beyond = given.a >= end or (isinstance(tip, Sphere) and delta > end)
-    if isinstance(tip, FlatPunch) or not is_beyond:
+    tip, delta, end = given.physics.indenter, given.deepest, reach(given.physics.indenter)
+    if isinstance(tip, FlatPunch) or not (given.a >= end or (isinstance(tip, Sphere) and delta > end)):
         return
     words = "deeper than the profile is high: the body may slip around its end"
     if gap == "reference":
@@ -119,53 +128,50 @@ def _of_tip(given: Given, gap: str) -> Iterator[Doubt]:
         words = f"deeper than the ball's radius: it is whole but for a stem within {STEM:g} degrees of its top"
     yield Doubt("tip_end", words)
     if delta > ABSURD * end:
-        times = f"the depth is {delta / end:.3g} times the radius at which the tip ends"
-        yield Doubt("units", f"{times}: are both in one unit?")
+        words = f"the depth is {delta / end:.3g} times the radius at which the tip ends: are both in one unit?"
+        yield Doubt("units", words)
 
 
 def _of_reach(given: Given) -> Iterator[Doubt]:
     """That an attraction is felt where the body ends."""
-    if given.attraction is None or not given.attraction.range:
+    rim = given.physics.body.rim_distance(given.physics.center)
+    if given.attraction is None or not given.attraction.range or rim >= reach(given.relative):
         return
-    rim = given.body.rim_distance(given.center)
-    gaps = float(given.relative.height(rim, 0.0)) / given.attraction.range if rim < reach(given.relative) else inf
-    if gaps < FELT:
-        words = (f"adhesion: the body ends where the tip's gap is {gaps:.2g} ranges of the attraction: what a wider "
-                 "one would feel there is left out")  # fmt: skip
-        yield Doubt("adhesion_rim", words)
+    if (gaps := float(given.relative.height(rim, 0.0)) / given.attraction.range) < ATTRACTION_REACH:
+        end = f"the body ends where the tip's gap is {gaps:.2g} ranges of the attraction"
+        yield Doubt("adhesion_rim", f"adhesion: {end}: what a wider one would feel there is left out")
 
 
 def _of_adhesion(given: Given) -> Iterator[Doubt]:
     """That the attraction's range is too long for the JKR limit, by Maugis-Dugdale on a half-space."""
-    adhesion = given.experiment.adhesion if given.experiment else None
-    if adhesion is None or adhesion.range is None or not isinstance(given.relative, Paraboloid | Sphere):
+    limit = given.jkr_limit
+    if limit is None or limit.range is None or not isinstance(given.relative, Paraboloid | Sphere):
         return
     from indent_sim.theory.surface.adhesion import maugis_lambda, maugis_pull_off, tabor  # with scipy's searches
 
-    R, E_star = given.relative.R * given.scales.length, given.material.E_star * given.scales.pressure
-    parameters = adhesion.work, adhesion.range, R, E_star
+    parameters = limit.work, limit.range, given.relative.R, given.physics.material.E_star
     shape = maugis_pull_off(maugis_lambda(*parameters))
     if abs(shape / -1.5 - 1) > JKR_RIGHT:
-        words = (f"adhesion: at a Tabor number of {tabor(*parameters):.3g} its range is not short: on a half-space it "
-                 f"holds with {-shape:.4g} pi work R (Maugis-Dugdale), in the JKR limit with 1.5")  # fmt: skip
-        yield Doubt("adhesion", words)
+        range_ = f"at a Tabor number of {tabor(*parameters):.3g} its range is not short"
+        holds = f"on a half-space it holds with {-shape:.4g} pi work R (Maugis-Dugdale), in the JKR limit with 1.5"
+        yield Doubt("adhesion", f"adhesion: {range_}: {holds}")
 
 
 def _of_contact(given: Given, law: ContactLaw, gap: str, sizes: Sizes) -> Iterator[Doubt]:
     """What the contact method, and a stiffness given in the config, do to the answer."""
-    material, theory = given.material, given.theory
+    material, theory = given.physics.material, given.theory
     # nodal pressures on a deformed surface
     if gap == "current" and law.multiplier == "nodal":
-        words = (f"{law.method} with gap: current: several sets of nodes may be in equilibrium, which one is found "
-                 f"depends on the steps, and their forces differ by {in_words(SEVERAL)}")  # fmt: skip
+        several = "several sets of nodes may be in equilibrium, which one is found depends on the steps"
+        words = f"{law.method} with gap: current: {several}, and their forces differ by {in_words(SEVERAL)}"
         yield Doubt("several_equilibria", words, SEVERAL)
-    stiffest = (1 + ROUNDING) * STIFFEST * material.E_star / sizes.h_contact
+    stiffest = (1 + STIFFNESS_ROUNDING) * STIFFEST * material.E_star / sizes.h_contact
     if isinstance(law, Penalty | Nitsche) and law.stiffness > stiffest:
         yield Doubt("stiffness", "a stiffness beyond 1000 E*/h_contact: the pressures oscillate")
     if isinstance(law, Penalty):
         lost, at_last = _deepest_and_last(given, lambda delta, a: penalty_loss(law, material, theory, delta, a))
-        words = f"the force is up to {100 * lost:.2g} % too low at this epsilon_n"
-        yield Doubt("penalty", f"penalty: the tip sinks into the body, {words}" if lost >= TELLING else "", at_last)
+        words = f"penalty: the tip sinks into the body, the force is up to {100 * lost:.2g} % too low at this epsilon_n"
+        yield Doubt("penalty", words if lost >= NEGLIGIBLE_ERROR else "", at_last)
 
 
 def _of_friction(given: Given, law: ContactLaw, sizes: Sizes) -> Iterator[Doubt]:
@@ -173,15 +179,15 @@ def _of_friction(given: Given, law: ContactLaw, sizes: Sizes) -> Iterator[Doubt]
     if not law.friction:
         return
     assert law.epsilon_t != "auto"
-    multiple, elements = law.epsilon_t * sizes.h_contact / given.material.E_star, given.a / sizes.h_contact
+    multiple, elements = law.epsilon_t * sizes.h_contact / given.physics.material.E_star, given.a / sizes.h_contact
     if isinstance(law, Penalty):
         share = slipped_back(multiple * elements)
-        words = (f"penalty: the surface gives way by t/epsilon_t: about {share:.0%} of what "
-                 "friction adds to the force is lost at this epsilon_t")  # fmt: skip
+        lost = f"about {share:.0%} of what friction adds to the force is lost at this epsilon_t"
+        words = f"penalty: the surface gives way by t/epsilon_t: {lost}"
     else:
         share = abs(shifted(multiple, elements)) if law.friction == "stick" or law.friction > FREE else 0.0
-        words = (f"epsilon_t is {multiple:.2g} E*/h_contact: on these elements friction adds about {share:.0%} "
-                 f"{'more' if multiple > 1 else 'less'} to the force than at 1, the most accurate")  # fmt: skip
+        change = f"{share:.0%} {'more' if multiple > 1 else 'less'} to the force than at 1, the most accurate"
+        words = f"epsilon_t is {multiple:.2g} E*/h_contact: on these elements friction adds about {change}"
     if share >= LOST:
         yield Doubt("friction", words)
 
@@ -205,32 +211,31 @@ def shifted(multiple: float, elements: float) -> float:
 
 
 def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
-    """What coarse elements will do to the results.
-
-    Measured on HERTZ (axisymmetric, strip, cube) with n = 0.7 to 20 elements in a: a is wrong by up to 5 %.
-    """
-    moduli = [region.material.constants.E for region in given.part.regions]
-    if max(moduli) > CONTRAST * min(moduli):
+    """What coarse elements will do to the results."""
+    moduli = [region.material.constants.E for region in given.physics.part.regions]
+    if max(moduli) > VERIFIED_CONTRAST * min(moduli):
         words = f"moduli {max(moduli) / min(moduli):.0e} times apart: sizes are known to suit up to 1000 times"
         yield Doubt("contrast", f"{words}; ask for an accuracy, and compare")
-    if sizes.corner_error >= TELLING:
-        words = ("coarse elements at corners that the contact feels: the force may be too high by up to "
-                 f"{in_words(sizes.corner_error)}; use smaller sizes everywhere, or leave them to the program")
+    if sizes.corner_error >= NEGLIGIBLE_ERROR:
+        high = f"the force may be too high by up to {in_words(sizes.corner_error)}"
+        remedy = "use smaller sizes everywhere, or leave them to the program"
+        words = f"coarse elements at corners that the contact feels: {high}; {remedy}"
         yield Doubt("corners", words, sizes.corner_error)
-    nu, a = given.material.constants.nu, given.a
+    nu, a = given.physics.material.constants.nu, given.a
     likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
-    shallowest = _radius(given, min(delta for delta in given.deltas if delta > 0))
+    shallowest = _radius(given, min(delta for delta in given.physics.deltas if delta > 0))
     words = ""
-    if sizes.edge is not None and sizes.h_edge is not None and likely >= TELLING:
-        words = (f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge: the force may be too low by "
-                 f"{in_words(likely)}; {_remedy(sizes, 'give a smaller h_contact or h_edge')}")  # fmt: skip
+    if sizes.edge is not None and sizes.h_edge is not None and likely >= NEGLIGIBLE_ERROR:
+        low = f"the force may be too low by {in_words(likely)}; {_remedy(sizes, 'give a smaller h_contact or h_edge')}"
+        words = f"elements of {sizes.h_edge / sizes.edge:.2g} radii at the punch's edge: {low}"
     elif not sizes.is_enough(a):
-        finer = _remedy(sizes, f"give h_contact at most {1 / ENOUGH:.2g} of the contact radius")
-        words = (f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: the force may be wrong by "
-                 f"{in_words(likely)}, a by up to 5 %; {finer}")
+        finer = _remedy(sizes, f"give h_contact at most {1 / DOUBTFUL_ELEMENTS:.2g} of the contact radius")
+        wrong = f"the force may be wrong by {in_words(likely)}, a by up to 5 %; {finer}"
+        words = f"only {a / sizes.h_contact:.2g} elements in the expected contact radius: {wrong}"
     elif not sizes.is_enough(shallowest) and (there := force_doubt(sizes, shallowest, nu)) >= UNRESOLVED:
-        words = (f"the elements suit the deepest contact; at the shallowest only {shallowest / sizes.h_contact:.2g} of "
-                 f"them are in the contact radius, and the force there may be wrong by {in_words(there)}")  # fmt: skip
+        few = f"only {shallowest / sizes.h_contact:.2g} of them are in the contact radius"
+        wrong = f"the force there may be wrong by {in_words(there)}"
+        words = f"the elements suit the deepest contact; at the shallowest {few}, and {wrong}"
     if words or at_last:
         yield Doubt("elements", words, at_last)
 
@@ -242,25 +247,18 @@ def _remedy(sizes: Sizes, smaller: str) -> str:
 
 def _of_facets(given: Given, sizes: Sizes) -> Iterator[Doubt]:
     """That flat facets from a file stand for a curved surface, inside which they are: the tip is less deep."""
-    if not isinstance(given.part, MeshedPart):
+    physics = given.physics
+    if not isinstance(physics.part, MeshedPart):
         return
-    sag = given.part.sag(given.center, given.a)
-    if len(given.part.piece.middles[0]) and sizes.refinements:
-        sag /= 4  # its midside nodes are on the curved surface
-    if (error := PER_DEPTH * sag / given.deepest) >= TELLING:
-        yield Doubt("facets", f"flat facets under the tip: if they stand for a curved surface they lie up to "
-                    f"{sag * given.scales.length:.2g} inside it, {in_words(error)} of the force")  # fmt: skip
-
-
-def _of_truncation(given: Given) -> Iterator[Doubt]:
-    """That a finite body stands for the half-space."""
-    if given.truncation:
-        yield Doubt("truncation", "", given.truncation.error)
+    sag = physics.part.sag(physics.center, given.a, sizes.refinements or 0)
+    if (error := PER_DEPTH * sag / given.deepest) >= NEGLIGIBLE_ERROR:
+        inside = f"they lie up to {sag * physics.scales.length:.2g} inside it, {in_words(error)} of the force"
+        yield Doubt("facets", f"flat facets under the tip: if they stand for a curved surface {inside}")
 
 
 def _deepest_and_last(given: Given, error: Callable[[float, float], float]) -> tuple[float, float]:
     """A relative error(depth, contact radius) at the deepest contact and at the last row, where there is contact."""
-    last = given.deltas[-1]
+    last = given.physics.deltas[-1]
     known = {delta: error(delta, _radius(given, delta)) for delta in {given.deepest, last} if delta > 0}
     return known[given.deepest], known.get(last, 0.0)
 
@@ -269,7 +267,7 @@ def _radius(given: Given, delta: float) -> float:
     """The contact radius [length] to expect at a depth: of a tip that adheres JKR's, infinite where nobody knows it."""
     if given.attraction is None:
         return given.radius(delta)
-    with suppress(ValueError, ArithmeticError):
+    with suppress(*UNSOLVED):
         if given.jkr and (found := given.jkr.stable(delta)):
             return max(found.a, given.radius(delta))
     return inf
@@ -326,9 +324,9 @@ def penalty_loss(contact: ContactLaw, material: Material, theory: Theory | None,
     """
     if not isinstance(contact, Penalty) or delta <= 0:
         return 0.0
-    sunk = MOST_SUNK * (1.0 if material.small_strain else (1.0 - delta) ** -DEEPER) / contact.stiffness
+    sunk = MOST_SUNK * (1.0 if material.small_strain else (1.0 - delta) ** -SINKING_POWER) / contact.stiffness
     force, pressure = _carried(theory, material, delta, a, np.ones(1))
-    if (quick := STEEPEST * sunk * float(pressure[0]) / delta) < TELLING:
+    if (quick := STEEPEST_FORCE * sunk * float(pressure[0]) / delta) < NEGLIGIBLE_ERROR:
         return quick  # a theory of many depths takes its time
     s = np.array([1e-6, 1e-3, 0.03, 0.2, 0.5, 0.8, 0.95, 1.0])
     force, pressure = _carried(theory, material, delta, a, s)
@@ -336,13 +334,13 @@ def penalty_loss(contact: ContactLaw, material: Material, theory: Theory | None,
     return float(1 - np.exp(felt) / force[-1])
 
 
-def _carried(theory: Theory | None, material: Material, delta: float, a: float, s: np.ndarray
-             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+def _carried(theory: Theory | None, material: Material, delta: float, a: float, s: np.ndarray) -> np.ndarray:
     """Force (in any unit) and mean pressure at parts s of a depth."""
     curve = theory.curve([float(depth) for depth in s * delta]) if theory else None
     if curve:
         force = np.array([solution.force for solution in curve])
-        return force, force / [solution.area for solution in curve]
+        return np.array([force, force / [solution.area for solution in curve]])
     E, nu = material.constants
     confined = E * (1 - nu) / ((1 + nu) * max(1 - 2 * nu, 1e-4)) * s  # of a body in contact from wall to wall
-    return s**1.5, delta * np.maximum(4 / (3 * pi) * material.E_star / a * np.sqrt(s), confined)
+    hertz = 4 / (3 * pi) * material.E_star / a * np.sqrt(s)
+    return np.array([s**1.5, delta * np.maximum(hertz, confined)])

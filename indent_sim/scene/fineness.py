@@ -1,4 +1,4 @@
-"""Element sizes from the accuracy asked for, and the error to expect of them.
+"""Element sizes from the accuracy asked for, how they scale, and the error to expect of them.
 
 One number rules the discretisation: the elements n in the contact radius of every step. All else follows it, so that
 no part dominates the error: sizes grow with the distance from the axis as the contact edge passes there, the far size
@@ -9,7 +9,10 @@ The force then converges as n^-RATE.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from indent_sim.mesh.sizes import Sizes
+from indent_sim.scene.corners import POWER
 
 PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 # The error bar of the force is about CONSTANT n^-RATE at the worst step (by dim), as
@@ -17,23 +20,24 @@ PRESETS = {"fast": 0.05, "balanced": 0.01, "accurate": 0.001}
 CONSTANT = {2: 0.65, 3: 0.33}
 RATE = 2.5
 BLUNT = 2.0  # with fewer elements than this the error grows no more as n^-RATE
-FEWEST = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: two meshes much coarser say nothing
-MOST = 1000.0
-GROWTH = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
+BLUNT_NESTED = 1.0  # of a mesh and the same refined (30 sections: bars hold as many errors and are a third narrower)
+FEWEST_ELEMENTS = {2: 5.0, 3: 4.6}  # elements in the contact radius, by dim: two meshes much coarser say nothing
+MOST_ELEMENTS = 1000.0
+GRADING_FACTOR = {2: 1.0, 3: 0.6}  # grading times n^EASING, by dim
 EASING = RATE / 4  # growth^4 is its error of the energy
-STEEPEST = 0.5
-FAR = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
+STEEPEST_GRADING = 0.5
+FAR_SIZE = {2: 2.0, 3: 1.25}  # h_far n over the larger of height and width, by dim
 CONFINED = 1.6  # times as many elements where a layer that hardly compresses is squeezed: its force scatters more
 THIN = 4.0  # at most this many thicknesses over n
-EDGE = {2: 0.3, 3: 3.0}  # h_edge n^RATE over the punch's radius, by dim
-SMALLEST = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
+EDGE_SIZE = {2: 0.3, 3: 3.0}  # h_edge n^RATE over the punch's radius, by dim
+LEAST_RESOLVED_RADIUS = {2: 0.01, 3: 0.2}  # contact radius that still gets n elements, of the largest one, by dim
 SINKING = 1.5  # per cent of force for a per cent of depth that a penalty of mean pressure / epsilon_n takes
 ENFORCEMENT = 0.2  # share of the error that a penalty may take where its stiffness is left to the program
 
 
 @dataclass(frozen=True)
 class SettledSizes:
-    """Sizes [length] and grading that the config or an accuracy settles; None: left to `sizing.choose`."""
+    """Sizes [length] and grading that the config or an accuracy settles; None: left to `sizing`."""
 
     h_contact: float | None = None
     h_axis: float | None = None
@@ -71,24 +75,21 @@ class Fineness:
 
     def why(self, length: float) -> str:
         """The reason in words; `length`: the scene's unit in the user's."""
-        radii = [f"{radius * length:.3g}" for radius in sorted({self.smallest, self.largest})]
-        return (
-            f"{self.n:.3g} elements in the contact radius of every step ({' to '.join(radii)}), by the measured trade; "
-            "the error is estimated, and the mesh refined until it is met"
-        )
+        radii = " to ".join(f"{radius * length:.3g}" for radius in sorted({self.smallest, self.largest}))
+        found = f"{self.n:.3g} elements in the contact radius of every step ({radii}), by the measured trade"
+        return f"{found}; the error is estimated, and the mesh refined until it is met"
 
-    def sizes(self, height: float, width: float, edge: float | None, round_radius: float | None,
-              keenness: float) -> SettledSizes:  # fmt: skip
-        """The sizes for a body of this height and width [length]; see `sizing.choose`."""
+    def sizes(
+        self, height: float, width: float, edge: float | None, round_radius: float | None, keenness: float
+    ) -> SettledSizes:
+        """The sizes for a body of this height and width [length] with an edge, or a curved wall, of that radius."""
         n = self.n
         fine = min(self.largest / n, height * min(1.0, THIN / n))
-        return SettledSizes(
-            h_contact=fine,
-            h_axis=min(self.smallest / n, fine) if edge is None else None,
-            h_edge=min(edge * EDGE[self.dim] * n**-RATE / keenness, fine) if edge is not None else None,
-            h_far=max(fine, min(FAR[self.dim] / n * max(height, width), (round_radius or float("inf")) / n)),
-            grading=min(STEEPEST, GROWTH[self.dim] * n**-EASING),
-        )
+        h_axis = min(self.smallest / n, fine) if edge is None else None
+        h_edge = min(edge * EDGE_SIZE[self.dim] * n**-RATE / keenness, fine) if edge is not None else None
+        far = max(fine, min(FAR_SIZE[self.dim] / n * max(height, width), (round_radius or float("inf")) / n))
+        grading = min(STEEPEST_GRADING, GRADING_FACTOR[self.dim] * n**-EASING)
+        return SettledSizes(h_contact=fine, h_axis=h_axis, h_edge=h_edge, h_far=far, grading=grading)
 
 
 def target_of(accuracy: float | str | None) -> float | None:
@@ -96,18 +97,16 @@ def target_of(accuracy: float | str | None) -> float | None:
     return PRESETS[accuracy] if isinstance(accuracy, str) else accuracy
 
 
-def fading(n: float) -> float:
+def fading(n: float, blunt: float = BLUNT) -> float:
     """How the error falls with the elements in the contact radius, up to a factor that is the scene's own."""
-    return float((n**4 + BLUNT**4) ** (-RATE / 4))
+    return float((n**4 + blunt**4) ** (-RATE / 4))
 
 
-def elements_for(target: float, dim: int, confined: bool = False) -> float:
+def elements_for(target: float, dim: int, is_confined: bool = False, steeper: float = 1.0) -> float:
     """Elements in the contact radius of every step whose error bar is expected within the target.
-
-    confined: a contact as wide as a layer that hardly compresses is thick, or wider.
-    """
-    n = (CONFINED if confined else 1.0) * (CONSTANT[dim] / target) ** (1 / RATE)
-    return min(max(n, FEWEST[dim]), MOST)
+    is_confined: a contact as wide as a layer that hardly compresses is thick, or wider. steeper: see `steepness`."""
+    usual = (CONFINED if is_confined else 1.0) * (CONSTANT[dim] / target) ** (1 / RATE)
+    return min(steeper * max(usual, FEWEST_ELEMENTS[dim]), MOST_ELEMENTS)
 
 
 def steepness(decay: tuple[float, float]) -> float:
@@ -117,15 +116,35 @@ def steepness(decay: tuple[float, float]) -> float:
     return float(max(1 / slow, fast, 1.0) ** (1 / RATE))
 
 
-def fineness_of(target: float, elements: float | None, contacts: Sequence[tuple[float, float, float]], dim: int,
-                confined: bool, stiffness_given: bool, steeper: float = 1.0) -> Fineness:  # fmt: skip
-    """The fineness for a relative target, or with that many elements in the radius.
-
-    contacts: (depth, expected contact radius, mean pressure) of the shallowest and the deepest step in contact.
-    steeper: times as many elements as in an isotropic body, see `steepness`.
-    """
+def fineness_of(target: float, n: float, contacts: Sequence[tuple[float, float, float]], dim: int) -> Fineness:
+    """The fineness for a relative target with n elements in the radius.
+    contacts: (depth, expected contact radius, mean pressure) of the shallowest and the deepest step in contact."""
     largest = max(a for _, a, _ in contacts)
-    smallest = max(min(a for _, a, _ in contacts), SMALLEST[dim] * largest)
+    smallest = max(min(a for _, a, _ in contacts), LEAST_RESOLVED_RADIUS[dim] * largest)
     compliance = max(SINKING * pressure / delta for delta, _, pressure in contacts)
-    n = elements or min(steeper * elements_for(target, dim, confined), MOST)
-    return Fineness(target, n, smallest, largest, compliance, dim, stiffness_given)
+    return Fineness(target, n, smallest, largest, compliance, dim)
+
+
+def coarser(sizes: Sizes, ratio: float, height: float) -> Sizes:
+    """Sizes that much larger, near and far alike, for a body of this height [length]; finer for a ratio below 1."""
+    fine = min(ratio * sizes.h_contact, height)
+    inside = [(one, min(ratio ** (RATE / 2) * h, one.thinnest)) for one, h in sizes.inclusions]
+    return replace(
+        sizes,
+        h_contact=fine,
+        h_far=max(ratio * sizes.h_far, fine),
+        grading=min(ratio**EASING * sizes.grading, STEEPEST_GRADING),
+        patch=sizes.patch + 2 * (fine - sizes.h_contact),
+        h_edge=sizes.h_edge and min(ratio**RATE * sizes.h_edge, fine),
+        h_axis=sizes.h_axis and min(ratio * sizes.h_axis, fine),
+        h_corner=sizes.h_corner and min(ratio ** (RATE / POWER) * sizes.h_corner, fine),
+        inclusions=tuple(inside),
+    )
+
+
+def refined(sizes: Sizes, refinements: int) -> Sizes:
+    """The sizes of the same mesh from a file, refined that often."""
+    ratio = 2.0 ** ((sizes.refinements or 0) - refinements)
+    h, edge, patch = ratio * sizes.h_contact, sizes.h_edge, sizes.patch + 2 * (ratio - 1) * sizes.h_contact
+    h_edge = edge and ratio * edge
+    return replace(sizes, h_contact=h, h_far=ratio * sizes.h_far, h_edge=h_edge, patch=patch, refinements=refinements)

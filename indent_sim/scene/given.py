@@ -12,61 +12,95 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from indent_sim.mesh import inspection, meshed
-from indent_sim.mesh.part import Part, Region
-from indent_sim.mesh.piece import Piece, Skin
-from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, Layer, Meshed, MeshFromFile
-from indent_sim.model.contact import Cohesion
-from indent_sim.model.experiment import Experiment
+from indent_sim.mesh import file_checks, part_from_file
+from indent_sim.mesh.body_from_file import Piece, Skin
+from indent_sim.mesh.modelled_part import Part, Region
+from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, HalfSpace, Layer, Meshed, MeshFromFile, Points
+from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
+from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import Loading, LoadPath
 from indent_sim.model.materials import LOCKING, Material
+from indent_sim.model.state import FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
-from indent_sim.scene.expected import depths_of
+from indent_sim.scene.cost import Work
 from indent_sim.scene.reduction import reduce
-from indent_sim.scene.theories import Theory, adhesive_radii, half_space_force, relative_tip, theory_of, without_range
+from indent_sim.scene.theories import adhesive_radii, half_space_force, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
+from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.theory import Theory
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.theory.surface.adhesion import Jkr
 
-
+DEEPEST = 0.9  # of the thickness: there no force is expected to find its depth
+MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the mesh, and a search needs no more
 D = TypeVar("D")
+Layers = tuple[Layer, ...]
+Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
-FELT = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
+ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
+FORCE_SEARCH_FACTOR = 2  # times the linear solves of a step to a known depth are needed to find the depth of a force
+MIRROR_DISTANCE = 1e-12  # distance [length] of a tip to the mirror plane that it stands over
 MOST_COMPRESSED = 0.49999  # Poisson's ratio beyond which a displacement element's matrix loses its digits
 
 
 @dataclass(frozen=True)
-class Given:
-    """A scene as given, in units of the body's height and Young's modulus (see `scales`), before any choice."""
+class Physics:
+    """What is simulated, without units: every number is divided by the `scales`.
+
+    It begins as the config gives it, with contact as theory has it; the choices of a mesh replace what they decide.
+    """
 
     scales: Scales
     body: Body
-    truncation: Truncation | None  # of a body without end, for which this one stands
-    layers: tuple[Layer, ...]  # from the top, each with its thickness and material
-    material: Material  # of the first
-    tip: Indenter
-    relative: Indenter  # the tip over a flat body, see `relative_tip`
-    center: tuple[float, ...]
-    path: LoadPath
-    part: Part
-    part_why: str
-    theory: Theory | None
-    deltas: tuple[float, ...]  # requested, or expected at the requested forces
-    experiment: Experiment | None  # in the user's units
-    asked: float  # the largest depth that the experiment's history may come to; 0 without one
-    attraction: Cohesion | None  # of the contact
-    radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
+    part: Part  # of the body, modelled
+    indenter: Indenter
+    center: Center
+    path: LoadPath  # what is prescribed, step by step
+    deltas: tuple[float, ...]  # prescribed, or expected at the prescribed forces
+    contact: ContactLaw = field(default_factory=ActiveSet)
+    gap: str = "reference"  # or current
+    wall_stiffness: float = 0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
+    anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
 
     @property
-    def dim(self) -> int:
-        """Dimensions of the mesh."""
-        return self.part.dim
+    def has_friction(self) -> bool:
+        """Whether the tip drags on the surface."""
+        return bool(self.contact.friction)
+
+    @property
+    def largest_force(self) -> float | None:
+        """The largest prescribed force [pressure length^2]; None where depths are prescribed."""
+        return max(self.path.values) if self.path.control == "force" else None
+
+    @property
+    def sideways(self) -> dict[str, int]:
+        """The horizontal axes, by name, along which friction may push the tip: it does not stand over a mirror plane
+        across, which is a roller wall, there; an edge that is free or fixed is none."""
+        if not self.has_friction or self.part.kinematics.name == "axisymmetric":
+            return {}
+        under = {wall for wall, distance in self.part.distances(self.center).items() if distance <= MIRROR_DISTANCE}
+        mirrors = {wall for wall in under if self.part.supports.get(wall) == "roller"}
+        axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
+        return {name: axis for name, axis in axes.items() if not mirrors & {f"{name}_min", f"{name}_max"}}
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the force table that only some scenes have, in order."""
+        if not self.has_friction:
+            return ()
+        across = [f"side_force_{axis}" for axis in self.sideways]
+        return tuple(name for name in FRICTION_COLUMNS if not name.startswith("side") or name in across)
+
+    @property
+    def material(self) -> Material:
+        """What the tip touches: its E* compares pressures with lengths."""
+        return self.part.regions[0].material
 
     @property
     def small_strain(self) -> bool:
@@ -74,33 +108,77 @@ class Given:
         return all(region.material.small_strain for region in self.part.regions)
 
     @property
+    def most_locked(self) -> float:
+        """The largest Poisson's ratio of displacement elements."""
+        regions = [region for region in self.part.regions if region.formulation == "displacement"]
+        return max((region.material.constants.nu for region in regions), default=0.0)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the strain is small and the gap tested at the undeformed point."""
+        return self.small_strain and self.gap == "reference"
+
+    def work(self, method: str, linear: str) -> Work:
+        """What a solver of this kind has to do for it."""
+        a_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (2 if self.anchor == "mid" else 1)
+        mixed = any(region.formulation == "mixed" for region in self.part.regions)
+        is_nonlinear = self.contact.has_memory or not self.is_linear
+        return Work(method, linear, mixed, a_row * len(self.deltas), is_nonlinear, self.has_friction)
+
+
+@dataclass(frozen=True)
+class Given:
+    """A scene as given, before any choice: its physics, and what it leads to expect."""
+
+    physics: Physics
+    truncation: Truncation | None  # of a body without end, for which this one stands
+    layers: Layers  # from the top, each with its thickness and material
+    relative: Indenter  # the tip over a flat body, see `relative_tip`
+    part_why: str
+    theory: Theory | None
+    experiment: Experiment | None  # without units
+    asked: float  # the largest depth that the experiment's history may come to; 0 without one
+    attraction: Adhesion | None  # of the contact
+    radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
+
+    @property
+    def is_half_space(self) -> bool:
+        """Whether the body is a half-space, or stands for one."""
+        stands_for_one = self.truncation is not None and self.truncation.stands_for == "half-space"
+        return stands_for_one or isinstance(self.physics.body, HalfSpace)
+
+    @property
     def deepest(self) -> float:
         """The largest depth [length], of the path or of the experiment."""
-        return max([*self.deltas, *([self.asked] if self.asked else [])])
+        return max([*self.physics.deltas, *([self.asked] if self.asked else [])])
 
     @property
     def a(self) -> float:
         """The contact radius [length] to expect at the deepest point, adhesion included."""
-        if self.adhesive and self.deepest <= 0:  # no other tip touches there
-            return max(self.adhesive)
-        return max([self.radius(self.deepest), *self.adhesive])
+        if self.held_radii and self.deepest <= 0:  # no other tip touches there
+            return max(self.held_radii)
+        return max([self.radius(self.deepest), *self.held_radii])
+
+    @property
+    def jkr_limit(self) -> JKRAdhesion | None:
+        """The adhesion of the experiment, which takes it without range."""
+        return self.experiment.adhesion if self.experiment else None
 
     @cached_property
-    def adhesive(self) -> tuple[float, float] | tuple[()]:
+    def held_radii(self) -> tuple[float, float] | tuple[()]:
         """Contact radii [length] with adhesion, without range: the smallest that comes off and the deepest one's."""
-        adhesion = self.experiment.adhesion if self.experiment else None
-        if self.attraction and self.body.dim == 3:
-            force = max(self.path.values) if self.path.control == "force" else None
-            return adhesive_radii(self.theory, self.relative, self.layers, self.attraction.work, self.deepest, force)
-        if adhesion is None or self.part.kinematics.name != "axisymmetric":
+        limit = self.jkr_limit
+        if self.attraction and self.physics.body.dim == 3:
+            found, force = self.attraction, self.physics.largest_force
+            return adhesive_radii(self.theory, self.relative, self.layers, found.work, self.deepest, force)
+        if limit is None or self.physics.part.kinematics.name != "axisymmetric":
             return ()
-        work = adhesion.work / (self.scales.pressure * self.scales.length)
-        return adhesive_radii(self.theory, self.relative, self.layers, work, self.deepest, None)
+        return adhesive_radii(self.theory, self.relative, self.layers, limit.work, self.deepest, None)
 
     @cached_property
     def jkr(self) -> Jkr | None:
         """The contact of a tip that adheres as if its attraction had no range; None where theory does not know it."""
-        return without_range(self.theory, self.attraction.work) if self.attraction else None
+        return self.theory.jkr(self.attraction.work) if self.attraction and self.theory else None
 
     def solution(self, delta: float) -> Solution | None:
         """Theory's contact at a depth [length], where there is a theory."""
@@ -109,18 +187,16 @@ class Given:
 
 def given_by(config: Config, piece: Piece | None = None) -> Given:
     """The scene without units, its body as given; ConfigError for one that cannot exist.
-
-    piece: what `piece_of` finds in the config's mesh file, where somebody has read it.
-    """
+    piece: what `piece_of` finds in the config's mesh file, where somebody has read it."""
     body = config.body
     if isinstance(body, MeshFromFile):
         meshed_body, piece = _from_file(config, body, piece or piece_of(config, body))
-        return _given(config, meshed_body, meshed_body.layers, piece=piece)
+        return _given(config, meshed_body, meshed_body.layers, None, piece)
     layers = _layers(config)
     if isinstance(body, Cap | Ball):
         dome = body.dome
-        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers))
-    return _given(config, body, layers)
+        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None, None)
+    return _given(config, body, layers, None, None)
 
 
 def on_finite_body(config: Config, given: Given) -> Given:
@@ -128,18 +204,15 @@ def on_finite_body(config: Config, given: Given) -> Given:
     if not isinstance(config.body, Endless):
         return given
     deepest = given.deepest
-    if given.adhesive:  # as deep as a tip that does not adhere has this contact
-        deepest = max(deepest, 2 * float(given.tip.height(given.a, 0.0)))
+    if given.held_radii:  # as deep as a tip that does not adhere has this contact
+        deepest = max(deepest, 2 * float(given.physics.indenter.height(given.a, 0.0)))
     if given.attraction:  # or as far as it is felt
-        deepest = max(deepest, 2 * FELT * (given.attraction.range or 0.0))
-    found = truncate(config.body, config.indenter, _layers(config), deepest * given.scales.length)
-    return _given(config, found.body, found.layers, found)
+        deepest = max(deepest, 2 * ATTRACTION_REACH * (given.attraction.range or 0.0))
+    found = truncate(config.body, config.indenter, _layers(config), deepest * given.physics.scales.length)
+    return _given(config, found.body, found.layers, found, None)
 
 
-def _given(
-    config: Config, whole: Body, layers: tuple[Layer, ...], truncation: Truncation | None = None,
-    piece: Piece | None = None,
-) -> Given:  # fmt: skip
+def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation | None, piece: Piece | None) -> Given:
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     pieces = whole.pieces if isinstance(whole, Dome) else 1
@@ -148,32 +221,59 @@ def _given(
     assert path is not None
     for one, key in ((path, "loading" if config.loading else "experiment"), (history, "experiment")):
         if one is not None:
-            _check_scene(whole, config.indenter, center, one, pieces, key)
-            _check_room(whole, layers, config.indenter, center, one, key)
-            _check_ends(whole, config.indenter, center, one, key)
+            _check_scene(whole, layers, config.indenter, center, one, pieces, key)
     scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
-    path, history = (_scaled(one, scales) for one in (path, history))
-    assert path is not None
-    part, part_why = _modelled(config, body, center, tip, layers, piece, scales)
-    asked = scales.scaled(config.body) if isinstance(config.body, Endless) else body
-    theory, relative = theory_of(asked, layers, tip, center), relative_tip(tip, body)
+    path, history = _scaled(path, scales), history and _scaled(history, scales)
+    if isinstance(body, Meshed):
+        assert piece is not None
+        part, part_why = _piece_as_it_is(config, piece, scales)
+    else:
+        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
+        part, part_why = reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
+    whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
+    theory, relative = theory_of(whole, layers, tip, center), relative_tip(tip, body)
     reached = depths_of(history, theory, relative, material, body.height, scales) if history else (0.0,)
     deltas = depths_of(path, theory, relative, material, body.height, scales)
-    return Given(
-        scales, body, truncation, layers, material, tip, relative, center, path, part, part_why,
-        theory=theory and theory.along((*deltas, *reached)), deltas=deltas,
-        experiment=config.experiment, asked=max(reached), attraction=scales.scaled(config.contact).adhesion,
-        radius=cache(partial(_expected_radius, theory, (relative, tip), body, center)),
-    )  # fmt: skip
+    physics, attraction = Physics(scales, body, part, tip, center, path, deltas), scales.scaled(config.contact).adhesion
+    radius, asked = cache(partial(_expected_radius, theory, (relative, tip), body, center)), max(reached)
+    theory = theory and theory.along((*deltas, *reached))
+    experiment = config.experiment and config.experiment.without_units(scales)
+    found = (relative, part_why, theory, experiment, asked, attraction, radius)
+    return Given(physics, truncation, layers, *found)
 
 
-def _scaled(path: LoadPath | None, scales: Scales) -> LoadPath | None:
-    if path is None:
-        return None
-    return LoadPath(path.control, tuple(value / scales.of(path.control) for value in path.values))
+def _scaled(path: LoadPath, scales: Scales) -> LoadPath:
+    return replace(path, values=tuple(value / scales.of(path.control) for value in path.values))
+
+
+def depths_of(
+    path: LoadPath, theory: Theory | None, tip: Indenter, material: Material, height: float, scales: Scales
+) -> tuple[float, ...]:
+    """The requested depths, or those to expect at the requested forces, within DEEPEST of the body's height.
+
+    Of forces by theory, or by the tip's section where there is none or it ends; between MOST_FORCES by power laws.
+    ConfigError when theory says that a linear body does not bear the largest force.
+    """
+    if path.control == "depth":
+        return path.values
+    deepest = DEEPEST * height
+    pushed = np.unique([force for force in path.values if force > 0])
+    some = pushed if len(pushed) <= MOST_FORCES else np.geomspace(pushed[0], pushed[-1], MOST_FORCES)
+    known, E_star = [], material.E_star
+    for force in map(float, some):
+        start = section_depth(tip.radius_at, force, E_star) if scales.dim == 3 else force / E_star
+        depth = (theory and theory.depth(force, deepest)) or min(start, deepest / 2)
+        known.append(float(f"{depth:.9g}"))  # the same in all units, and so is the mesh
+    between = partial(np.interp, xp=np.log(some), fp=np.log(known))
+    depths = tuple(float(np.exp(between(np.log(force)))) if force > 0 else 0.0 for force in path.values)
+    if material.small_strain and theory and max(depths) > (1 - 1e-6) * deepest:
+        largest = max(path.values) * scales.force
+        problem = f"a force of {largest:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
+        raise ConfigError("loading", problem, "use a smaller force")
+    return depths
 
 
 def history_path(experiment: Experiment | None, tip: Indenter, layers: Sequence[Layer]) -> LoadPath | None:
@@ -223,12 +323,11 @@ def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: Lo
     return float(2.0 ** round(log2(tip.radius_at(depth))))
 
 
-def _layers(config: Config) -> tuple[Layer, ...]:
+def _layers(config: Config) -> Layers:
     """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
-    return tuple(
-        replace(layer, thickness=layer.thickness or inf, material=_material_of(layer).canonical())
-        for layer in config.layers
-    )
+    own = [_material_of(layer).canonical() for layer in config.layers]
+    layers = zip(config.layers, own, strict=True)
+    return tuple(replace(layer, thickness=layer.thickness or inf, material=material) for layer, material in layers)
 
 
 def _material_of(layer: Layer) -> Material:
@@ -236,15 +335,14 @@ def _material_of(layer: Layer) -> Material:
     return layer.material
 
 
-def _regions(config: Config, layers: tuple[Layer, ...]) -> tuple[Region, ...]:
+def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
     """The regions of layers, z of their lower faces rounded as all lengths of a mesh."""
-    names = [f"layers[{k}]" for k in range(len(layers))] if len(layers) > 1 else ["body"]
-    depths = np.cumsum([layer.thickness for layer in layers])
-    materials = [_material_of(layer) for layer in layers]
-    formulations = [_formulation(config.material_key(k), material) for k, material in enumerate(materials)]
-    return tuple(Region(name, material, formulation, -rounded(float(depth)))
-                 for name, material, formulation, depth
-                 in zip(names, materials, formulations, depths, strict=True))  # fmt: skip
+    regions, depths = [], np.cumsum([layer.thickness for layer in layers])
+    for k, (layer, depth) in enumerate(zip(layers, depths, strict=True)):
+        name, material = f"layers[{k}]" if len(layers) > 1 else "body", _material_of(layer)
+        formulation = _formulation(config.material_key(k), material)
+        regions.append(Region(name, material, formulation, -rounded(float(depth))))
+    return tuple(regions)
 
 
 def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
@@ -271,16 +369,16 @@ def _from_file(config: Config, source: MeshFromFile, piece: Piece) -> tuple[Mesh
     """The body that a file has, lowered so that the tip first touches it at z = 0."""
     center = config.center or source.center
     if source.hash not in (None, piece.hash):
-        raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}",
-                          "find the mesh that this scene was made with, or leave the hash out")  # fmt: skip
-    piece = piece.led_by(meshed.under_axis(piece, center))
-    placed = piece.lowered(meshed.first_touch(config.indenter, piece, center))
-    return meshed.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
+        remedy = "find the mesh that this scene was made with, or leave the hash out"
+        raise ConfigError("body.hash", f"'{source.file}' holds another mesh, {piece.hash}", remedy)
+    piece = piece.led_by(part_from_file.under_axis(piece, center))
+    placed = piece.lowered(part_from_file.first_touch(config.indenter, piece, center))
+    return part_from_file.body_of(placed, source, center, _materials(placed, config)[0][1]), placed
 
 
 def piece_of(config: Config, source: MeshFromFile) -> Piece:
     """The body as its file, beside the scene's, has it."""
-    return inspection.piece_in(os.path.dirname(config.source.name), source, config.material is not None)
+    return file_checks.piece_in(os.path.dirname(config.source.name), source, config.material)
 
 
 def mapped_skin(config: Config, source: MeshFromFile) -> Skin:
@@ -289,7 +387,7 @@ def mapped_skin(config: Config, source: MeshFromFile) -> Skin:
 
     what = f"'{source.file}' could not be read"
     folder = os.path.dirname(config.source.name)
-    return gmsh.elsewhere(what, inspection.skin_in, folder, source, config.material is not None)()
+    return gmsh.elsewhere(what, file_checks.skin_in, folder, source, config.material)()
 
 
 def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
@@ -316,20 +414,15 @@ def with_used_material(config: Config, part: Part) -> Config:
     return config.model_copy(update={"material": None}) if unused_material(config, part) else config
 
 
-def _modelled(
-    config: Config, body: Body, center: tuple[float, ...], tip: Indenter, layers: tuple[Layer, ...],
-    piece: Piece | None, scales: Scales,
-) -> tuple[Part, str]:  # fmt: skip
-    """The part of the body that is modelled, and why."""
-    if not isinstance(body, Meshed):
-        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
-        return reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
-    assert piece is not None and isinstance(config.body, MeshFromFile)
+def _piece_as_it_is(config: Config, piece: Piece, scales: Scales) -> tuple[Part, str]:
+    assert isinstance(config.body, MeshFromFile)
     materials = [(key, scales.scaled(material)) for key, material in _materials(piece, config)]
-    regions = tuple(Region(f"regions.{name}" if name else "body", matter, _formulation(key, matter), 0.0)
-                    for name, (key, matter) in zip(piece.names, materials, strict=True))  # fmt: skip
-    part = meshed.part_of(piece.measured(scales.length), config.body, regions)
-    return part, "a mesh from a file is modelled as it is"
+    names = [f"regions.{name}" if name else "body" for name in piece.names]
+    named = zip(names, materials, strict=True)
+    regions = tuple(Region(name, matter, _formulation(key, matter), 0.0) for name, (key, matter) in named)
+    part = part_from_file.part_of(piece.measured(scales.length), config.body, regions)
+    known = "" if config.body.named == config.body.surfaces else ", its surfaces without a name by where they face"
+    return part, f"a mesh from a file is modelled as it is{known}"
 
 
 def _to_digits(body: D) -> D:
@@ -345,46 +438,32 @@ def _to_digits(body: D) -> D:
 
 
 def _check_scene(
-    body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, pieces: int, key: str
+    body: Body, layers: Layers, tip: Indenter, center: Center, path: LoadPath, pieces: int, key: str
 ) -> None:
+    """ConfigError for a tip that does not stand on a body, or a path that leads it where it cannot go."""
     if body.rim_distance(center) < 0:
         raise ConfigError("indenter.center", f"{list(center)} lies outside the body's top surface", "move it inside")
-    width = 2 * body.rim_distance(body.center)
+    width, delta, thickness = 2 * body.rim_distance(body.center), max(path.values), pieces * body.height
     if isinstance(tip, FlatPunch) and 2 * tip.radius > width:
-        raise ConfigError("indenter.radius", f"a flat punch of radius {tip.radius:g} is wider than the body",
-                          f"at most {width / 2:g}")  # fmt: skip
-    thickness = pieces * body.height
-    if path.control == "depth" and max(path.values) >= thickness:
-        raise ConfigError(key, f"depth {max(path.values):g} is beyond the body's thickness {thickness:g}",
-                          f"stay below {thickness:g}")  # fmt: skip
-
-
-def _check_room(
-    body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...], path: LoadPath, key: str
-) -> None:
-    delta, room = max(path.values), deepest(body, layers, tip, center)
-    if path.control == "depth" and delta >= room:
-        raise ConfigError(
-            key,
-            f"depth {delta:g} leaves no room to an incompressible body held on all sides: at {room:g} the tip would "
-            "cover its whole top",
-            "stay well below, free a side, or nu < 0.5",
-        )
-
-
-def _check_ends(body: Body, tip: Indenter, center: tuple[float, ...], path: LoadPath, key: str) -> None:
-    delta, end = max(path.values), end_of_sides(body, tip, center)
-    if path.control == "depth" and delta > end:
-        raise ConfigError(
-            key,
-            f"depth {delta:g} presses the tip onto the top of a fixed side, which it meets at {end:g}: nothing "
-            "moves it, and the force has no bound",
-            f"stay below {end:g}, free that side, or take a wider body",
-        )
+        problem = f"a flat punch of radius {tip.radius:g} is wider than the body"
+        raise ConfigError("indenter.radius", problem, f"at most {width / 2:g}")
+    if path.control == "force":
+        return
+    if delta >= thickness:
+        problem = f"depth {delta:g} is beyond the body's thickness {thickness:g}"
+        raise ConfigError(key, problem, f"stay below {thickness:g}")
+    if delta >= (room := deepest(body, layers, tip, center)):
+        covered = f"at {room:g} the tip would cover its whole top"
+        problem = f"depth {delta:g} leaves no room to an incompressible body held on all sides: {covered}"
+        raise ConfigError(key, problem, "stay well below, free a side, or nu < 0.5")
+    if delta > (end := end_of_sides(body, tip, center)):
+        side = f"the top of a fixed side, which it meets at {end:g}"
+        problem = f"depth {delta:g} presses the tip onto {side}: nothing moves it, and the force has no bound"
+        raise ConfigError(key, problem, f"stay below {end:g}, free that side, or take a wider body")
 
 
 def _expected_radius(
-    theory: Theory | None, tips: Sequence[Indenter], body: Body, center: tuple[float, ...], delta: float
+    theory: Theory | None, tips: Sequence[Indenter], body: Body, center: Center, delta: float
 ) -> float:
     """Contact radius at the deepest point: layer theory, else the smallest of the tips' sections; within the body."""
     rim = max(body.rim_distance(center), 0.05 * body.rim_distance(body.center))
@@ -398,16 +477,14 @@ def _expected_radius(
     return min(solution.a if solution else min(tip.radius_at(delta) for tip in tips), rim)
 
 
-def _overlap(tip: Indenter, body: Meshed, center: tuple[float, ...], delta: float) -> float:
+def _overlap(tip: Indenter, body: Meshed, center: Center, delta: float) -> float:
     """How far from its axis [length] a tip at a depth would overlap the undeformed surface, to a part of a facet."""
-    x, y = body.top()
-    along_x, along_y = (*center, 0.0)[:2]
-    r, gap = body.distances(center).ravel(), (tip.height(x - along_x, y - along_y) - body.facets[..., -1]).ravel()
+    r, gap = body.distances(center).ravel(), (_heights(tip, body.top(), center) - body.facets[..., -1]).ravel()
     order = np.argsort(np.where(np.isfinite(gap), r, np.inf))[: np.isfinite(gap).sum()]
     return float(np.interp(delta, np.maximum.accumulate([0.0, *gap[order]]), [0.0, *r[order]]))
 
 
-def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[float, ...]) -> float:
+def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: Center) -> float:
     """The depth [length] at which the tip would cover the whole top; infinity for a body that can give way.
 
     The volume under the undeformed top stays what it is, so the surface's mean height stays 0, and under a tip that
@@ -417,18 +494,20 @@ def deepest(body: Body, layers: Sequence[Layer], tip: Indenter, center: tuple[fl
     matter += [inclusion.material.canonical() for inclusion in body.inclusions or ()]
     if any(material.constants.nu < 0.5 for material in matter) or not body.is_held:
         return float("inf")
-    x, y = body.top()
-    along_x, along_y = (*center, 0.0)[:2]
-    return float(np.mean(tip.height(x - along_x, y - along_y)))
+    return float(np.mean(_heights(tip, body.top(), center)))
 
 
-def end_of_sides(body: Body, tip: Indenter, center: tuple[float, ...]) -> float:
+def end_of_sides(body: Body, tip: Indenter, center: Center) -> float:
     """The depth [length] at which the tip meets the top of a fixed side; infinity where no side is fixed.
 
     Deeper, the surface would have to jump from u_z = 0 at the side to the tip beside it: no displacement of finite
     energy does, and the force of a mesh grows as the logarithm of its elements there.
     """
-    x, y = body.fixed_ends()
     z = body.clamped[:, -1] if isinstance(body, Meshed) else 0.0
+    return float(np.min(_heights(tip, body.fixed_ends(), center) - z, initial=np.inf))
+
+
+def _heights(tip: Indenter, points: Points, center: Center) -> Any:
+    """How high a tip is above its apex [length] over points, seen from above."""
     along_x, along_y = (*center, 0.0)[:2]
-    return float(np.min(tip.height(x - along_x, y - along_y) - z, initial=np.inf))
+    return tip.height(points[0] - along_x, points[1] - along_y)

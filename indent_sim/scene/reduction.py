@@ -7,25 +7,26 @@ from dataclasses import replace
 from itertools import pairwise
 from math import inf, isclose
 
-from indent_sim.mesh.part import Part, Pins, Point, Region, Side, polygon
+from indent_sim.mesh.modelled_part import Part, Pins, Point, Region, Side, polygon
 from indent_sim.model.body import Box, Cylinder, Dome, Drawn, Endless, Inclusion, Strip
-from indent_sim.model.kinematics import Axisymmetric, PlaneStrain, ThreeDimensional
+from indent_sim.model.kinematics import Axisymmetric, Kinematics, PlaneStrain, ThreeDimensional
 from indent_sim.model.tips import Indenter
 from indent_sim.process.errors import ConfigError
 
 Regions = tuple[Region, ...]
+Sides = tuple[Side, ...]
+Supports = Mapping[str, str]
 SYMMETRY = ("full", "half", "quarter")  # by the number of mirror planes
-PLACES = 9  # decimals, of the body's height, to which mirror images must agree
-TURNS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
+MIRROR_DECIMALS = 9  # decimals, of the body's height, to which mirror images must agree
+QUARTER_ENDS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))  # the ends of a circle's quarters, anticlockwise
 
 
 def reduce(body: Drawn | Endless, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
-    """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`.
-
-    Raises ConfigError when the scene does not have the symmetry that is asked for.
-    """
-    if isinstance(body, Endless):
-        return _endless(body, regions), "tip of revolution on a body that is the same everywhere"
+    """Choose the symmetric part to model, and say why; `wanted` is `mesh.symmetry`. Raises ConfigError when the scene
+    does not have the symmetry that is asked for."""
+    if isinstance(body, Endless):  # theory sees a section whose walls are at infinity; nothing meshes it
+        part = _section(inf, body.height, regions, {"base": getattr(body, "base", "free")})
+        return part, "tip of revolution on a body that is the same everywhere"
     if isinstance(body, Cylinder):
         part, why = _cylinder(body, center, wanted, tip, regions)
     elif isinstance(body, Strip):
@@ -54,7 +55,7 @@ def _is_matched(regions: Regions, axis: str, c: float) -> bool:
 
 def _placed(inclusion: Inclusion) -> Inclusion:
     """The inclusion where it is to so many digits that two places are one."""
-    return replace(inclusion, center=tuple(round(x, PLACES) + 0.0 for x in inclusion.center))
+    return replace(inclusion, center=tuple(round(x, MIRROR_DECIMALS) + 0.0 for x in inclusion.center))
 
 
 def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions: Regions) -> tuple[Part, str]:
@@ -68,27 +69,22 @@ def _cylinder(body: Cylinder, center: Point, wanted: str, tip: Indenter, regions
     supports = {"base": body.base, "r_max": body.sides}
     if wanted in ("auto", "axisymmetric") and not obstacle:
         return _section(body.radius, body.height, regions, supports), "tip of revolution on the axis of a cylinder"
-    cuts = _cuts(wanted, [axis for axis in "xy"
-                          if on_axis[axis] and _mirrors(tip, axis) and _is_matched(regions, axis, 0.0)])  # fmt: skip
-    part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts), _sector(body.radius, cuts), body.height,
-                regions, _mirrored(supports, cuts))  # fmt: skip
+    symmetric = [axis for axis in "xy" if on_axis[axis] and _mirrors(tip, axis) and _is_matched(regions, axis, 0.0)]
+    cuts = _cuts(wanted, symmetric)
+    part = _cut(cuts, ThreeDimensional(), _sector(body.radius, cuts), body.height, regions, supports)
     return part, f"{obstacle or 'three dimensions asked for'}; {_about(cuts)}"
 
 
-def _endless(body: Endless, regions: Regions) -> Part:
-    """What theory sees of a body without end: a section whose walls are at infinity. Nothing meshes it."""
-    return _section(inf, body.height, regions, {"base": getattr(body, "base", "free")})
-
-
-def _section(radius: float, height: float, regions: Regions, supports: Mapping[str, str]) -> Part:
+def _section(radius: float, height: float, regions: Regions, supports: Supports) -> Part:
     section = _rectangle(("base", "r_max", "top", "r_min"), (0.0, radius), (-height, 0.0))
     return Part(Axisymmetric(), "axisymmetric", 1, section, height, regions, {**supports, "r_min": "roller"})
 
 
-def _sector(radius: float, cuts: list[str]) -> tuple[Side, ...]:
+def _sector(radius: float, cuts: list[str]) -> Sides:
     """The circle, or the half or quarter of it on one side of the mirror planes, from arcs of a quarter turn."""
     first = -1 if cuts == ["x"] else 0
-    ends = [(radius * c, radius * s) for c, s in (TURNS[k % 4] for k in range(first, first + 4 // 2 ** len(cuts) + 1))]
+    quarters = [QUARTER_ENDS[k % 4] for k in range(first, first + 4 // 2 ** len(cuts) + 1)]
+    ends = [(radius * c, radius * s) for c, s in quarters]
     arcs = tuple(Side("r_max", start, end, middle=(0.0, 0.0)) for start, end in pairwise(ends))
     if not cuts:
         return arcs
@@ -105,11 +101,10 @@ def _strip(body: Strip, center: Point, wanted: str, regions: Regions) -> tuple[P
     if wanted == "half" and not symmetric:
         raise _refuse(wanted, "tip, sides or inclusions are not symmetric about the middle", "use 'auto' or 'full'")
     cuts = ["x"] if symmetric and wanted != "full" else []
-    section = _rectangle(("base", "x_max", "top", "x_min"), (center[0] if cuts else 0.0, body.width),
-                         (-body.height, 0.0))  # fmt: skip
+    across = (center[0] if cuts else 0.0, body.width)
+    section = _rectangle(("base", "x_max", "top", "x_min"), across, (-body.height, 0.0))
     whole = "asked for whole" if wanted == "full" else "not symmetric about the tip"
-    part = Part(PlaneStrain(), SYMMETRY[len(cuts)], 2 ** len(cuts), section, body.height, regions,
-                _mirrored(supports, cuts))  # fmt: skip
+    part = _cut(cuts, PlaneStrain(), section, body.height, regions, supports)
     return part, f"plane strain, {'tip and sides symmetric about the middle' if cuts else whole}"
 
 
@@ -124,22 +119,29 @@ def _box(body: Box, center: Point, wanted: str, tip: Indenter, regions: Regions)
     matched = {axis: _is_matched(regions, axis, c) for axis, c in zip("xy", center, strict=True)}
     cuts = _cuts(wanted, [axis for axis, symmetric in mirrored.items() if symmetric and matched[axis]])
     across = [(c if axis in cuts else 0.0, size) for axis, c, size in zip("xy", center, body.size, strict=False)]
-    part = Part(ThreeDimensional(), SYMMETRY[len(cuts)], 2 ** len(cuts),
-                _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), body.height, regions,
-                _mirrored({"base": body.base, **vars(sides)}, cuts))  # fmt: skip
+    outline, supports = _rectangle(("y_min", "x_max", "y_max", "x_min"), *across), {"base": body.base, **vars(sides)}
+    part = _cut(cuts, ThreeDimensional(), outline, body.height, regions, supports)
     return part, f"tip and sides: {_about(cuts)}"
+
+
+def _cut(
+    cuts: list[str], kinematics: Kinematics, outline: Sides, height: float, regions: Regions, supports: Supports
+) -> Part:
+    """The part of a body that is cut along mirror planes, which are rollers."""
+    supports = {**supports, **{f"{axis}_min": "roller" for axis in cuts}}
+    return Part(kinematics, SYMMETRY[len(cuts)], 2 ** len(cuts), outline, height, regions, supports)
 
 
 def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:
     if wanted not in ("auto", "axisymmetric"):
         raise _refuse(wanted, f"a {body.shape} is modelled about its axis", "use 'auto'")
-    part = Part(Axisymmetric(), "axisymmetric", 1, _round_section(body), body.height, regions,
-                {"base": body.base, "r_min": "roller"})  # fmt: skip
+    supports = {"base": body.base, "r_min": "roller"}
+    part = Part(Axisymmetric(), "axisymmetric", 1, _round_section(body), body.height, regions, supports)
     mirrored = "; half of the ball, which the plane through its center mirrors, and half of the approach"
     return part, f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}"
 
 
-def _round_section(body: Dome) -> tuple[Side, ...]:
+def _round_section(body: Dome) -> Sides:
     """The base, the curved surface from its edge up to the apex in arcs of a quarter turn at most, and the axis."""
     R, foot, apex, nadir = body.radius, body.foot, (0.0, 0.0), (0.0, -body.height)
     middle, is_whole = (0.0, -R), foot[1] > nadir[1]
@@ -149,14 +151,9 @@ def _round_section(body: Dome) -> tuple[Side, ...]:
     return base, *curved, Side("r_min", apex, nadir)
 
 
-def _rectangle(surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]) -> tuple[Side, ...]:
+def _rectangle(surfaces: tuple[str, ...], across: tuple[float, float], up: tuple[float, float]) -> Sides:
     (x0, x1), (y0, y1) = across, up
     return polygon(surfaces, ((x0, y0), (x1, y0), (x1, y1), (x0, y1)))
-
-
-def _mirrored(supports: Mapping[str, str], cuts: list[str]) -> dict[str, str]:
-    """The supports of a part that is cut along mirror planes."""
-    return {**supports, **{f"{axis}_min": "roller" for axis in cuts}}
 
 
 def _pins(part: Part) -> Pins:

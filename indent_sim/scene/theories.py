@@ -1,170 +1,84 @@
-"""Theory of a scene: layer and half-space theory for its tip, and what the body has that theory has not."""
+"""Theory of a scene: which layer or half-space theory, for its tip, and what the body has that theory has not."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
-from math import ceil, inf, nan
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
 
 import numpy as np
 
+from indent_sim.model import tips
 from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
-from indent_sim.model.loading import LoadPath
-from indent_sim.model.tips import (
-    Berkovich,
-    Cone,
-    CubeCorner,
-    FlatPunch,
-    Indenter,
-    Paraboloid,
-    Plate,
-    Profile,
-    Pyramid,
-    RegularPyramid,
-    Sphere,
-    Vickers,
-)
+from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, RegularPyramid, Sphere
 from indent_sim.theory import half_space, profiles
-from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus
-from indent_sim.theory.layer import Layer
-from indent_sim.theory.march import LayerContact
-from indent_sim.theory.roots import increasing_root
-from indent_sim.theory.solution import Solution
+from indent_sim.theory.films import dimitriadis_force, film_force, gao_modulus, perriot_barthel_modulus
+from indent_sim.theory.half_space import section_depth
+from indent_sim.theory.layer import Layer, sneddon_force
+from indent_sim.theory.roots import Curve, depth_of
+from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
+from indent_sim.theory.theory import OWN_ERROR, Theory
 
-if TYPE_CHECKING:
-    from indent_sim.theory.surface.adhesion import Jkr
-
-MOST_KEPT = 100  # solutions that a theory remembers
-OWN_ERROR = 1e-8  # of theory's numbers, stated: ten times what was measured
 NO_INCLUSIONS = "theory's body has no inclusions"
-CONTRAST, STEEP = 1e4, 2.5  # between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
-
-SAMPLED = 10  # depths of a path at which it is asked whether theory's tip would have to pull
-
-Formula = Callable[[float], float]
-
-
-@dataclass(frozen=True)
-class Theory:
-    """Small-strain theory of a body under a tip on its axis; `exact` when the body is the theory's own.
-
-    `why` says what the finite body has that the theory has not. `error`: of its numbers, relative. `pull`: the share of
-    the force that the tip would have to pull with, where that alone keeps it from being exact. `formulas`: force
-    [pressure length^2] at a depth [length] by the usual formulas for such a body. A depth is worked out once and
-    remembered.
-    """
-
-    name: str
-    exact: bool
-    why: str
-    contact: LayerContact = field(repr=False)
-    error: float = OWN_ERROR
-    formulas: Mapping[str, Formula] = field(default_factory=dict, repr=False)
-    pull: float = 0.0
-    _known: dict[float, Solution | None] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    def curve(self, deltas: Sequence[float]) -> list[Solution] | None:
-        """One Solution (force, a, pressure) per depth, or None where the theory ends (contact meets the wall)."""
-        if len(self._known) > MOST_KEPT:
-            self._known.clear()
-        new = [delta for delta in deltas if delta not in self._known]
-        with contextlib.suppress(ValueError):
-            self._known.update(zip(new, self.contact.curve(new), strict=True))
-        solutions = [solution for delta in deltas if (solution := self._known.get(delta))]
-        return solutions if len(solutions) == len(deltas) else None
-
-    def at(self, delta: float) -> Solution | None:
-        """The Solution at one depth, or None."""
-        solutions = self.curve([delta])
-        self._known.setdefault(delta, None)
-        return solutions[0] if solutions else None
-
-    def depth(self, force: float, deepest: float) -> float | None:
-        """The depth at which theory's force is this one, `deepest` at most; None when theory ends before."""
-        with contextlib.suppress(ValueError, ArithmeticError), np.errstate(all="ignore"):
-            return min(self.contact.depth(force), deepest)
-        last = self.at(deepest)
-        return deepest if last and last.force <= force else None
-
-    def along(self, deltas: Sequence[float]) -> Theory:
-        """The same theory, no longer exact where its tip would have to pull at one of the depths."""
-        if not self.exact or len(self.contact.scaled.plies) == 1:
-            return self
-        some = {*deltas[:: ceil(len(deltas) / SAMPLED)], max(deltas)}
-        found = [solution for delta in some if delta > 0 and (solution := self.at(delta))]
-        pull = max(map(self.contact.tension, found), default=0.0)
-        if not pull:
-            return self
-        why = f"theory's tip would pull with {100 * pull:.1g} % of the force to keep its contact whole"
-        return replace(self, exact=False, why=why, pull=pull, error=max(self.error, pull))
-
-    def reaches(self, path: LoadPath, deepest: float) -> bool:
-        """Whether theory goes as far as a path, whose deepest contact is to be expected at this depth."""
-        if path.control == "force":
-            return max(path.values) <= 0 or self.depth(max(path.values), inf) is not None
-        return deepest <= 0 or self.at(deepest) is not None
-
-    def formula_at(self, name: str, delta: float, force: float | None = None) -> float | None:
-        """Force at a depth by a usual formula or, where a force is given, its depth, near this one; None: no such."""
-        formula = self.formulas[name]
-        found = formula(delta) if force is None else _depth_at(formula, force, delta)
-        return found if found is not None and np.isfinite(found) else None
+# Between moduli from which theory loses digits, and the power: 2e-6 was measured at 1e5
+INEXACT_CONTRAST, STEEP = 1e4, 2.5
 
 
 @dataclass(frozen=True)
 class KnownTip:
-    """What theory knows of a kind of tip: its shape, and force(tip, delta, E_star) of a sharp one on a half-space."""
+    """What theory knows of a kind of tip: its shape, and force(delta, size, E_star) of a sharp one on a half-space.
 
-    shape: Callable[[Any], profiles.Tip]
-    half_space: str = ""  # whose formula that is; empty: nobody's
-    force: Callable[[Any, float, float], float | None] = lambda tip, delta, E_star: None
+    takes: what the shape takes of the tip, by name; the first is the size. half_space: whose formula the force is.
+    """
 
-
-def _equal_sections(tip: RegularPyramid) -> profiles.Tip:
-    """The cone whose sections are as large as the pyramid's."""
-    angle = np.degrees(np.arctan(tip.roundness * np.tan(np.radians(tip.half_angle))))
-    return profiles.cone(float(angle), tip.tip_radius)
+    shape: Callable[..., profiles.Tip]
+    takes: tuple[str, ...] = ()
+    half_space: str = ""
+    force: Callable[..., float] | None = None
 
 
-def _square_pyramid(tip: RegularPyramid, delta: float, E_star: float) -> float | None:
-    return half_space.square_pyramid_force(delta, tip.half_angle, E_star) if tip.faces == 4 else None
+Corners = Callable[[], Sequence[tuple[float, float, float]]]  # of a profile: radius, half of the width, and jump
 
 
-def _of_points(tip: Profile) -> profiles.Tip:
-    if tip.tip_radius == 0.0:
-        return profiles.piecewise_linear(tip.points)
-    breaks = {round(edge, 15) for c, w, _ in tip.corners() for edge in (c - w, c + w)}
-    return profiles.profile(tip.slope, reach=tip.points[-1][0], breaks=sorted(b for b in breaks if b > 0))
+def _of_points(
+    points: Sequence[Sequence[float]], tip_radius: float, slope: profiles.Shape, corners: Corners
+) -> profiles.Tip:
+    if tip_radius == 0.0:
+        return profiles.piecewise_linear(points)
+    breaks = {round(edge, 15) for c, w, _ in corners() for edge in (c - w, c + w)}
+    return profiles.profile(slope, reach=points[-1][0], breaks=sorted(b for b in breaks if b > 0))
 
 
+PUNCH = ("Sneddon (flat punch)", half_space.flat_punch_force)
+SQUARE = ("a square pyramid on a half-space", half_space.square_pyramid_force)
+PYRAMID = KnownTip(profiles.equal_sections, ("half_angle", "roundness", "tip_radius"), *SQUARE)
 TIPS: dict[type, KnownTip] = {
-    Paraboloid: KnownTip(lambda tip: profiles.paraboloid(tip.R), "Hertz",
-                         lambda tip, delta, E_star: half_space.paraboloid_force(delta, tip.R, E_star)),
-    Sphere: KnownTip(lambda tip: profiles.sphere(tip.R), "Sneddon (sphere)",
-                     lambda tip, delta, E_star: half_space.sphere_force(delta, tip.R, E_star)),
-    Cone: KnownTip(lambda tip: profiles.cone(tip.half_angle, tip.tip_radius), "Sneddon (cone)",
-                   lambda tip, delta, E_star: half_space.cone_force(delta, tip.half_angle, E_star)),
-    FlatPunch: KnownTip(lambda tip: profiles.flat_punch(tip.radius, tip.edge_radius), "Sneddon (flat punch)",
-                        lambda tip, delta, E_star: half_space.flat_punch_force(delta, tip.radius, E_star)),
-    Plate: KnownTip(lambda tip: profiles.plane()),
-    **{kind: KnownTip(_equal_sections, "a square pyramid on a half-space", _square_pyramid)
-       for kind in (Pyramid, Berkovich, Vickers, CubeCorner)},
-    Profile: KnownTip(_of_points),
-}  # fmt: skip
+    Paraboloid: KnownTip(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
+    Sphere: KnownTip(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
+    tips.Cone: KnownTip(profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force),
+    FlatPunch: KnownTip(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH),
+    Plate: KnownTip(profiles.plane),
+    **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID),
+    Profile: KnownTip(_of_points, ("points", "tip_radius", "slope", "corners")),
+}
 
 
 def shape_of(tip: Indenter) -> profiles.Tip | None:
     """The tip as layer theory sees it; None for one that it does not know."""
     known = TIPS.get(type(tip))
     with contextlib.suppress(ValueError):
-        return known.shape(tip) if known else None
+        return known.shape(*(getattr(tip, name) for name in known.takes)) if known else None
     return None
+
+
+def first_of(*reasons: tuple[bool, str]) -> str:
+    """The first of the reasons that apply; empty where none does."""
+    return next((why for applies, why in reasons if applies), "")
 
 
 def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
@@ -189,7 +103,7 @@ def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center:
     wall, exact, why = _wall(body, center)
     contact = (Strip if is_plane else Layer).on(shape, stack, wall)
     formulas = {} if is_plane else _layer_formulas(layers, tip, body.base)
-    return _isotropic(_theory("layer theory", exact, why, layers, tip, contact, formulas), layers)
+    return _judged(Theory("layer theory", exact, why, contact, formulas=formulas), layers, tip)
 
 
 def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theory | None:
@@ -203,40 +117,29 @@ def _dome_theory(body: Dome, layers: Sequence[BodyLayer], tip: Indenter) -> Theo
     return Theory("layer theory" if is_cap else "half-space theory", False, why, contact)
 
 
-def without_range(theory: Theory | None, work: float) -> Jkr | None:
-    """A tip that adheres without range (JKR) on a linear body; None where theory does not know the body or the tip."""
-    from indent_sim.theory.surface.adhesion import Jkr  # with scipy's searches, which no other scene needs
-    from indent_sim.theory.surface.punches import LayerPunches
-
-    contact = theory.contact if theory else None
-    return Jkr(LayerPunches(contact), work) if isinstance(contact, Layer) else None
-
-
 def adhesive_radii(
-    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, deepest: float,
-    largest_force: float | None,
-) -> tuple[float, float] | tuple[()]:  # fmt: skip
-    """Contact radii [length] of a tip that adheres without range: where it comes off, and at the deepest depth, or at
-    the largest force [force] where that is prescribed.
+    theory: Theory | None, tip: Indenter, layers: Sequence[BodyLayer], work: float, depth: float, force: float | None
+) -> tuple[float, float] | tuple[()]:
+    """Contact radii [length] of a tip that adheres without range: where it comes off, and at a depth, or at a force
+    [force] where that is prescribed.
 
     By theory, or that of a half-space of the first layer; empty where neither knows them.
     """
-    jkr = without_range(theory, work)
+    depth = max(depth, 0.0)
+    jkr = theory.jkr(work) if theory else None
     if jkr is None:
-        beside = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(max(deepest, 0.0)) or 1.0)
-        jkr = without_range(beside, work)
-    with contextlib.suppress(ValueError, ArithmeticError):
-        if jkr is not None:
-            deep = jkr.stable(max(deepest, 0.0)) if largest_force is None else jkr.stable(max(largest_force, 0.0), inf)
-            return (jkr.pull_off().a, deep.a) if deep else ()
+        beside = half_space_theory(tip, [replace(layers[0], thickness=None)], tip.radius_at(depth) or 1.0)
+        jkr = beside.jkr(work) if beside else None
+    with contextlib.suppress(*UNSOLVED):
+        to = (depth,) if force is None else (max(force, 0.0), inf)
+        if jkr is not None and (deep := jkr.stable(*to)):
+            return jkr.pull_off().a, deep.a
     return ()
 
 
 def relative_tip(tip: Indenter, body: Body) -> Indenter:
-    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the body's, 1/R + 1/radius.
-
-    A sharp tip is its own: beside its apex the body is flat.
-    """
+    """The tip that leaves the same gap over a flat top: of the curvature 1/R relative to the body's, 1/R + 1/radius. A
+    sharp tip is its own: beside its apex the body is flat."""
     if not isinstance(body, Dome):
         return tip
     match tip:
@@ -253,20 +156,16 @@ def half_space_theory(tip: Indenter, layers: Sequence[BodyLayer], size: float = 
     if shape is None or stack is None:
         return None
     why = "the half-space itself" if len(layers) == 1 else "the layers on the half-space itself"
-    formulas = _film_formulas(layers, tip)
-    found = _theory("half-space theory", True, why, layers, tip, Layer.on(shape, stack), formulas)
-    return found if len(layers) == 1 else _isotropic(found, layers)
+    found = Theory("half-space theory", True, why, Layer.on(shape, stack), formulas=_film_formulas(layers, tip))
+    return _judged(found, layers, tip)
 
 
 def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -> Stack | None:
-    """The layers as theory knows them, on a rigid base, or the last one a half-space where base is None.
-
-    None where theory does not know a material (nu < 0). A homogeneous half-space feels E and nu only as E*.
-    """
+    """The layers as theory knows them, on a rigid base, or the last one a half-space where base is None. None where
+    theory does not know a material (nu < 0)."""
     plies = [_ply(layer) for layer in layers]
     if base is None and len(plies) == 1:
-        E_star = plies[0].E / (1 - plies[0].nu ** 2)
-        return Stack((Ply(size, E_star, 0.0), Ply(inf, E_star, 0.0)), None)
+        return Stack.half_space(plies[0].E / (1 - plies[0].nu ** 2), size)
     if any(ply.nu < 0 for ply in plies):
         return None
     if base is None:
@@ -274,52 +173,37 @@ def stack_of(layers: Sequence[BodyLayer], base: str | None, size: float = 1.0) -
     return Stack(tuple(plies), base)
 
 
-def _theory(
-    name: str, exact: bool, why: str, layers: Sequence[BodyLayer], tip: Indenter, contact: LayerContact,
-    formulas: Mapping[str, Formula],
-) -> Theory:  # fmt: skip
-    if not tip.of_revolution:
-        exact, why = False, "theory's tip is the cone of equal sections"
-    if not all(layer.material and layer.material.small_strain for layer in layers):
-        exact, why = False, "theory is that of small strain"
-    moduli = [layer.material.constants.E for layer in layers if layer.material]
-    error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / CONTRAST) ** STEEP
-    return Theory(name, exact, why, contact, error, formulas)
+def _judged(theory: Theory, layers: Sequence[BodyLayer], tip: Indenter) -> Theory:
+    """The theory of a body like its own, with what tip and materials have that it has not, and its error."""
+    materials = [layer.material for layer in layers if layer.material]
+    is_one_half_space = len(layers) == 1 and theory.contact.scaled.is_bottomless  # of the same indentation modulus
+    is_isotropic = is_one_half_space or all(material.is_isotropic for material in materials)
+    why = first_of(
+        (not is_isotropic, "theory's layers are isotropic"),
+        (not all(material.small_strain for material in materials), "theory is that of small strain"),
+        (not tip.of_revolution, "theory's tip is the cone of equal sections"),
+    )
+    moduli = [material.constants.E for material in materials]
+    error = OWN_ERROR * max(1.0, max(moduli) / min(moduli) / INEXACT_CONTRAST) ** STEEP
+    return replace(theory, exact=theory.exact and not why, why=why or theory.why, error=error)
 
 
-def _isotropic(found: Theory, layers: Sequence[BodyLayer]) -> Theory:
-    """Theory of layers, whose materials are isotropic: of the same indentation modulus where the body's are not."""
-    if all(layer.material and layer.material.is_isotropic for layer in layers):
-        return found
-    return replace(found, exact=False, why="theory's layers are isotropic")
-
-
-def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Formula]:
+def _layer_formulas(layers: Sequence[BodyLayer], tip: Indenter, base: str) -> dict[str, Curve]:
     """Dimitriadis, for a paraboloid or a sphere on a single layer."""
     if len(layers) > 1 or not isinstance(tip, Paraboloid | Sphere):
         return {}
-    ply = _ply(layers[0])
-    return {"Dimitriadis": lambda delta: dimitriadis_force(delta, tip.R, ply, base)}
+    return {"Dimitriadis": partial(dimitriadis_force, R=tip.R, layer=_ply(layers[0]), base=base)}
 
 
-def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Formula]:
-    """Gao and Perriot-Barthel, for one film on a half-space.
-
-    They give the modulus of the half-space that stands for both under a contact radius, which a tip has on a
-    half-space of any modulus.
-    """
+def _film_formulas(layers: Sequence[BodyLayer], tip: Indenter) -> dict[str, Curve]:
+    """Gao and Perriot-Barthel, for one film on a half-space."""
     alone = half_space_theory(tip, layers[:1]) if len(layers) == 2 else None
     if alone is None:
         return {}
     film, substrate = map(_ply, layers)
-
-    def force(modulus: Callable[[Ply, Ply, float], float], delta: float) -> float:
-        found = alone.at(delta)
-        if found is None:
-            return nan
-        return found.force * modulus(film, substrate, found.a) / half_space.E_star(film.E, film.nu)
-
-    return {"Gao": partial(force, gao_modulus), "Perriot-Barthel": partial(force, perriot_barthel_modulus)}
+    moduli = {"Gao": gao_modulus, "Perriot-Barthel": perriot_barthel_modulus}
+    force = partial(film_force, film=film, substrate=substrate, alone=alone.at)
+    return {name: partial(force, modulus=modulus) for name, modulus in moduli.items()}
 
 
 def _ply(layer: BodyLayer) -> Ply:
@@ -340,56 +224,33 @@ def _wall(body: Body, center: tuple[float, ...]) -> tuple[float | None, bool, st
     return None, False, "theory's layer is infinitely wide"
 
 
-def section_depth(tip: Indenter, force: float, E_star: float, dim: int) -> float:
-    """About the depth at which a half-space gives this force, for any tip: force = E* radius_at(depth) depth.
-
-    In plane strain (dim = 2) force = E* depth.
-    """
-    size = force / E_star
-    if dim == 2:
-        return size
-    start = float(np.sqrt(size))
-    return _depth_at(lambda depth: tip.radius_at(depth) * depth, size, start) or start
-
-
 def half_space_depth(tip: Indenter, force: float, E_star: float) -> tuple[str, float] | None:
     """Name and depth of a tip on a half-space at a force; None for the tips that nobody has a formula for."""
-    start = section_depth(tip, force, E_star, 3)
-    closed = half_space_force(tip, start, E_star)
-    if closed is None:
-        return None
-    found = _depth_at(lambda depth: half_space_force(tip, depth, E_star)[1], force, start)  # type: ignore[index]
-    return (closed[0], found) if found else None
+    start = section_depth(tip.radius_at, force, E_star)
+    name, force_at = _half_space_formula(tip, start, E_star)
+    found = depth_of(force_at, force, start) if force_at else None
+    return (name, found) if found else None
 
 
 def half_space_force(tip: Indenter, delta: float, E_star: float) -> tuple[str, float] | None:
     """Name and force of a tip on a half-space (Hertz, Sneddon); None for the tips that nobody has a formula for."""
+    name, force_at = _half_space_formula(tip, delta, E_star)
+    with contextlib.suppress(*UNSOLVED):
+        return (name, force_at(delta)) if force_at else None
+    return None
+
+
+def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str, Curve | None]:
+    """Name and force of a tip on a half-space near a depth; by quadrature where it has no closed form."""
     known = TIPS.get(type(tip))
-    if known is None or delta <= 0 or isinstance(tip, Plate):
-        return None
-    is_blunt = getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0
-    if is_blunt or isinstance(tip, Profile):
-        force = _blunt_force(tip, delta, E_star)
-        return ("Sneddon (quadrature)", force) if force is not None else None
-    force = known.force(tip, delta, E_star)
-    return (known.half_space, force) if force is not None else None
-
-
-@lru_cache(maxsize=MOST_KEPT)
-def _blunt_force(tip: Indenter, delta: float, E_star: float) -> float | None:
-    """Force of a tip of revolution without a closed form, by Sneddon's integral; None past the end of the tip."""
-    shape = shape_of(tip) if tip.of_revolution else None
-    if shape is None:
-        return None
-    unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
-    half_space = Layer.on(shape, Stack((Ply(unit, E_star, 0.0), Ply(inf, E_star, 0.0)), None))
-    with contextlib.suppress(ValueError, ArithmeticError):
-        return half_space.curve([delta])[0].force
-    return None
-
-
-def _depth_at(force_at: Callable[[float], float], force: float, start: float) -> float | None:
-    """The depth at which an increasing force_at(depth) is `force` > 0; None when it is not reached."""
-    with contextlib.suppress(ValueError, ArithmeticError), np.errstate(all="ignore"):
-        return increasing_root(force_at, force, start, 1e15 * start)
-    return None
+    if known is None or isinstance(tip, Plate) or not delta > 0:
+        return "", None
+    if known.force is None or getattr(tip, "tip_radius", 0.0) > 0 or getattr(tip, "edge_radius", 0.0) > 0:
+        shape = shape_of(tip) if tip.of_revolution else None
+        unit = float(2.0 ** np.ceil(np.log2(tip.radius_at(delta))))  # about the contact radius
+        matter = Stack.half_space(E_star, unit)
+        return "Sneddon (quadrature)", partial(sneddon_force, tip=shape, half_space=matter) if shape else None
+    if isinstance(tip, RegularPyramid) and tip.faces != 4:
+        return "", None
+    size = {known.takes[0]: getattr(tip, known.takes[0])}
+    return known.half_space, partial(known.force, E_star=E_star, **size)

@@ -15,8 +15,9 @@ from math import inf
 from indent_sim.model.body import Box, BoxSides, Cylinder, Endless, HalfSpace, InfiniteLayer, Layer
 from indent_sim.model.materials import LinearElastic, Material
 from indent_sim.model.tips import Indenter
-from indent_sim.scene.theories import half_space_theory, section_depth, shape_of, stack_of
+from indent_sim.scene.theories import half_space_theory, shape_of, stack_of
 from indent_sim.theory import profiles
+from indent_sim.theory.half_space import section_depth
 from indent_sim.theory.layer import Layer as LayerContact
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution
 
@@ -24,8 +25,8 @@ ACCURACY = 1e-3  # wanted of the force
 SHARE = 0.3  # of it that the truncation may take; the rest is the mesh's
 WALLS = BoxSides("roller", "roller", "roller", "roller")
 NEAREST, FARTHER = 2.0, 1.5  # heights from a layer's contact to the first wall that is tried, and times to the next
-LEAST = 1e-6  # of the force: an error of truncation that is less is stated as this
-MARGIN = 1.5  # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
+LEAST_STATED_ERROR = 1e-6  # of the force: an error of truncation that is less is stated as this
+TRUNCATION_SAFETY = 1.5  # times theory's error is stated: the mesh leaves noise of 1e-4, and nu < 0 is not in theory
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,9 @@ class Truncation:
     def why(self) -> str:
         """The reason in words."""
         size = "wide and high" if self.stands_for == "half-space" else "wide"
-        return (
-            f"stands for the {self.stands_for}: {self.ratio:.3g} contact radii {size}, "
-            f"too stiff by at most {100 * self.error:.2g} % of the force ({MARGIN:g} times layer theory's error)"
-        )
+        basis = f"{TRUNCATION_SAFETY:g} times layer theory's error"
+        stiff = f"too stiff by at most {100 * self.error:.2g} % of the force ({basis})"
+        return f"stands for the {self.stands_for}: {self.ratio:.3g} contact radii {size}, {stiff}"
 
 
 def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
@@ -53,9 +53,9 @@ def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float
     found = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
     truncation = found(body, tip, layers, delta)  # type: ignore[arg-type]
     shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
-    placed = [replace(inclusion, center=tuple(x + s for x, s in zip(inclusion.center, shift, strict=True)))
-              for inclusion in body.inclusions or ()]  # fmt: skip
-    return replace(truncation, body=replace(truncation.body, inclusions=tuple(placed) or None))
+    places = [tuple(x + s for x, s in zip(one.center, shift, strict=True)) for one in body.inclusions or ()]
+    placed = tuple(replace(one, center=at) for one, at in zip(body.inclusions or (), places, strict=True))
+    return replace(truncation, body=replace(truncation.body, inclusions=placed or None))
 
 
 def _reach(body: Endless) -> float:
@@ -64,10 +64,7 @@ def _reach(body: Endless) -> float:
 
 
 def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
-    """A wall at the distance where theory with and without it differ by no more than is allowed.
-
-    A contact wider than theory allows feels a wall no farther beyond its edge than the widest that theory knows.
-    """
+    """A wall where theory with and without it differ by no more than is allowed, or beside its widest contact."""
     known, depth, height = shape_of(tip), abs(delta) or body.height, body.height
     stack = stack_of([replace(layer, material=_compressible(layer.material)) for layer in layers], body.base)
     assert stack is not None
@@ -83,8 +80,9 @@ def _truncated_layer(body: InfiniteLayer, tip: Indenter, layers: Sequence[Layer]
         beyond *= FARTHER
         walled = _solved(LayerContact.on(contact.tip, stack, deepest.a + beyond), depth)
         error = abs(walled.force / deepest.force - 1) if walled else inf
-    beyond *= max(1.0, *(decay[1] for decay in _decays(layers)))  # a stiff plane carries it farther
-    width, error = float(f"{radius + beyond:.6g}"), MARGIN * max(error, LEAST)
+    # a stiff plane carries it farther
+    beyond *= max(1.0, *(layer.material.decay[1] for layer in layers if layer.material))
+    width, error = float(f"{radius + beyond:.6g}"), TRUNCATION_SAFETY * max(error, LEAST_STATED_ERROR)
     finite: Cylinder | Box = Cylinder(width, height, base=body.base, sides="roller")
     if not tip.of_revolution:
         finite = Box((2 * width, 2 * width, height), base=body.base, sides=WALLS)
@@ -97,36 +95,39 @@ def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer
     # what theory does not know, or ends in, is no wider in contact than a punch of its radius
     punch = profiles.flat_punch(tip.radius_at(depth))
     models = [*([(known, modelled)] if known else []), (punch, modelled), (punch, modelled[-1:])]  # films far too thin
-    stacks = [stack_of(matter, None, tip.radius_at(depth)) for _, matter in models]
-    contacts = (_solved(LayerContact.on(shape, stack), depth)  # type: ignore[arg-type]
-                for (shape, _), stack in zip(models, stacks, strict=True))  # fmt: skip
-    (shape, modelled), deepest = next((model, found) for model, found in zip(models, contacts, strict=True) if found)
+    for shape, modelled in models:
+        stack = stack_of(modelled, None, tip.radius_at(depth))
+        if stack and (deepest := _solved(LayerContact.on(shape, stack), depth)):
+            break
+    assert deepest is not None
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
     target, ratio = SHARE * ACCURACY, max(100.0, 10 * max(above, _reach(body)) / deepest.a)
-    deeper = max(1.0, *(1 / decay[0] for decay in _decays(layers)))  # than isotropic layers the base is felt
-    error = deeper * _error(shape, modelled, deepest, ratio)
-    while error > target:
+    # how much deeper than below isotropic layers the base is felt
+    deeper = max(1.0, *(1 / layer.material.decay[0] for layer in layers if layer.material))
+
+    def error_of(size: float) -> float:
+        """F(cylinder)/F(half-space) - 1."""
+        stack = stack_of(_finite(modelled, size), "fixed")
+        assert stack is not None
+        return deeper * (LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1)
+
+    while (error := error_of(ratio * deepest.a)) > target:
         ratio *= 1.01 * error / target  # the error falls a little faster than 1/ratio
-        error = deeper * _error(shape, modelled, deepest, ratio)
     ratio = float(f"{ratio:.6g}")  # so that the numbers are the same in all units
     size = ratio * deepest.a
     finite: Cylinder | Box = Cylinder(size, size, base="fixed", sides="roller")
     if not tip.of_revolution:  # the cylinder of theory fits into this box, which is softer
         finite = Box((2 * size, 2 * size, size), base="fixed", sides=WALLS)
-    return Truncation(finite, _finite(layers, size), "half-space", ratio, MARGIN * error)
+    return Truncation(finite, _finite(layers, size), "half-space", ratio, TRUNCATION_SAFETY * error)
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
     """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
     material = layers[0].material
     assert material is not None
-    start = section_depth(tip, force, material.E_star, 3)
+    start = section_depth(tip.radius_at, force, material.E_star)
     theory = half_space_theory(tip, layers, max(start, tip.radius_at(start)))
     return (theory and theory.depth(force, 1e6 * start)) or start
-
-
-def _decays(layers: Sequence[Layer]) -> list[tuple[float, float]]:
-    return [layer.material.decay for layer in layers if layer.material]
 
 
 def _compressible(material: Material | None) -> Material:
@@ -137,7 +138,6 @@ def _compressible(material: Material | None) -> Material:
 
 
 def _finite(layers: Sequence[Layer], size: float) -> tuple[Layer, ...]:
-    """The layers of a body of that height."""
     above = sum(layer.thickness or 0.0 for layer in layers[:-1])
     return (*layers[:-1], replace(layers[-1], thickness=size - above))
 
@@ -147,10 +147,3 @@ def _solved(contact: LayerContact, delta: float) -> Solution | None:
     with contextlib.suppress(ValueError):
         return contact.curve([delta])[0]
     return None
-
-
-def _error(shape: profiles.Tip, layers: Sequence[Layer], deepest: Solution, ratio: float) -> float:
-    """F(cylinder)/F(half-space) - 1."""
-    size = ratio * deepest.a
-    stack = stack_of(_finite(layers, size), "fixed")
-    return LayerContact.on(shape, stack, size).curve([deepest.delta])[0].force / deepest.force - 1  # type: ignore[arg-type]

@@ -5,41 +5,54 @@ thickness is t. They interpolate finite elements or first-order perturbations un
 with other tips or far contrasts they are off by up to a factor of two.
 
 Sources: Gao, Chiu & Lee (1992), Int. J. Solids Struct. 29, 2471, for moduli that differ by less than a factor of two;
-Song (1999), thesis, Rice University, in Rar, Song & Pharr (2001), MRS Proc. 695, L10.10; Perriot & Barthel (2004),
-J. Mater. Res. 19, 600, for ratios of 0.01 to 100; Dimitriadis et al. (2002), Biophys. J. 82, 2798.
+Perriot & Barthel (2004), J. Mater. Res. 19, 600, for ratios of 0.01 to 100; Dimitriadis et al. (2002), Biophys. J. 82,
+2798.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from indent_sim.theory.half_space import E_star, paraboloid_force
-from indent_sim.theory.solution import require_positive
-from indent_sim.theory.stack import BASES, Ply
+from indent_sim.theory.solution import Solution, require_positive
+from indent_sim.theory.stack import BASE_SUPPORTS, Ply
+
+Modulus = Callable[[Ply, Ply, float], float]  # E* [F/L^2] of film and substrate under a contact radius [L]
+Contact = Callable[[float], Solution | None]  # at a depth [L]
 
 
 def gao_modulus(film: Ply, substrate: Ply, a: float) -> float:
-    """E* = E*_s + (E*_f - E*_s) I0(t/a) [F/L^2] (Gao et al. 1992)."""
-    share = _gao_share(film, substrate, a)
+    """E* = E*_s + (E*_f - E*_s) I0(t/a) [F/L^2] (Gao et al. 1992).
+
+    I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), nu the composite's.
+    """
+    require_positive(a=a, thickness=film.thickness)
+    x = film.thickness / a
+    slope, angle = x * math.log1p(1.0 / x**2), 2.0 / math.pi * math.atan(x)
+    I1 = angle + slope / math.pi
+    rest = (1.0 - film.nu) * (1.0 - substrate.nu) / (1.0 - (1.0 - I1) * film.nu - I1 * substrate.nu)  # 1 - nu
+    share = angle + ((2.0 * rest - 1.0) * slope - x / (1.0 + x * x)) / (2.0 * math.pi * rest)
     return share * E_star(film.E, film.nu) + (1.0 - share) * E_star(substrate.E, substrate.nu)
 
 
-def song_pharr_modulus(film: Ply, substrate: Ply, a: float) -> float:
-    """1/E* = (1 - I0(t/a))/E*_s + I0(t/a)/E*_f: film and substrate in series [F/L^2] (Song 1999)."""
-    share = _gao_share(film, substrate, a)
-    return 1.0 / (share / E_star(film.E, film.nu) + (1.0 - share) / E_star(substrate.E, substrate.nu))
-
-
 def perriot_barthel_modulus(film: Ply, substrate: Ply, a: float) -> float:
-    """E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004).
-
-    log10 x0 = -0.093 + 0.792 l + 0.05 l^2, l = log10(E*_s/E*_f).
-    """
+    """E* = E*_f + (E*_s - E*_f)/(1 + (x0 t/a)^1.27) [F/L^2] (Perriot & Barthel 2004). log10 x0 = -0.093 + 0.792 l +
+    0.05 l^2, l = log10(E*_s/E*_f)."""
     require_positive(a=a, thickness=film.thickness)
     of_film, of_substrate = E_star(film.E, film.nu), E_star(substrate.E, substrate.nu)
     ratio = math.log10(of_substrate / of_film)
     x0 = 10.0 ** (-0.093 + 0.792 * ratio + 0.05 * ratio**2)
     return of_film + (of_substrate - of_film) / (1.0 + (x0 * film.thickness / a) ** 1.27)
+
+
+def film_force(delta: float, modulus: Modulus, film: Ply, substrate: Ply, alone: Contact) -> float:
+    """Force [F] on a film by one of the moduli above; `alone`: the contact with a half-space of the film at a depth.
+
+    The moduli are those under a contact radius, which a tip has on a half-space of any modulus. NaN without a contact.
+    """
+    found = alone(delta)
+    return found.force * modulus(film, substrate, found.a) / E_star(film.E, film.nu) if found else math.nan
 
 
 def dimitriadis_force(delta: float, R: float, layer: Ply, base: str = "fixed") -> float:
@@ -50,8 +63,8 @@ def dimitriadis_force(delta: float, R: float, layer: Ply, base: str = "fixed") -
     Raises ValueError for another base (Dimitriadis et al. 2002).
     """
     nu = layer.nu
-    if base not in BASES:
-        raise ValueError(f"base must be one of {BASES}, got {base!r}")
+    if base not in BASE_SUPPORTS:
+        raise ValueError(f"base must be one of {BASE_SUPPORTS}, got {base!r}")
     if base == "fixed":
         A = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1.0 - nu)
         B = (0.6387 - 1.0277 * nu + 1.5164 * nu**2) / (1.0 - nu)
@@ -64,18 +77,3 @@ def dimitriadis_force(delta: float, R: float, layer: Ply, base: str = "fixed") -
     y = 2.0 * A * x / math.pi
     cubic = (A**3 + 4.0 / 15.0 * math.pi**2 * B) * (2.0 * x / math.pi) ** 3
     return paraboloid_force(delta, R, E_star(layer.E, nu)) * (1.0 - y + y**2 - cubic + quartic * x**4)
-
-
-def _gao_share(film: Ply, substrate: Ply, a: float) -> float:
-    """I0(x) = 2/pi atan x + [(1 - 2 nu) x ln(1 + 1/x^2) - x/(1 + x^2)]/(2 pi (1 - nu)), x = t/a.
-
-    nu is the composite's: 1 - nu = (1 - nu_f)(1 - nu_s)/(1 - (1 - I1) nu_f - I1 nu_s),
-    I1 = 2/pi atan x + x/pi ln(1 + 1/x^2).
-    """
-    require_positive(a=a, thickness=film.thickness)
-    x = film.thickness / a
-    slope = x * math.log1p(1.0 / x**2)
-    angle = 2.0 / math.pi * math.atan(x)
-    I1 = angle + slope / math.pi
-    rest = (1.0 - film.nu) * (1.0 - substrate.nu) / (1.0 - (1.0 - I1) * film.nu - I1 * substrate.nu)  # 1 - nu
-    return angle + ((2.0 * rest - 1.0) * slope - x / (1.0 + x * x)) / (2.0 * math.pi * rest)

@@ -9,8 +9,10 @@ Sources: Hertz (1882); Sneddon (1965), Int. J. Eng. Sci. 3, 47.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from indent_sim.theory.solution import require_positive
+from indent_sim.theory.roots import depth_of
+from indent_sim.theory.solution import require_positive, tangent
 
 PYRAMID_CONSTANT = 0.73762  # +- 2e-5; the often quoted 0.7453 is 1 % high
 
@@ -18,8 +20,7 @@ PYRAMID_CONSTANT = 0.73762  # +- 2e-5; the often quoted 0.7453 is 1 % high
 def E_star(E: float, nu: float) -> float:
     """Plane-strain modulus E/(1 - nu^2) [F/L^2]; raises ValueError unless E > 0 and -1 < nu <= 0.5."""
     require_positive(E=E)
-    if not -1.0 < nu <= 0.5:
-        raise ValueError(f"nu must lie in (-1, 0.5], got {nu!r}")
+    check_nu(nu)
     return E / (1.0 - nu**2)
 
 
@@ -59,7 +60,7 @@ def _sphere_angle(delta: float, R: float) -> float:
 def cone_force(delta: float, half_angle: float, E_star: float) -> float:
     """Force F = 2/pi E* tan(alpha) delta^2 [F], alpha in degrees from axis to flank (Sneddon 1965)."""
     require_positive(E_star=E_star)
-    return 2.0 / math.pi * E_star * _tangent(half_angle) * max(delta, 0.0) ** 2
+    return 2.0 / math.pi * E_star * tangent(half_angle) * max(delta, 0.0) ** 2
 
 
 def flat_punch_force(delta: float, radius: float, E_star: float) -> float:
@@ -69,15 +70,20 @@ def flat_punch_force(delta: float, radius: float, E_star: float) -> float:
 
 
 def square_pyramid_force(delta: float, half_angle: float, E_star: float) -> float:
-    """Force F = C E* tan(beta) delta^2 [F], C = 0.73762(2), beta in degrees between axis and face.
-
-    C is a boundary-element result; the contact is a rounded square, so no closed form exists.
-    """
+    """Force F = C E* tan(beta) delta^2 [F], C = 0.73762(2), beta in degrees between axis and face. C is a
+    boundary-element result; the contact is a rounded square, so no closed form exists."""
     require_positive(E_star=E_star)
-    return PYRAMID_CONSTANT * E_star * _tangent(half_angle) * max(delta, 0.0) ** 2
+    return PYRAMID_CONSTANT * E_star * tangent(half_angle) * max(delta, 0.0) ** 2
 
 
-def _tangent(half_angle: float) -> float:
-    if not 0.0 < half_angle < 90.0:
-        raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
-    return math.tan(math.radians(half_angle))
+def section_depth(radius_at: Callable[[float], float], force: float, E_star: float) -> float:
+    """About the depth [L] of a force under any tip, radius_at(depth) its section: force = E* radius_at(depth) depth."""
+    size = max(force, 0.0) / E_star
+    start = math.sqrt(size)
+    return depth_of(lambda depth: radius_at(depth) * depth, size, start) or start
+
+
+def check_nu(nu: float) -> None:
+    """ValueError unless -1 < nu <= 0.5."""
+    if not -1.0 < nu <= 0.5:
+        raise ValueError(f"nu must lie in (-1, 0.5], got {nu!r}")

@@ -22,8 +22,9 @@ from indent_sim.theory.stack import Stack
 S_MAX = 22.0  # M(22) < 2e-16
 PER_PANEL = 18  # Gauss points that resolve M between s and 3 s
 PER_PHASE = 0.6  # more of them for each unit of the phase x ds of cos(sx)
-LONGEST = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
-FEW = 32  # modes between walls that are summed one by one
+LONGEST_PHASE = 100.0  # phase on one panel: a rule of many points is an eigenvalue problem as large
+SINGLE_MODES = 32  # modes between walls that are summed one by one
+Nodes = tuple[np.ndarray, np.ndarray]  # and their weights
 CHANGE = 2.0  # k W at which the wall integral changes from its split to its direct form
 
 
@@ -70,9 +71,8 @@ class Kernel:
 def axisymmetric_kernel(a: float, stack: Stack, wall: float) -> Kernel:
     """Kernel K(x, t) of phi(x) - (2/pi) ∫_0^a phi K dt = (E*/pi)(delta - g), good for every radius up to a.
 
-    wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the integral over L
-    becomes the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that neighbouring radii share one
-    kernel.
+    wall = inf: K = ∫_0^inf M(s) cos(sx) cos(st) ds. With a frictionless wall at radius W the integral over L becomes
+    the Dini sum over k_n = j_{1,n}/W. Cached in powers of two, so that neighbouring radii share one kernel.
     """
     reach = 2.0 ** math.ceil(math.log2(max(a, 1.0)))
     if math.isinf(wall):
@@ -89,12 +89,9 @@ def _layer_kernel(reach: float, stack: Stack) -> Kernel:
 
 @lru_cache(maxsize=64)
 def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) -> Kernel:
-    """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second kind.
-
-    sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy,
-    w_n = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure, whose own term is that of
-    confined compression: E*/W^2 sum h_i/M_i, with M_i the oedometric moduli; zero for nu = 0.5.
-    """
+    """Dini sum over L, as the half-space integral + smooth terms: the equation stays of the second kind."""
+    # sum_n w_n cos cos = ∫ cos cos dk + (2/pi) ∫_0^inf [K1(yW)/I1(yW) cosh cosh - 2/(yW)^2] dy,
+    # w_n = 2/(k_n W^2 J0(k_n W)^2); the double pole belongs to the mean pressure of confined compression
     from scipy.special import j1, y1
 
     number, weight = wall_numbers(reach, wall)
@@ -109,12 +106,8 @@ def _cylinder_kernel(reach: float, clearance: float, stack: Stack, wall: float) 
 
 @lru_cache(maxsize=64)
 def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and the constant left over.
-
-    Below CHANGE, K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2: plain Gauss. ln(z/2) goes to
-    nodes graded towards 0. Above CHANGE, K1/I1 decays as pi exp(-2z) against cosh cosh <= exp(2za/W):
-    geometric panels.
-    """
+    """Nodes z = yW and weights of (2/pi) ∫_0^inf [K1/I1 cosh cosh - 2/z^2] dz, and the constant left over."""
+    # below CHANGE K1/I1 - ln(z/2) is even and analytic but for the pole 2/z^2; above it decays as pi exp(-2z)
     from scipy.special import i1e, k1e
 
     def ratio(z):  # exp(2z) K1/I1; the factor cancels those of the scaled basis
@@ -123,56 +116,53 @@ def _wall_modes(clearance: float) -> tuple[np.ndarray, np.ndarray, float]:
     z0, w0 = gauss(0.0, CHANGE, 32)
     v, wv = gauss(0.0, 1.0, 48)
     z1, w1 = CHANGE * v**4, CHANGE * 4.0 * v**3 * wv
-    nodes = [z0, z1]
-    weights = [
-        w0 * (ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0)) * np.exp(2.0 * z0),
-        w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1),
-    ]
+    parts = [(z0, w0 * (ratio(z0) * np.exp(-2.0 * z0) - np.log(z0 / 2.0)) * np.exp(2.0 * z0))]
+    parts.append((z1, w1 * np.log(z1 / 2.0) * np.exp(2.0 * z1)))
     end = max(2.0 * CHANGE, 19.0 / clearance)
     edges = CHANGE * np.geomspace(1.0, end / CHANGE, 1 + math.ceil(math.log(end / CHANGE, 3.0)))
     for lo, hi in pairwise(edges):
         z, w = gauss(lo, hi, 28)
-        nodes.append(z)
-        weights.append(w * ratio(z))
+        parts.append((z, w * ratio(z)))
     pole = -float(np.sum(w0 * 2.0 / z0**2)) - 2.0 / CHANGE
-    scale = 2.0 / math.pi
-    return np.concatenate(nodes), scale * np.concatenate(weights), scale * pole
+    nodes, weights = joined(parts)
+    return nodes, 2.0 / math.pi * weights, 2.0 / math.pi * pole
 
 
 def bessel_j1_zeros(number: np.ndarray) -> np.ndarray:
-    """Zeros of J1 by number from 1; between numbers (from FEW on) what McMahon's expansion makes of them."""
+    """Zeros of J1 by number from 1; between numbers (from SINGLE_MODES on) what McMahon's expansion makes of them."""
     from scipy.special import j0, j1
 
     b = (number + 0.25) * math.pi
     v = 8.0 * b
     z = b - 3.0 / v + 12.0 / v**3 - 7545.6 / v**5 + 3567925.0 / v**7
-    first = number <= FEW
+    first = number <= SINGLE_MODES
     for _ in range(3):
         z[first] -= j1(z[first]) / (j0(z[first]) - j1(z[first]) / z[first])
     return z
 
 
-def wavenumbers(reach: float, finest: float) -> tuple[np.ndarray, np.ndarray]:
+def wavenumbers(reach: float, finest: float) -> Nodes:
     """Nodes s and weights of ∫_0^inf M(s) cos(sx) cos(st) ds for x, t <= reach: panels graded down to `finest`."""
     panels = max(1, math.ceil(math.log(S_MAX / finest, 3.0)))
-    edges = _split([0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))], LONGEST / reach)
+    edges = _split([0.0, *(S_MAX * 3.0 ** np.arange(-panels, 1.0))], LONGEST_PHASE / reach)
     parts = [gauss(lo, hi, PER_PANEL + math.ceil(PER_PHASE * reach * (hi - lo))) for lo, hi in pairwise(edges)]
-    return np.concatenate([s for s, _ in parts]), np.concatenate([w for _, w in parts])
+    return joined(parts)
 
 
-def wall_numbers(reach: float, wall: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of about n pi/W.
-
-    The first FEW one by one; then, in blocks that double, Gauss's rule for the sum, exact for polynomials in n.
-    """
+def wall_numbers(reach: float, wall: float) -> Nodes:
+    """Nodes n and weights of sum_n M(k_n) cos(k_n x) cos(k_n t) for x, t <= reach, over k_n of about n pi/W. The first
+    SINGLE_MODES one by one; then, in doubling blocks, Gauss's rule for the sum, exact for polynomials in n."""
     last = max(1, math.ceil(S_MAX * wall / math.pi))
-    edges = [*range(1, min(last, FEW) + 1), *(n for i in range(64) if (n := (FEW + 1) * 2**i) <= last), last + 1]
-    edges = [round(edge) for edge in _split(edges, max(1.0, LONGEST / reach * wall / math.pi))]
-    parts = [
-        _gauss_sum(first, end, PER_PANEL + math.ceil(PER_PHASE * reach * (end - first) * math.pi / wall))
-        for first, end in pairwise(edges)
-    ]
-    return np.concatenate([n for n, _ in parts]), np.concatenate([w for _, w in parts])
+    doubling = (n for i in range(64) if (n := (SINGLE_MODES + 1) * 2**i) <= last)
+    edges = [*range(1, min(last, SINGLE_MODES) + 1), *doubling, last + 1]
+    blocks = pairwise(round(edge) for edge in _split(edges, max(1.0, LONGEST_PHASE / reach * wall / math.pi)))
+    per_number = PER_PHASE * reach * math.pi / wall
+    return joined([_gauss_sum(*ends, PER_PANEL + math.ceil(per_number * (ends[1] - ends[0]))) for ends in blocks])
+
+
+def joined(parts: Sequence[Nodes]) -> Nodes:
+    """Nodes and weights of all parts in one."""
+    return np.concatenate([x for x, _ in parts]), np.concatenate([w for _, w in parts])
 
 
 def _split(edges: Sequence[float], longest: float) -> list[float]:
@@ -181,11 +171,8 @@ def _split(edges: Sequence[float], longest: float) -> list[float]:
     return [*np.concatenate(parts), edges[-1]]
 
 
-def _gauss_sum(first: int, end: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact for polynomials f of degree below 2 count.
-
-    From the recurrence of Chebyshev's polynomials of a discrete variable (Gautschi 2004, sect. 1.5.2).
-    """
+def _gauss_sum(first: int, end: int, count: int) -> Nodes:
+    """Nodes and weights of sum_{n=first}^{end-1} f(n), exact below degree 2 count (Gautschi 2004, sect. 1.5.2)."""
     size = end - first
     if size <= count:
         return np.arange(float(first), end), np.ones(size)
@@ -195,13 +182,13 @@ def _gauss_sum(first: int, end: int, count: int) -> tuple[np.ndarray, np.ndarray
     return nodes + 0.5 * (first + end - 1.0), size * vectors[0] ** 2
 
 
-def gauss(lo: float, hi: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+def gauss(lo: float, hi: float, count: int) -> Nodes:
     """Gauss-Legendre nodes and weights on [lo, hi], each of shape (count,)."""
     x, w = _legendre(count)
     return 0.5 * (lo + hi) + 0.5 * (hi - lo) * x, 0.5 * (hi - lo) * w
 
 
 @lru_cache(maxsize=256)
-def _legendre(count: int) -> tuple[np.ndarray, np.ndarray]:
+def _legendre(count: int) -> Nodes:
     """numpy's leggauss, kept: an eigenvalue problem of this size would dominate a solve."""
     return np.polynomial.legendre.leggauss(count)

@@ -2,45 +2,44 @@
 
 The pressure is written as an Abel integral over phi, which turns the mixed boundary conditions into
     phi(x) - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
-F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g), p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt.
-The surface sinks by (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk].
-K is analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius a
-everything is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a root search
-inverts that.
+F = 2 pi ∫ phi, energy U = pi ∫ phi (delta - g), p(r) = phi(a)/sqrt(a^2-r^2) - ∫_r^a phi'(t)/sqrt(t^2-r^2) dt. The
+surface sinks by (2/E*) [∫_0^min(r,a) phi(t)/sqrt(r^2-t^2) dt - ∫_0^inf M(k) J0(kr) ∫_0^a phi cos(kt) dt dk]. K is
+analytic, so a Gauss-Legendre Nystrom rule converges exponentially. For a given contact radius a
+everything is linear: phi = delta phi_1 - phi_g, and phi(a) = 0 (smooth tips) gives delta(a); a root search inverts
+that.
 
 M is that of the stack below the tip (`stack`), and h, the unit of length, the thickness of its top layer. Forces are
-good to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a half-space 1e4 times softer than the top
-layer to 1e-8, 1e5 times softer to 2e-6, because digits of a stiffness are lost against the plate's.
+good to 1e-9 for a/h < 100 and moduli within a factor of 1000; on a half-space 1e4 times softer than the top layer to
+1e-8, 1e5 times softer to 2e-6, because digits of a stiffness are lost against the plate's.
 
-Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any consistent
-units.
+Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
 Sources: Lebedev & Ufliand (1958), PMM 22, 442; Hayes et al. (1972), J. Biomech. 5, 541.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial import Chebyshev
 
-from indent_sim.theory.abel import contact_nodes, tip_pressure
-from indent_sim.theory.hankel import Kernel, axisymmetric_kernel, gauss
-from indent_sim.theory.march import LayerContact
-from indent_sim.theory.profiles import Tip
+from indent_sim.theory.hankel import Kernel, Nodes, axisymmetric_kernel, gauss, joined
+from indent_sim.theory.march import LayerContact, pointwise
+from indent_sim.theory.profiles import Shape, Tip
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.stack import Stack
+
+MAX_PANELS = 40  # of an Abel integral, between kinks of the tip
 
 
 @dataclass(frozen=True)
-class _Linear:
-    """The two linear solutions at one contact radius, phi = delta one - shape, in units of h and E*/pi.
+class _LinearKernel:
+    """The two linear solutions at one contact radius, phi = delta one - shape, in units of h and E*/pi."""
 
-    one, shape and g at the quadrature points (weights w); *_modes are the amplitudes of the kernel's modes.
-    """
-
-    w: np.ndarray
+    w: np.ndarray  # weights of the quadrature points of g, one and shape
     g: np.ndarray
     one: np.ndarray
     shape: np.ndarray
@@ -63,7 +62,7 @@ class Layer(LayerContact):
         """g [h] of the tip."""
         return self.tip.g(x * self.h) / self.h
 
-    def at(self, a: float) -> _Linear:
+    def at(self, a: float) -> _LinearKernel:
         """Solve the integral equation for unit depth and for the tip's shape at the contact radius a [h].
 
         The tip may have corners, phi - delta + g never has: only that smooth part is unknown, on a few Gauss
@@ -83,25 +82,15 @@ class Layer(LayerContact):
         project = factor * (B * w)
         modes = direct + project @ np.linalg.solve(np.eye(x.size) - B.T @ project, B.T @ direct)
         phi = source + at_tip.T @ modes
-        return _Linear(
-            fine_w,
-            g[:-1],
-            phi[:-1, 0],
-            phi[:-1, 1],
-            float(phi[-1, 0]),
-            float(phi[-1, 1]),
-            modes[:, 0],
-            modes[:, 1],
-            kernel,
-        )
+        (one, shape), (one_edge, shape_edge) = phi[:-1].T, map(float, phi[-1])
+        return _LinearKernel(fine_w, g[:-1], one, shape, one_edge, shape_edge, modes[:, 0], modes[:, 1], kernel)
 
     def _breaks(self, a: float) -> list[float]:
         """Those of the tip inside the contact [h]."""
         return [b / self.h for b in self.tip.breaks if b / self.h < a]
 
     def _smooth_count(self, a: float) -> int:
-        # exponential convergence: the kernel is analytic 2h off the axis, singular where the contact meets
-        # a wall
+        # exponential convergence: the kernel is analytic 2h off the axis, singular where the contact meets a wall
         return 20 + math.ceil(5.0 * a + 12.0 * math.sqrt(a / max(self.wall - a, 1e-4 * a)))
 
     def _tip_count(self, a: float) -> int:
@@ -115,69 +104,50 @@ class Layer(LayerContact):
         depth, lin = delta / self.h, self.at(a)
         phi = depth * lin.one - lin.shape
         edge = depth * lin.one_edge - lin.shape_edge if self.tip.edge is not None else 0.0
-        return Solution(
-            delta=float(delta),
-            force=2.0 * self.E_star * self.h**2 * float(lin.w @ phi),
-            a=float(a * self.h),
-            area=math.pi * (a * self.h) ** 2,
-            energy=self.E_star * self.h**3 * float(lin.w @ (phi * (depth - lin.g))),
-            stiffness=2.0 * self.E_star * self.h * float(lin.w @ lin.one),
-            pressure=partial(_pressure, self, lin, a, edge, depth * lin.one_modes - lin.shape_modes),
-            u_z=partial(_u_z, self, lin, a, depth),
-        )
+        force = 2.0 * self.E_star * self.h**2 * float(lin.w @ phi)
+        energy = self.E_star * self.h**3 * float(lin.w @ (phi * (depth - lin.g)))
+        stiffness = 2.0 * self.E_star * self.h * float(lin.w @ lin.one)
+        pressure = pointwise(_pressure, self, lin, a, edge, depth * lin.one_modes - lin.shape_modes)
+        u_z, area = pointwise(_u_z, self, lin, a, depth), math.pi * (a * self.h) ** 2
+        return Solution(float(delta), force, float(a * self.h), area, energy, stiffness, pressure, u_z)
 
 
-def indent(tip: Tip, delta: float, **body: Any) -> Solution:
-    """Equilibrium of a layer under `tip` pushed in by delta [L]; no contact for delta <= 0.
-
-    body: E, nu, thickness h, base, and wall, the radius [L] of a frictionless side wall (the body is then a cylinder);
-    see `LayerContact.of` and, for the errors, `LayerContact.curve`.
-    """
-    return Layer.of(tip, **body).curve([delta])[0]
+def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
+    """Force [F] on a half-space by Sneddon's integral, for any tip of revolution; errors as of `curve`."""
+    return Layer.on(tip, half_space).curve([delta])[0].force
 
 
-def _pressure(layer: Layer, lin: _Linear, a: float, edge: float, modes: np.ndarray, r) -> np.ndarray:
+def _pressure(layer: Layer, lin: _LinearKernel, a: float, edge: float, modes: np.ndarray, r: np.ndarray) -> np.ndarray:
     """p(r) [F/L^2] from phi = delta - g + psi: the edge, the tip and the layer each add one Abel integral."""
-    r = np.abs(np.asarray(r, dtype=float)) / layer.h
-    flat = np.atleast_1d(r).ravel()
-    inside = flat < a
-    radius = flat[inside]
+    inside = r < a
+    radius = r[inside]
     chord = np.sqrt((a - radius) * (a + radius))
-    value = edge / chord + _tip_part(layer, a, radius) + _layer_part(lin, a, modes, radius, chord)
-    p = np.where((flat == a) & (edge > 0.0), np.inf, 0.0)
+    value = edge / chord + _layer_part(lin, a, modes, radius, chord)
+    if layer.tip.edge is None:
+        value += tip_pressure(layer.profile, radius, a, layer._breaks(a), layer.tip.corner)
+    p = np.where((r == a) & (edge > 0.0), np.inf, 0.0)
     p[inside] = layer.E_star / math.pi * value
-    return p.reshape(r.shape)[()]
+    return p
 
 
-def _layer_part(lin: _Linear, a: float, modes: np.ndarray, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
+def _layer_part(lin: _LinearKernel, a: float, modes: np.ndarray, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
     """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2 regularises it."""
     degree = 24 + math.ceil(8.0 * a)
-    curvature = np.polynomial.Chebyshev.interpolate(
-        lambda t: modes @ lin.kernel.slope_over_x(t), degree, domain=[0.0, a]
-    )
+    curvature = Chebyshev.interpolate(lambda t: modes @ lin.kernel.slope_over_x(t), degree, domain=[0.0, a])
     s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * a))
     t = np.hypot(r[:, None], chord[:, None] * s)
     return -chord * (curvature(t) @ w)
 
 
-def _tip_part(layer: Layer, a: float, r: np.ndarray) -> np.ndarray:
-    """∫_r^a g'(t)/sqrt(t^2-r^2) dt, the half-space pressure of the tip; nothing for a flat one."""
-    if layer.tip.edge is not None:
-        return np.zeros_like(r)
-    return tip_pressure(layer.profile, r, a, layer._breaks(a), layer.tip.corner > 0.0)
-
-
-def _u_z(layer: Layer, lin: _Linear, a: float, depth: float, r) -> np.ndarray:
+def _u_z(layer: Layer, lin: _LinearKernel, a: float, depth: float, r: np.ndarray) -> np.ndarray:
     """u_z(r) [L]: as on a half-space under delta - g, and outside the contact what psi adds to it."""
-    r = np.abs(np.asarray(r, dtype=float)) / layer.h
-    flat = np.atleast_1d(r).ravel()
-    outside, beyond = flat > a, flat > layer.wall * (1.0 + 1e-12)
-    value = np.array([_half_space_sink(layer, a, depth, radius) for radius in flat])
-    seen = outside & ~beyond
+    beyond = r > layer.wall * (1.0 + 1e-12)
+    value = np.array([_half_space_sink(layer, a, depth, radius) for radius in r])
+    seen = (r > a) & ~beyond
     if np.any(seen):
-        value[seen] += _layer_sink(layer, lin, a, depth, flat[seen])
+        value[seen] += _layer_sink(layer, lin, a, depth, r[seen])
     value[beyond] = math.nan
-    return -layer.h * value.reshape(r.shape)[()]
+    return -layer.h * value
 
 
 def _half_space_sink(layer: Layer, a: float, depth: float, r: float) -> float:
@@ -188,15 +158,81 @@ def _half_space_sink(layer: Layer, a: float, depth: float, r: float) -> float:
     return 2.0 / math.pi * float(w @ (depth - layer.profile(r * np.sin(q))))
 
 
-def _layer_sink(layer: Layer, lin: _Linear, a: float, depth: float, r: np.ndarray) -> np.ndarray:
+def _layer_sink(layer: Layer, lin: _LinearKernel, a: float, depth: float, r: np.ndarray) -> np.ndarray:
     """(2/pi) ∫_0^a psi(t)/sqrt(r^2 - t^2) dt - sum_j modes_j (2/pi) ∫_0^r b_j(t)/sqrt(r^2 - t^2) dt, r > a."""
     kernel = axisymmetric_kernel(0.5 * (a + float(r.max())), layer.scaled, layer.wall)
     nodes, _ = contact_nodes(a, layer._breaks(a), layer._tip_count(a))
     phi = depth * lin.one - lin.shape
     modes = 2.0 / math.pi * kernel.weight * (kernel.basis(nodes) @ (lin.w * phi))
-    psi = np.polynomial.Chebyshev.interpolate(
-        lambda t: modes @ kernel.basis(t), 24 + math.ceil(8.0 * a), domain=[0.0, a]
-    )
+    psi = Chebyshev.interpolate(lambda t: modes @ kernel.basis(t), 24 + math.ceil(8.0 * a), domain=[0.0, a])
     s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * a))
     end = np.arcsin(a / r)
     return 2.0 / math.pi * end * (psi(r[:, None] * np.sin(end[:, None] * s)) @ w) - modes @ kernel.surface(r)
+
+
+def contact_nodes(a: float, breaks: Sequence[float], count: int) -> Nodes:
+    """Gauss nodes and weights on [0, a], `count` per panel (fewer if there are many), panelled at the breaks. Behind a
+    break g rises like sqrt(x - break): there x = break + length v^2 makes it analytic again."""
+    edges = [0.0, *(b for b in breaks if 0.0 < b < a), a]
+    count = count if len(edges) < 5 else min(count, 12)
+    return joined([gauss(0.0, edges[1], count), *(_graded(lo, hi, count) for lo, hi in pairwise(edges[1:]))])
+
+
+def tip_pressure(g: Shape, r: np.ndarray, a: float, breaks: Sequence[float], corner: float) -> np.ndarray:
+    """∫_r^a g'(t)/sqrt(t^2 - r^2) dt at radii 0 <= r < a, shape of r: pi/E* times the half-space pressure; infinite at
+    an apex with a `corner`.
+
+    By parts about g(r), so that g' is not needed and only differences ~ (t - r) are divided:
+    (g(a) - g(r))/sqrt(a^2 - r^2) + ∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt, with t = r cosh y, which
+    resolves any r. More than MAX_PANELS breaks are thinned: such a tip is nearly smooth.
+    """
+    breaks = [b for b in breaks if 0.0 < b < a]
+    breaks = breaks[:: max(1, math.ceil(len(breaks) / MAX_PANELS))]
+    g_edge, off_axis = float(g(np.array([a]))[0]), r >= 1e-9 * a
+    t, w = contact_nodes(a, breaks, 64)
+    on_axis = g_edge / a + float(w @ (g(t) / t**2))  # ∫_0^a g'(t)/t dt of a tip that is smooth at its apex
+    value = np.full_like(r, math.inf if corner > 0.0 else on_axis)
+    seen = r[off_axis]
+    g_r = g(seen)
+    value[off_axis] = (g_edge - g_r) / np.sqrt((a - seen) * (a + seen)) + _by_parts(g, g_r, a, seen, breaks)
+    return value
+
+
+def _by_parts(g: Shape, g_r: np.ndarray, a: float, r: np.ndarray, breaks: Sequence[float]) -> np.ndarray:
+    """∫_r^a (g(t) - g(r)) t/(t^2 - r^2)^{3/2} dt; a tip without breaks has the same nodes below all radii."""
+    if not breaks:
+        s, w = gauss(0.0, 1.0, 64)
+        end = np.arccosh(a / r)[:, None]
+        return np.asarray((_integrand(g, g_r[:, None], r[:, None], end * s) @ w) * end[:, 0])
+    nodes = [_abel_nodes(a, radius, breaks) for radius in r]
+    return np.array([w @ _integrand(g, g_r[i], r[i], y) for i, (y, w) in enumerate(nodes)])
+
+
+def _integrand(g: Shape, g_r: np.ndarray, r: np.ndarray, y: np.ndarray) -> np.ndarray:
+    t = r * np.cosh(y)
+    return (g(t.ravel()).reshape(t.shape) - g_r) * np.cosh(y) / np.sinh(y) ** 2 / r
+
+
+def _abel_nodes(a: float, r: float, breaks: Sequence[float]) -> Nodes:
+    """Nodes y = arcosh(t/r) on [0, arcosh(a/r)]; geometric panels, as a pole or a branch point may be near a start."""
+    end = math.acosh(a / r)
+    below = max((b for b in breaks if b < r), default=0.0)
+    size = math.sqrt(2.0 * (r - below) / r)
+    starts = [0.0, *(math.acosh(b / r) for b in breaks if b > r), end]
+    panels = []
+    for start, stop in pairwise(starts):
+        cuts = [start, *_geometric(max(start, 1e-8) if start else max(size, 1e-8), start, stop), stop]
+        first = _graded(cuts[0], cuts[1], 24) if start else gauss(cuts[0], cuts[1], 24)
+        panels += [first, *(gauss(lo, hi, 24) for lo, hi in pairwise(cuts[1:]))]
+    return joined(panels)
+
+
+def _geometric(size: float, start: float, stop: float) -> list[float]:
+    """start + size (1, 3, 9, ...) as far as it stays clearly below stop."""
+    count = math.floor(math.log((stop - start) / (1.5 * size), 3.0)) + 1 if stop - start > 1.5 * size else 0
+    return [start + size * 3.0**k for k in range(count)]
+
+
+def _graded(lo: float, hi: float, count: int) -> Nodes:
+    v, w = gauss(0.0, 1.0, count)
+    return lo + (hi - lo) * v**2, 2.0 * (hi - lo) * v * w

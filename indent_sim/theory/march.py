@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self
+from functools import partial
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import first_guess, increasing_root, next_guess
 from indent_sim.theory.solution import MAX_SLENDERNESS, Solution, check_contact, no_contact
-from indent_sim.theory.stack import Ply, Stack
+from indent_sim.theory.stack import Stack
 
-RINGS = 40  # of a contact, in which the sign of the pressure is looked at
+SIGN_RINGS = 40  # of a contact, in which the sign of the pressure is looked at
 TENSION = 1e-6  # of the force: less is a lost digit
 
 
-class Touching(Protocol):
-    """What is linear at a given contact size."""
+def pointwise(value: Callable[..., np.ndarray], contact: LayerContact, *known: Any) -> Callable[[Any], np.ndarray]:
+    """value(contact, *known, |x|/h) of places (n,), as a function of places x [L], a number or an array."""
+    return partial(_at, value, contact, known)
 
-    @property
-    def touch(self) -> float:
-        """The depth [h] of a smooth tip with this contact size."""
-        ...
+
+def _at(value: Callable[..., np.ndarray], contact: LayerContact, known: tuple[Any, ...], x: Any) -> np.ndarray:
+    x = np.abs(np.asarray(x, dtype=float)) / contact.h
+    return value(contact, *known, np.atleast_1d(x).ravel()).reshape(x.shape)[()]
 
 
 @dataclass(frozen=True)
@@ -46,26 +48,16 @@ class LayerContact(ABC):
     @classmethod
     def on(cls, tip: Tip, stack: Stack, wall: float | None = None) -> Self:
         """The contact of a tip with a stack, infinitely wide or between frictionless walls at the distance `wall` [L].
-
-        ValueError for a wall around a half-space, which would sink without end.
-        """
+        ValueError for a wall around a half-space, which would sink without end."""
         return cls(tip, stack.in_units_of_top(), stack.E_star, stack.h, stack.wall(wall))
-
-    @classmethod
-    def of(cls, tip: Tip, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None) -> Self:
-        """The contact with one layer of thickness h [L].
-
-        nu in [0, 0.5], 0.5 included; base: "fixed" (bonded) or "roller" (frictionless). ValueError otherwise.
-        """
-        return cls.on(tip, Stack((Ply(h, E, nu),), base), wall)
 
     @abstractmethod
     def profile(self, x: np.ndarray) -> np.ndarray:
         """An increasing shape function of the tip, about the depth [h] of a contact of size x."""
 
     @abstractmethod
-    def at(self, a: float) -> Touching:
-        """The linear problem of the contact size a."""
+    def at(self, a: float) -> Any:
+        """The linear problem of the contact size a; its `touch` is the depth [h] of a smooth tip with this contact."""
 
     @abstractmethod
     def solution(self, delta: float, a: float) -> Solution:
@@ -76,10 +68,8 @@ class LayerContact(ABC):
         return min(self.wall, self.tip.reach / self.h, MAX_SLENDERNESS)
 
     def curve(self, deltas: Sequence[float]) -> list[Solution]:
-        """One Solution per depth [L], each contact sought from its neighbour's; none for a depth <= 0.
-
-        Raises ValueError when the contact would reach the wall, the end of the tip, or a/h = 100.
-        """
+        """One Solution per depth [L], each contact sought from its neighbour's; none for a depth <= 0. Raises
+        ValueError when the contact would reach the wall, the end of the tip, or a/h = 100."""
         solutions: list[Solution] = []
         known: list[tuple[float, float]] = []
         for delta in deltas:
@@ -110,7 +100,7 @@ class LayerContact(ABC):
             return force / self.curve([self.h])[0].stiffness
         start = first_guess(self.profile, force / (self.E_star * self.h**2), self.largest())
         a = increasing_root(lambda a: self.solution(self.at(a).touch * self.h, a).force, force, start, self.largest())
-        return self.at(a).touch * self.h
+        return float(self.at(a).touch * self.h)
 
     def tension(self, solution: Solution) -> float:
         """The share of the force that the tip would have to pull with: the sum of negative pressure over the force.
@@ -120,7 +110,7 @@ class LayerContact(ABC):
         """
         if len(self.scaled.plies) == 1 or solution.force <= 0:
             return 0.0
-        at = (np.arange(RINGS) + 0.5) / RINGS
-        share = self.dimensions * at ** (self.dimensions - 1) / RINGS
+        at = (np.arange(SIGN_RINGS) + 0.5) / SIGN_RINGS
+        share = self.dimensions * at ** (self.dimensions - 1) / SIGN_RINGS
         pull = -float(share @ np.minimum(solution.pressure(at * solution.a), 0.0)) * solution.area / solution.force
         return pull if pull > TENSION else 0.0

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from indent_sim.theory.solution import require_positive
+from indent_sim.theory.solution import require_positive, tangent
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
@@ -44,19 +44,12 @@ def plane() -> Tip:
 
 
 def over_dome(tip: Tip, radius: float) -> Tip:
-    """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g + x^2/radius.
-
-    What a flat punch touches then grows with the load, up to its edge.
-    """
+    """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g + x^2/radius. What a
+    flat punch touches then grows with the load, up to its edge."""
     require_positive(radius=radius)
-    f = tip.f
-    return replace(
-        tip,
-        g=lambda x: tip.g(x) + x * x / radius,
-        f=f and (lambda x: f(x) + x * x / (2.0 * radius)),
-        edge=None,
-        reach=min(tip.reach, tip.edge or math.inf),
-    )
+    f, reach = tip.f, min(tip.reach, tip.edge or math.inf)
+    over = f and (lambda x: f(x) + x * x / (2.0 * radius))
+    return replace(tip, g=lambda x: tip.g(x) + x * x / radius, f=over, edge=None, reach=reach)
 
 
 def paraboloid(R: float) -> Tip:
@@ -76,24 +69,24 @@ def sphere(R: float) -> Tip:
 
 
 def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
-    """f = r cot(alpha), g = pi/2 x cot(alpha); alpha in degrees between axis and flank.
-
-    With tip_radius > 0 a sphere of that radius replaces the apex, tangent to the flank at r = tip_radius
-    cos(alpha).
-    """
-    if not 0.0 < half_angle < 90.0:
-        raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
-    cot = 1.0 / math.tan(math.radians(half_angle))
+    """f = r cot(alpha), g = pi/2 x cot(alpha); alpha in degrees between axis and flank. With tip_radius > 0 a sphere of
+    that radius replaces the apex, tangent to the flank at r = tip_radius cos(alpha)."""
+    cot = 1.0 / tangent(half_angle)
     if tip_radius == 0.0:
         return Tip(lambda x: 0.5 * math.pi * cot * x, lambda x: cot * np.abs(x), corner=cot)
     require_positive(tip_radius=tip_radius)
-    tangent = tip_radius * math.cos(math.radians(half_angle))
+    junction = tip_radius * math.cos(math.radians(half_angle))
 
     def slope(r):
-        cap = np.minimum(r, tangent)
+        cap = np.minimum(r, junction)
         return cap / np.sqrt((tip_radius - cap) * (tip_radius + cap))
 
-    return profile(slope, breaks=(tangent,))
+    return profile(slope, breaks=(junction,))
+
+
+def equal_sections(half_angle: float, roundness: float, tip_radius: float = 0.0) -> Tip:
+    """The cone with sections as large as a pyramid's, of `roundness` times their inner radius."""
+    return cone(math.degrees(math.atan(roundness * math.tan(math.radians(half_angle)))), tip_radius)
 
 
 def flat_punch(radius: float, edge_radius: float = 0.0) -> Tip:
@@ -137,9 +130,7 @@ def piecewise_linear(points: Sequence[Sequence[float]]) -> Tip:
 
 def profile(slope: Shape, *, reach: float = math.inf, breaks: Sequence[float] = (), corner: float = 0.0) -> Tip:
     """Any tip from its slope f'(r) (array in, array out): g(x) = x ∫_0^{pi/2} f'(x sin q) dq by quadrature.
-
-    breaks: the radii where f' jumps or kinks; between them the quadrature converges exponentially.
-    """
+    breaks: the radii where f' jumps or kinks; between them the quadrature converges exponentially."""
     breaks = tuple(float(b) for b in breaks)
     node, weight = np.polynomial.legendre.leggauss(48)
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 
 import numpy as np
 
-CLOSEST = 1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
+from indent_sim.theory.solution import UNSOLVED
+
+Curve = Callable[[float], float]  # the force [F] at a depth [L]
+LEAST_END_DISTANCE = 1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
@@ -52,11 +56,18 @@ def increasing_root(depth: Callable[[float], float], target: float, start: float
         previous = (a, value)
         if (iteration > 30 and iteration % 2) or not lo < step < hi:
             step = _between(lo, hi, limit)
-        if lo > limit * (1.0 - CLOSEST):
+        if lo > limit * (1.0 - LEAST_END_DISTANCE):
             reason = "a wall, the end of the tip, or too thin a layer"
             raise ValueError(f"the contact would reach {limit:g} thicknesses: {reason}")
         a = step
     raise ArithmeticError(f"no contact size found for the depth {target:g} (in units of the thickness)")
+
+
+def depth_of(force_at: Curve, force: float, start: float) -> float | None:
+    """The depth at which an increasing force_at(depth) is `force` > 0, near `start`; None when it is not reached."""
+    with contextlib.suppress(*UNSOLVED), np.errstate(all="ignore"):
+        return increasing_root(force_at, force, start, 1e15 * start)
+    return None
 
 
 def _power_law_step(a: float, value: float, target: float, previous: tuple[float, float] | None) -> float:

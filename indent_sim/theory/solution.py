@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-COARSE, FINE, CLOSER, STILL = 101, 11, 12, 1e-10  # points of a search for the largest pressure, rounds, and their end
+# Points of a search for the largest pressure, rounds, and their end
+COARSE, REFINED_POINTS, CLOSER, STILL = 101, 11, 12, 1e-10
+UNSOLVED = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # which in numpy 1.24 is neither of the other two
 MAX_SLENDERNESS = 100.0  # largest a/h; the dense matrices of the layer theories grow with it
 
 
@@ -59,6 +61,13 @@ def require_positive(**values: float) -> None:
             raise ValueError(f"{name} must be a finite number > 0, got {value!r}")
 
 
+def tangent(half_angle: float) -> float:
+    """tan of an angle in degrees; ValueError unless it lies in (0, 90)."""
+    if not 0.0 < half_angle < 90.0:
+        raise ValueError(f"half_angle must lie in (0, 90) degrees, got {half_angle!r}")
+    return math.tan(math.radians(half_angle))
+
+
 def largest_pressure(solution: Solution) -> float:
     """The largest pressure [F/L^2], to 1e-9; NaN where it is infinite, under a sharp apex or edge.
 
@@ -75,5 +84,5 @@ def largest_pressure(solution: Solution) -> float:
         if abs(largest - before) <= STILL * largest < math.inf:
             return largest
         k = int(np.argmax(p))
-        r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], FINE)
+        r = np.linspace(r[max(k - 1, 0)], r[min(k + 1, r.size - 1)], REFINED_POINTS)
     return math.nan

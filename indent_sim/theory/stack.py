@@ -16,7 +16,6 @@ Burmister (1945), J. Appl. Phys. 16, 89, for the layered half-space.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ import numpy as np
 from indent_sim.theory.half_space import E_star
 from indent_sim.theory.solution import require_positive
 
-BASES = ("fixed", "roller")
+BASE_SUPPORTS = ("fixed", "roller")
 FAR_WALL = 1e6  # in heights; a stack that wide is infinite, but for less than 1e-9
 THICK = 1.0  # k h from which a layer is a medium of waves; both ways are good to 1e-15 between 0.3 and 3
 
@@ -60,13 +59,13 @@ class Stack:
                 raise ValueError(f"nu must lie in [0, 0.5], got {nu!r}")
         if self.is_bottomless and self.base is not None:
             raise ValueError(f"nothing lies below a half-space, but base is {self.base!r}")
-        if not self.is_bottomless and self.base not in BASES:
-            raise ValueError(f"base must be one of {BASES}, got {self.base!r}")
+        if not self.is_bottomless and self.base not in BASE_SUPPORTS:
+            raise ValueError(f"base must be one of {BASE_SUPPORTS}, got {self.base!r}")
 
     @classmethod
-    def of(cls, plies: Sequence[Sequence[float]], base: str | None = "fixed") -> Stack:
-        """The stack of (thickness, E, nu) from the top."""
-        return cls(tuple(Ply(*map(float, ply)) for ply in plies), base)
+    def half_space(cls, E_star: float, unit: float) -> Stack:
+        """A homogeneous half-space, which knows E and nu only as E*; unit [L]: about a contact radius."""
+        return cls((Ply(unit, E_star, 0.0), Ply(math.inf, E_star, 0.0)), None)
 
     @property
     def is_bottomless(self) -> bool:
@@ -107,9 +106,7 @@ class Stack:
 
     def wall(self, distance: float | None) -> float:
         """Distance of side walls in units of the top ply, infinity where there are none; it must be > 0 or None.
-
-        ValueError too for a half-space between walls, which would sink without end.
-        """
+        ValueError too for a half-space between walls, which would sink without end."""
         if distance is not None and not distance > 0.0:
             raise ValueError(f"wall must be > 0 or None, got {distance!r}")
         if distance is None or math.isinf(distance):

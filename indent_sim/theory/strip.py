@@ -3,29 +3,27 @@
 With k_n = n pi/W (frictionless walls at x = +-W) a pressure displaces the surface by
     w(x) = (2/(pi E*)) ∫_-a^a p(t) [-ln|2 sin(pi (x-t)/2W)| - sum_n M(k_n h)/n cos k_n x cos k_n t] dt
            + F' sum h_i/M_i/(2 W),
-M = 1 - L the part of what lies below, M_i the oedometric moduli (no uniform mode at nu = 0.5). Substituting
-sin(pi x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln 2S - ln|q - q'|,
-the last diagonal in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q),
-q = cos(theta), its eigenvalues are pi ln 2, pi/2m. The remainder is analytic, so collocation converges
-exponentially, square-root ends included. The infinite strip is the same with q = x/a and S = a/2. Lengths are in
-units of h, the thickness of the top layer.
+M = 1 - L the part of what lies below, M_i the oedometric moduli (no uniform mode at nu = 0.5). Substituting sin(pi
+x/2W) = S q, S = sin(pi a/2W), turns the logarithm acting on even densities into -ln 2S - ln|q - q'|, the last diagonal
+in Chebyshev polynomials: with p dx = y(q) dq/sqrt(1-q^2) and y = sum_m b_m T_2m(q), q = cos(theta), its eigenvalues are
+pi ln 2, pi/2m. The remainder is analytic, so collocation converges exponentially, square-root ends included. The
+infinite strip is the same with q = x/a and S = a/2. Lengths are in units of h, the thickness of the top layer.
 
 Small strain, gap at the reference point. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
-Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl. Sci. Res. 18, 353, for the
-layer.
+Sources: Johnson, Contact Mechanics (1985), sect. 2.7, 5.8; Meijers (1968), Appl. Sci. Res. 18, 353, for the layer.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Any, ClassVar, Self
+from functools import lru_cache
+from typing import ClassVar, Self
 
 import numpy as np
 
 from indent_sim.theory.hankel import wall_numbers, wavenumbers
-from indent_sim.theory.march import LayerContact
+from indent_sim.theory.march import LayerContact, pointwise
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
@@ -33,11 +31,7 @@ from indent_sim.theory.stack import Stack
 
 @dataclass(frozen=True)
 class _Linear:
-    """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit pi E*/2.
-
-    shape_edge is the sum of all coefficients of shape, also of the slowly decaying ones of a corner cut off
-    here.
-    """
+    """Chebyshev coefficients of the linear solutions at one half-width, y = delta one - shape, unit pi E*/2."""
 
     q: np.ndarray
     f: np.ndarray
@@ -124,37 +118,16 @@ class Strip(LayerContact):
         if lin.corner:
             rest[0] -= np.sum(rest)  # the constant by which the kink's solution differs from the wedge's
         unit = 0.5 * math.pi * self.E_star
-        return Solution(
-            delta=float(delta),
-            force=unit * self.h * math.pi * float(b[0]),
-            a=float(a * self.h),
-            area=2.0 * float(a * self.h),
-            energy=0.5 * unit * self.h**2 * _work(lin, rest, depth),
-            stiffness=unit * math.pi * float(lin.one[0]),
-            pressure=partial(_pressure, self, a, rest, lin.corner),
-            u_z=partial(_u_z, self, lin, a, depth),
-        )
+        force, stiffness = unit * self.h * math.pi * float(b[0]), unit * math.pi * float(lin.one[0])
+        energy, half_width = 0.5 * unit * self.h**2 * _work(lin, rest, depth), float(a * self.h)
+        pressure, u_z = pointwise(_pressure, self, a, rest, lin.corner), pointwise(_u_z, self, lin, a, depth)
+        return Solution(float(delta), force, half_width, 2.0 * half_width, energy, stiffness, pressure, u_z)
 
 
-def indent(tip: Tip, delta: float, **body: Any) -> Solution:
-    """Equilibrium of a strip under `tip` pushed in by delta [L]; no contact for delta <= 0; a = half-width.
-
-    body: E, nu, thickness h, base, and wall, the half-width [L] between frictionless side walls; see `LayerContact.of`
-    and, for the errors, `LayerContact.curve`.
-    """
-    return Strip.of(tip, **body).curve([delta])[0]
-
-
-def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.ndarray:
-    """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], with y(1) = 0 used exactly for smooth tips.
-
-    b: coefficients of y without the corner's, whose part is the wedge on a half-plane, 2/pi^2 arcosh(1/q)
-    sin(theta).
-    """
-    x = np.abs(np.asarray(x, dtype=float)) / strip.h
-    flat = np.atleast_1d(x).ravel()
-    inside = flat < a
-    q, slope, below = _stretched(strip, flat[inside], a)
+def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x: np.ndarray) -> np.ndarray:
+    """p(x) = (pi E*/2) y(q)/sin(theta) dq/dx [F/L^2], y(1) = 0 for smooth tips; b: of y without the corner's wedge."""
+    inside = x < a
+    q, slope, below = _stretched(strip, x[inside], a)
     theta = 2.0 * np.arcsin(np.sqrt(0.5 * below))
     sine = np.sqrt(below * (1.0 + q))
     m = np.arange(b.size)
@@ -166,30 +139,24 @@ def _pressure(strip: Strip, a: float, b: np.ndarray, corner: float, x) -> np.nda
     if corner:
         q = np.maximum(q, 1e-300)
         value += corner * 2.0 / math.pi**2 * np.arccosh(1.0 / q)
-    p = np.where((flat == a) & (strip.tip.edge is not None), np.inf, 0.0)
+    p = np.where((x == a) & (strip.tip.edge is not None), np.inf, 0.0)
     p[inside] = 0.5 * math.pi * strip.E_star * value * slope
-    return p.reshape(x.shape)[()]
+    return p
 
 
-def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x) -> np.ndarray:
-    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make of y.
-
-    With z = 1/(q + sqrt(q^2 - 1)) the logarithm acts on T_2m as pi/2m z^2m, and on T_0 as pi ln 2z.
-    """
-    x = np.abs(np.asarray(x, dtype=float)) / strip.h
-    flat = np.atleast_1d(x).ravel()
-    outside = flat > a
-    value = np.where(flat <= strip.wall * (1.0 + 1e-12), depth, math.nan)
-    value[~outside] -= strip.profile(flat[~outside])
-    seen = outside & ~np.isnan(value)
+def _u_z(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
+    """u_z(x) [L]: f - depth inside the contact, outside what the logarithm and the remainder make of y."""
+    value = np.where(x <= strip.wall * (1.0 + 1e-12), depth, math.nan)
+    value[x <= a] -= strip.profile(x[x <= a])
+    seen = (x > a) & ~np.isnan(value)
     if np.any(seen):
-        value[seen] = _sinking_outside(strip, lin, a, depth, flat[seen])
-    return -strip.h * value.reshape(x.shape)[()]
+        value[seen] = _sinking_outside(strip, lin, a, depth, x[seen])
+    return -strip.h * value
 
 
 def _sinking_outside(strip: Strip, lin: _Linear, a: float, depth: float, x: np.ndarray) -> np.ndarray:
     q = _stretched(strip, x, a)[0]
-    z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))
+    z = 1.0 / (q + np.sqrt(np.maximum(q * q - 1.0, 0.0)))  # the logarithm makes pi/2m z^2m of T_2m, pi ln 2z of T_0
     b = depth * lin.one - lin.shape
     n = b.size
     m = np.arange(1, n)
@@ -241,10 +208,7 @@ def _strip_modes(reach: float, stack: Stack, wall: float) -> tuple[np.ndarray, n
 
 @lru_cache(maxsize=64)
 def _layer_modes(reach: float, stack: Stack) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to reach.
-
-    The half-space alone has no depth in plane strain: ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 +
-    4/u^2) is the comparison, whose ln sqrt(u^2 + 4) is added separately.
-    """
+    """Nodes s and weights of ∫ (M - exp(-2s))/s cos(sx) cos(st) ds, good for half-widths up to reach."""
+    # compared with ∫_0^inf (1 - exp(-2s))/s cos(us) ds = ln sqrt(1 + 4/u^2), whose ln sqrt(u^2 + 4) is added elsewhere
     s, w = wavenumbers(reach, stack.finest)
     return s, w * (stack.complement(s) - np.exp(-2.0 * s)) / s

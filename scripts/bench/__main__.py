@@ -30,7 +30,7 @@ from markdown import number, table  # noqa: E402
 
 from indent_sim import __version__  # noqa: E402
 from indent_sim.results.folder import read_report  # noqa: E402
-from indent_sim.study import Study  # noqa: E402
+from indent_sim.studies import Study  # noqa: E402
 
 PAGE = ROOT / "docs" / "accuracy.md"
 REFINED = {  # studies that refine a mesh: the error that is known, and what else varies
@@ -48,13 +48,24 @@ RANKED = (
 )
 DEEP = {  # a sphere to 0.3 and to 0.7 of its radius
     "a quarter of a box, nu = 0.4999": (
-        "configs/hertz_cube.yaml", "body.size=[4.0, 4.0, 1.0]", "body.sides=roller", "indenter={shape: sphere, R: 1.0}",
-        "material={model: neo_hookean, E: 1.0, nu: 0.4999}", "loading={delta: 0.3, steps: 4}", "mesh.h_contact=0.09"),
+        "configs/hertz_cube.yaml",
+        "body.size=[4.0, 4.0, 1.0]",
+        "body.sides=roller",
+        "indenter={shape: sphere, R: 1.0}",
+        "material={model: neo_hookean, E: 1.0, nu: 0.4999}",
+        "loading={delta: 0.3, steps: 4}",
+        "mesh.h_contact=0.09",
+    ),
     "a cylinder, nu = 0.49": (
-        "configs/hertz.yaml", "body.radius=2", "body.sides=roller", "indenter={shape: sphere, R: 1.0}",
-        "material={model: neo_hookean, E: 1.0, nu: 0.49}", "loading={deltas: [0.05, 0.1, 0.2, 0.3, 0.5, 0.7]}",
-        "mesh.h_contact=0.02"),
-}  # fmt: skip
+        "configs/hertz.yaml",
+        "body.radius=2",
+        "body.sides=roller",
+        "indenter={shape: sphere, R: 1.0}",
+        "material={model: neo_hookean, E: 1.0, nu: 0.49}",
+        "loading={deltas: [0.05, 0.1, 0.2, 0.3, 0.5, 0.7]}",
+        "mesh.h_contact=0.02",
+    ),
+}
 
 
 def main(quick: bool) -> None:
@@ -119,8 +130,10 @@ def steps(repeat: int) -> str:
 
 def throughput(repeat: int) -> str:
     """Scenes per minute of a study."""
-    lines = [[str(jobs), number(wall), number(cpu), number(processes.RUNS * 60 / wall)]
-             for jobs, wall, cpu in processes.throughput(repeat)]  # fmt: skip
+    lines = [
+        [str(jobs), number(wall), number(cpu), number(processes.RUNS * 60 / wall)]
+        for jobs, wall, cpu in processes.throughput(repeat)
+    ]
     return table(["runs at a time", "wall s of the study", "CPU s", "scenes a minute"], lines)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.model.tips import Paraboloid
 from indent_sim.results.reader import read
 from indent_sim.run.chain import condense

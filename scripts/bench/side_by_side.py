@@ -20,8 +20,18 @@ RUBBER = ("body.radius=2", "body.sides=roller", "indenter={shape: sphere, R: 1.0
 
 # Forces of the last step and, where all ten are known, of each, by converged computations with independent programs:
 # HERTZ axi to 1e-8, cube to 3e-6, the sphere on neo-Hookean rubber to 1e-6
-AXI = [4.752808e-5, 1.3588647e-4, 2.5173546e-4, 3.9033719e-4, 5.4896469e-4,
-       7.2578549e-4, 9.1945975e-4, 1.12895354e-3, 1.35343836e-3, 1.59223159e-3]  # fmt: skip
+AXI = [
+    4.752808e-5,
+    1.3588647e-4,
+    2.5173546e-4,
+    3.9033719e-4,
+    5.4896469e-4,
+    7.2578549e-4,
+    9.1945975e-4,
+    1.12895354e-3,
+    1.35343836e-3,
+    1.59223159e-3,
+]
 CUBE = 1.59748e-3
 RUBBERS = {"0.3": 0.455870, "0.49": 0.619888}
 TITLES = {

@@ -8,7 +8,7 @@ from typing import Any
 
 from markdown import number, size, table
 
-from indent_sim.study.cases import short
+from indent_sim.studies.cases import short
 
 TARGET = 0.001
 WORST, LAST = "force_error_worst", "force_error_vs"
@@ -34,10 +34,15 @@ SOURCES = (
     Source("load step, linear", "mesh", lambda row: bool(row["loading.steps"]), LAST, ("loading.steps",)),
     Source("truncated half-space", "truncation", lambda row: True, LAST, ("body.radius", "body.height")),
     Source("small for finite strain", "model", lambda row: row["indenter"]["shape"] == "sphere", LAST, ("material",)),
-    Source("paraboloid for sphere", "model", lambda row: row["material"]["model"] != "linear_elastic"
-           and not row["loading.steps"], LAST, ("indenter",)),
+    Source(
+        "paraboloid for sphere",
+        "model",
+        lambda row: row["material"]["model"] != "linear_elastic" and not row["loading.steps"],
+        LAST,
+        ("indenter",),
+    ),
     Source("load step, finite strain", "model", lambda row: bool(row["loading.steps"]), LAST, ("loading.steps",)),
-)  # fmt: skip
+)
 
 
 def plain(row: Row) -> bool:

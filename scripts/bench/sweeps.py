@@ -9,9 +9,9 @@ from typing import Any
 from markdown import number, percent, size, table
 from processes import ROOT
 
-from indent_sim import study
+from indent_sim import studies
 from indent_sim.results.reader import read
-from indent_sim.study import Study
+from indent_sim.studies import Study
 
 STUDIES = ROOT / "configs" / "studies" / "accuracy"
 RESULTS = ROOT / "results" / "studies" / "accuracy"
@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 def carry_out(name: str, resume: bool) -> Study:
     """The study of a name."""
-    return study.carry_out(STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print)
+    return studies.carry_out(STUDIES / f"{name}.yaml", output=RESULTS / name, resume=resume, tell=print)
 
 
 def section(done: Study, down: Sequence[str], error: str) -> str:
@@ -58,8 +58,16 @@ def asked(done: Study) -> str:
         found = read(done.directory / "runs" / row["run"])
         bar = (found["force_error"] / found["force"]).max()
         worst = row["force_error_vs"] if row["force_error_worst"] is None else row["force_error_worst"]
-        lines.append([size(row["accuracy"]), size(bar), size(worst), str(row["dofs"]), number(row["cpu_s"], 2),
-                      number(row["memory_MB"])])  # fmt: skip
+        lines.append(
+            [
+                size(row["accuracy"]),
+                size(bar),
+                size(worst),
+                str(row["dofs"]),
+                number(row["cpu_s"], 2),
+                number(row["memory_MB"]),
+            ]
+        )
     return table(["asked for", "largest error bar", "worst error", "dofs", "CPU s", "MB"], lines)
 
 
@@ -67,9 +75,22 @@ def reductions(rows: Sequence[Row]) -> str:
     """The same scene as a plane, a quarter, a half and whole, condensed and not."""
     cheapest = min(row["cpu_s"] for row in rows)
     head = ["modelled", "solver", "dofs", "error of the last step", "iterations", "CPU s", "times the cheapest", "MB"]
-    return table(head, [[row["mesh.symmetry"], row["solver.method"], str(row["dofs"]), percent(row["force_error_vs"]),
-                         str(row["newton_iterations"]), number(row["cpu_s"], 2), number(row["cpu_s"] / cheapest, 2),
-                         number(row["memory_MB"])] for row in rows])  # fmt: skip
+    return table(
+        head,
+        [
+            [
+                row["mesh.symmetry"],
+                row["solver.method"],
+                str(row["dofs"]),
+                percent(row["force_error_vs"]),
+                str(row["newton_iterations"]),
+                number(row["cpu_s"], 2),
+                number(row["cpu_s"] / cheapest, 2),
+                number(row["memory_MB"]),
+            ]
+            for row in rows
+        ],
+    )
 
 
 def growth(rows: Sequence[Row]) -> str:

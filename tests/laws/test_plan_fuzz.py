@@ -23,7 +23,7 @@ from indent_sim.config import schema
 from indent_sim.config.key_types import hints, kinds_of
 from indent_sim.config.strict_yaml import dump, parse
 from indent_sim.process.errors import ConfigError, UsageError
-from indent_sim.study import file as study_file
+from indent_sim.studies import study_file as study_file
 
 ROOT = Path(__file__).resolve().parents[2]
 WAIT = 20.0  # s of wall time for one plan: the slowest takes 1 s, on a machine that may be busy
@@ -35,23 +35,57 @@ STUDIES = [document | {"base": SCENES[0]} for document in SCENES if "vary" in do
 SCENES = [document for document in SCENES if "body" in document]
 
 POWERS = (st.integers(-17, 17) | st.integers(-3, 3) | st.integers(-323, 308)).map(lambda n: float(f"1e{n}"))
-EDGES = st.sampled_from([0, -0.0, 1, -1, 2, 64, 90, 89.9999999, 0.5, 0.49, 0.4999999999, -0.999999, 1 / 3, 10**80,
-                         5e-324, 1.7976931348623157e308])  # fmt: skip
-NUMBERS = st.one_of(EDGES, POWERS, POWERS.map(lambda x: -x), st.floats(allow_nan=False, allow_infinity=False),
-                    st.floats(1e-3, 1e3))  # fmt: skip
+EDGES = st.sampled_from(
+    [
+        0,
+        -0.0,
+        1,
+        -1,
+        2,
+        64,
+        90,
+        89.9999999,
+        0.5,
+        0.49,
+        0.4999999999,
+        -0.999999,
+        1 / 3,
+        10**80,
+        5e-324,
+        1.7976931348623157e308,
+    ]
+)
+NUMBERS = st.one_of(
+    EDGES, POWERS, POWERS.map(lambda x: -x), st.floats(allow_nan=False, allow_infinity=False), st.floats(1e-3, 1e3)
+)
 WORDS = st.sampled_from(["auto", "none", "all", "free", "roller", "fixed", "newton", "", "Ä ß 漢字 🙂", "a" * 10_000])
 LISTS = st.lists(NUMBERS, max_size=5) | st.integers(0, 20_000).map(lambda n: [0.01] * n)
 FITTING = st.sampled_from([[[0, 0], [1, 0.5]], [2.0, 2.0, 1.0], [1.0], [1.0, 0.5], "roller", "auto", 0.3, "mixed"])
 MAPPINGS = st.dictionaries(st.text(max_size=4), NUMBERS, max_size=2)
-VALUES = st.one_of(NUMBERS, NUMBERS, NUMBERS, WORDS, LISTS, st.lists(LISTS, max_size=4), st.none(), st.booleans(),
-                   st.text(max_size=8), MAPPINGS)  # fmt: skip
+VALUES = st.one_of(
+    NUMBERS,
+    NUMBERS,
+    NUMBERS,
+    WORDS,
+    LISTS,
+    st.lists(LISTS, max_size=4),
+    st.none(),
+    st.booleans(),
+    st.text(max_size=8),
+    MAPPINGS,
+)
 SPACINGS = {"spacing": st.sampled_from(["log", 3]), "unit": st.just("E*/h_contact")}
 ENDS = st.fixed_dictionaries({"from": NUMBERS, "to": NUMBERS, "count": st.integers(-1, 5) | NUMBERS}, optional=SPACINGS)
 SOME = st.floats(1e-3, 1.0)
-PIECE = {"thickness": SOME, "shape": st.sampled_from(["ball", "cylinder", "box"]), "radius": SOME, "height": SOME,
-         "center": st.tuples(st.sampled_from([0.0, 1.0]), st.just(0.0), st.floats(-1.0, 0.0)).map(list),
-         "size": st.lists(SOME, min_size=3, max_size=3),
-         "material": st.sampled_from([{"model": "linear_elastic", "E": 2, "nu": 0.3}, {"model": "gent"}])}  # fmt: skip
+PIECE = {
+    "thickness": SOME,
+    "shape": st.sampled_from(["ball", "cylinder", "box"]),
+    "radius": SOME,
+    "height": SOME,
+    "center": st.tuples(st.sampled_from([0.0, 1.0]), st.just(0.0), st.floats(-1.0, 0.0)).map(list),
+    "size": st.lists(SOME, min_size=3, max_size=3),
+    "material": st.sampled_from([{"model": "linear_elastic", "E": 2, "nu": 0.3}, {"model": "gent"}]),
+}
 KEPT = st.fixed_dictionaries({key: PIECE[key] for key in ("shape", "center", "radius", "material")})
 PIECES = KEPT | st.fixed_dictionaries({}, optional={key: values | VALUES for key, values in PIECE.items()}) | VALUES
 LENGTHS = ("R", "radius", "height", "width", "delta", "h_contact", "h_far", "edge_radius", "tip_radius")

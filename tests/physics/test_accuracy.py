@@ -14,7 +14,7 @@ from scipy.optimize import brentq, least_squares
 from test_hertz import CUBE as CUBE_FORCE
 from test_hertz import FORCES
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.run.chain import simulate, states
 from indent_sim.scene.scene import resolve
@@ -68,11 +68,24 @@ SCENES = [
         strict=False,
     )
 ]
-SCENES += [Case(tip, a, nu, base) for tip in ("paraboloid", "sphere", "cone", "flat_punch")
-           for a, nu, base in ((0.03, 0.3, "fixed"), (0.3, 0.4999, "fixed"), (2.0, 0.2, "roller"),
-                               (3.0, 0.4999, "fixed"), (0.1, 0.495, "roller"), (1.0, 0.0, "roller"))]  # fmt: skip
-SCENES += [Case("paraboloid", 0.1, 0.3, shape="strip"), Case("cone", 0.5, 0.4999, shape="strip"),
-           Case("sphere", 1.0, 0.2, shape="strip"), Case("flat_punch", 0.5, 0.3, shape="strip")]  # fmt: skip
+SCENES += [
+    Case(tip, a, nu, base)
+    for tip in ("paraboloid", "sphere", "cone", "flat_punch")
+    for a, nu, base in (
+        (0.03, 0.3, "fixed"),
+        (0.3, 0.4999, "fixed"),
+        (2.0, 0.2, "roller"),
+        (3.0, 0.4999, "fixed"),
+        (0.1, 0.495, "roller"),
+        (1.0, 0.0, "roller"),
+    )
+]
+SCENES += [
+    Case("paraboloid", 0.1, 0.3, shape="strip"),
+    Case("cone", 0.5, 0.4999, shape="strip"),
+    Case("sphere", 1.0, 0.2, shape="strip"),
+    Case("flat_punch", 0.5, 0.3, shape="strip"),
+]
 
 
 @dataclass(frozen=True)
@@ -118,8 +131,10 @@ def test_every_scene_is_as_accurate_as_asked_for_and_knows_its_error(target: flo
     that is wrong once in twenty is what 95 % means; one wider than five times the error says little."""
     runs = [judged(case, target, tmp_path / str(i)) for i, case in enumerate(SCENES)]
     for case, run_ in zip(SCENES, runs, strict=True):
-        print(f"{target:g}  {run_.report['accuracy']['elements']:5.2f} elements  worst error {run_.true.max():.1e}  "
-              f"worst bar {run_.bar.max():.1e}  {case}")  # fmt: skip
+        print(
+            f"{target:g}  {run_.report['accuracy']['elements']:5.2f} elements  worst error {run_.true.max():.1e}  "
+            f"worst bar {run_.bar.max():.1e}  {case}"
+        )
     found = statistics(runs)
     print(target, found)
     assert max(run_.true.max() for run_ in runs) <= target
@@ -154,8 +169,9 @@ def test_scenes_drawn_at_random(target: float, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "tip", ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify)],
-)  # fmt: skip
+    "tip",
+    ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify)],
+)
 def test_the_force_converges_with_the_elements_in_the_contact(tip: str) -> None:
     """Near mesh, far mesh and growth together, as `accuracy` moves them. The error of a step jumps with the elements
     that happen to touch: taken is the root mean square over five steps on three meshes whose sizes differ by 7 %. The
@@ -180,11 +196,14 @@ def rms(divisions: list[float], config: Config) -> float:
 OTHERS: dict[str, dict[str, Any]] = {
     "half-space": {"body": {"shape": "half_space"}, "solver": {"method": "condensed"}},
     "half-space, cone, nearly incompressible": {
-        "body": {"shape": "half_space"}, "indenter": {"shape": "cone", "half_angle": 80},
-        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4999}, "solver": {"method": "condensed"},
+        "body": {"shape": "half_space"},
+        "indenter": {"shape": "cone", "half_angle": 80},
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4999},
+        "solver": {"method": "condensed"},
     },
     "half-space, punch": {
-        "body": {"shape": "half_space"}, "indenter": {"shape": "flat_punch", "radius": 0.5},
+        "body": {"shape": "half_space"},
+        "indenter": {"shape": "flat_punch", "radius": 0.5},
         "solver": {"method": "condensed"},
     },
     "infinitely wide layer": {"body": {"shape": "layer", "height": 0.5}, "solver": {"method": "condensed"}},
@@ -193,7 +212,7 @@ OTHERS: dict[str, dict[str, Any]] = {
     "Nitsche": {"contact": {"method": "nitsche"}},
     "a path": {"loading": {"deltas": [0.002, 0.01, 0.004, -0.001, 0.0005, 0.01]}},
     "one step": {"loading": {"delta": 0.01, "steps": 1}},
-}  # fmt: skip
+}
 
 
 @pytest.mark.verify
@@ -219,9 +238,15 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
     """A sphere on a neo-Hookean layer, gap at the deformed point, against computations with elements of order 6; the
     references are good to 1e-5."""
     exact = np.array(list(SPHERE_ON_GEL[nu].values()))
-    config = from_mapping(Case("sphere", 0.1, nu).mapping() | {
-        "material": {"model": "neo_hookean", "E": 1.0, "nu": nu}, "indenter": {"shape": "sphere", "R": 1.0},
-        "loading": {"deltas": list(SPHERE_ON_GEL[nu])}, "accuracy": target})  # fmt: skip
+    config = from_mapping(
+        Case("sphere", 0.1, nu).mapping()
+        | {
+            "material": {"model": "neo_hookean", "E": 1.0, "nu": nu},
+            "indenter": {"shape": "sphere", "R": 1.0},
+            "loading": {"deltas": list(SPHERE_ON_GEL[nu])},
+            "accuracy": target,
+        }
+    )
     outcome = simulate(config, directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] - exact)
     bar = np.array([state.force_error for state in outcome.states])
@@ -230,7 +255,9 @@ def test_hyperelastic_bodies(nu: float, target: float, tmp_path: Path) -> None:
 
 
 CUBE: dict[str, Any] = Case("paraboloid", 0.1, 0.3).mapping() | {
-    "body": {"shape": "box", "size": [2.0, 2.0, 1.0]}, "loading": {"delta": 0.01, "steps": 10}}  # fmt: skip
+    "body": {"shape": "box", "size": [2.0, 2.0, 1.0]},
+    "loading": {"delta": 0.01, "steps": 10},
+}
 DEPTHS = np.arange(1, 11) * 1e-3
 
 
@@ -268,8 +295,10 @@ def test_a_cube(target: float, tmp_path: Path) -> None:
     outcome = simulate(from_mapping(CUBE | {"accuracy": target}), directory=tmp_path)
     true = np.abs([state.force for state in outcome.states] / cube_forces() - 1)
     bar = np.array([state.force_error for state in outcome.states]) / cube_forces()
-    print(f"{target:g}  {outcome.report['accuracy']['elements']:.3g} elements  worst error {true.max():.1e}  "
-          f"worst bar {bar.max():.1e}")  # fmt: skip
+    print(
+        f"{target:g}  {outcome.report['accuracy']['elements']:.3g} elements  worst error {true.max():.1e}  "
+        f"worst bar {bar.max():.1e}"
+    )
     assert np.all(true <= target)
     assert np.all(true <= bar)
 
@@ -279,12 +308,16 @@ def test_a_cube(target: float, tmp_path: Path) -> None:
 def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
     """The edge, a circle that straight facets follow, costs most of the mesh. Theory's layer ends at a round wall, or
     nowhere: this wide a box differs by less than 1e-3. A bar may be half too narrow: few elements share the edge."""
-    config = from_mapping({
-        "body": {"shape": "box", "size": [4.0, 4.0, 1.0], "base": "fixed", "sides": "roller"},
-        "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
-        "indenter": {"shape": "flat_punch", "radius": radius},
-        "loading": {"delta": 0.01 * radius, "steps": 1}, "output": QUIET, "accuracy": 0.01,
-    })  # fmt: skip
+    config = from_mapping(
+        {
+            "body": {"shape": "box", "size": [4.0, 4.0, 1.0], "base": "fixed", "sides": "roller"},
+            "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
+            "indenter": {"shape": "flat_punch", "radius": radius},
+            "loading": {"delta": 0.01 * radius, "steps": 1},
+            "output": QUIET,
+            "accuracy": 0.01,
+        }
+    )
     (state,) = simulate(config, directory=tmp_path).states
     (exact,) = exact_forces(config)
     true, bar = abs(state.force / exact - 1), (state.force_error or 0.0) / exact
@@ -293,8 +326,13 @@ def test_a_punch_on_a_box(radius: float, nu: float, tmp_path: Path) -> None:
     assert true <= 1.5 * bar
 
 
-FEW = [Case("paraboloid", 0.1, 0.3), Case("cone", 1.0, 0.45), Case("flat_punch", 0.5, 0.3, "roller"),
-       Case("sphere", 3.0, 0.4999), Case("paraboloid", 0.1, 0.3, shape="strip")]  # fmt: skip
+FEW = [
+    Case("paraboloid", 0.1, 0.3),
+    Case("cone", 1.0, 0.45),
+    Case("flat_punch", 0.5, 0.3, "roller"),
+    Case("sphere", 3.0, 0.4999),
+    Case("paraboloid", 0.1, 0.3, shape="strip"),
+]
 
 
 @pytest.mark.parametrize("case", FEW, ids=str)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from test_accuracy import CUBE, SCENES, TARGETS, Case, cube_forces, exact_forces
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.run.chain import simulate, warm_up
 from indent_sim.scene.scene import resolve
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from test_accuracy import Case, drawn
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
 from indent_sim.results.compare import compare
 from indent_sim.run.chain import simulate, states
@@ -45,9 +45,12 @@ def theory(case: Case, mapping: dict[str, Any]) -> dict[str, np.ndarray]:
     curve = scene.plan.theory.curve(scene.physics.deltas) or []
     L, P, F = scene.physics.scales.length, scene.physics.scales.pressure, scene.physics.scales.force
     peaks = [float(np.max(solution.pressure(solution.a * RADII))) * P for solution in curve]
-    return {"delta": np.array([solution.delta for solution in curve]) * L, "p_max": np.array(peaks),
-            "force": np.array([solution.force for solution in curve]) * F,
-            "a": np.array([solution.a for solution in curve]) * L}  # fmt: skip
+    return {
+        "delta": np.array([solution.delta for solution in curve]) * L,
+        "p_max": np.array(peaks),
+        "force": np.array([solution.force for solution in curve]) * F,
+        "a": np.array([solution.a for solution in curve]) * L,
+    }
 
 
 def found(rows: list[State], name: str, exact: np.ndarray) -> Judged:
@@ -79,8 +82,10 @@ def table(runs: list[dict[str, Judged]]) -> dict[str, Judged]:
     found = {name: together(runs, name) for name in ("a", "p_max", "delta")}
     for name, all_rows in found.items():
         median, most = np.median(all_rows.true), all_rows.true.max()
-        print(f"{name}: {len(all_rows.true)} rows, error {median:.1e} in the median, {most:.1e} at most; "
-              f"{all_rows.held:.1%} held, bar over error {all_rows.width:.2g}")  # fmt: skip
+        print(
+            f"{name}: {len(all_rows.true)} rows, error {median:.1e} in the median, {most:.1e} at most; "
+            f"{all_rows.held:.1%} held, bar over error {all_rows.width:.2g}"
+        )
     return found
 
 
@@ -195,8 +200,9 @@ def test_an_unbounded_pressure_is_an_empty_cell(tmp_path: Path) -> None:
     """Above the surface the cone feels nothing, and its pressure is 0."""
     mapping = Case("cone", 0.3, 0.3).mapping() | {"loading": {"deltas": [-0.01, 0.01]}, "accuracy": 0.05}
     simulate(from_mapping(mapping), directory=tmp_path / "cone")
-    header, above, inside = [line.split(",") for line in
-                             (tmp_path / "cone" / "force_indentation.csv").read_text().splitlines()]  # fmt: skip
+    header, above, inside = [
+        line.split(",") for line in (tmp_path / "cone" / "force_indentation.csv").read_text().splitlines()
+    ]
     p_max, p_error = header.index("p_max"), header.index("p_max_error")
     assert [above[p_max], inside[p_max], inside[p_error]] == ["0", "", ""]
     compare(tmp_path / "cone", tmp_path / "cone").check()

@@ -15,7 +15,7 @@ from scenes import CYLINDER, E_STAR, WALLED, meshed, scene, solve
 from indent_sim.fe import solver
 from indent_sim.fe.condensed import contact
 from indent_sim.fe.condensed.contact import complementary
-from indent_sim.fe.terms import nodal
+from indent_sim.fe.terms.contact import nodal
 from indent_sim.model.state import Surface
 from indent_sim.run.chain import condense
 from indent_sim.scene.scene import Scene
@@ -54,8 +54,9 @@ def quadratic(x: np.ndarray, r: np.ndarray) -> np.ndarray:
 def test_active_set_is_complementary(method: str) -> None:
     """Nodal pressures against gaps weighted with the hats of all nodes. A mean gap may be negative by 1e-8 of the
     depth, and a pressure by as much of E*: hundred times the solver's tolerance."""
-    base = scene(CYLINDER, contact={"method": "active_set"}, loading=PATH, mesh={"h_contact": H},
-                 solver={"method": method})  # fmt: skip
+    base = scene(
+        CYLINDER, contact={"method": "active_set"}, loading=PATH, mesh={"h_contact": H}, solver={"method": method}
+    )
     for surface, p, delta, force in walked(base):
         x, u = surface.x, surface.u[:, 2]
         gaps, areas, thrust = np.zeros(len(x)), np.zeros(len(x)), 0.0
@@ -83,8 +84,13 @@ def test_augmented_lagrangian_solves_its_own_equations(method: str, multiple: fl
     program takes (the bracket's kink is seen by them), and the force is the integral of <lam - epsilon_n g> >= 0.
     1e-9 of the peak pressure is ten times the solver's tolerance."""
     epsilon_n = multiple * E_STAR / H
-    base = scene(CYLINDER, contact={"method": "augmented_lagrangian", "epsilon_n": epsilon_n}, loading=PATH,
-                 mesh={"h_contact": H}, solver={"method": method})  # fmt: skip
+    base = scene(
+        CYLINDER,
+        contact={"method": "augmented_lagrangian", "epsilon_n": epsilon_n},
+        loading=PATH,
+        mesh={"h_contact": H},
+        solver={"method": method},
+    )
     for surface, lam, delta, force in walked(base):
         x, u = surface.x, surface.u[:, 2]
         residual, areas, thrust = np.zeros(len(x)), np.zeros(len(x)), 0.0

@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from theory_bodies import indent
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.run.chain import simulate, states
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.theory import layer, profiles, strip
+from indent_sim.theory import profiles
+from indent_sim.theory.layer import Layer
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.strip import Strip
 
 QUIET = {"fields": "none", "surface": "none", "plot": False}
 SHARP, EDGE = 1e-3, 1e-5  # graded elements at corners (of the height, or of the gap beside the contact) and at a
@@ -41,20 +44,29 @@ class Case:
     steps: int = 1
 
     def __str__(self) -> str:
-        return (f"{self.tip}, {self.shape} {self.wide:.3g} wide, contact {self.reach:.3g} of it, nu {self.nu:g}, "
-                f"{self.base} base, sides {self.sides}, {self.steps} steps")  # fmt: skip
+        return (
+            f"{self.tip}, {self.shape} {self.wide:.3g} wide, contact {self.reach:.3g} of it, nu {self.nu:g}, "
+            f"{self.base} base, sides {self.sides}, {self.steps} steps"
+        )
 
     @property
     def indenter(self) -> dict[str, Any]:
         a = self.reach * self.wide
-        own = {"paraboloid": {"R": 20 * a}, "sphere": {"R": 20 * a}, "cone": {"half_angle": 88.0},
-               "flat_punch": {"radius": a}}  # fmt: skip
+        own = {
+            "paraboloid": {"R": 20 * a},
+            "sphere": {"R": 20 * a},
+            "cone": {"half_angle": 88.0},
+            "flat_punch": {"radius": a},
+        }
         return {"shape": self.tip} | own[self.tip]
 
     def mapping(self) -> dict[str, Any]:
         walls = WALLS.get(self.sides, (self.sides, self.sides))
-        size = {"radius": self.wide, "sides": walls[0]} if self.shape == "cylinder" else {
-            "width": 2 * self.wide, "sides": dict(zip(("x_min", "x_max"), walls, strict=True))}  # fmt: skip
+        size = (
+            {"radius": self.wide, "sides": walls[0]}
+            if self.shape == "cylinder"
+            else {"width": 2 * self.wide, "sides": dict(zip(("x_min", "x_max"), walls, strict=True))}
+        )
         return {
             "body": {"shape": self.shape, "height": 1.0, "base": self.base} | size,
             "material": {"model": "linear_elastic", "E": 1.0, "nu": self.nu},
@@ -77,12 +89,12 @@ class Case:
         if self.tip == "flat_punch":
             return 0.001 * min(1.0, a)
         own = dict(self.indenter)
-        module: Any = layer if self.shape == "cylinder" else strip
+        theory: Any = Layer if self.shape == "cylinder" else Strip
         tip = getattr(profiles, own.pop("shape"))(*own.values())
 
         def excess(delta: float) -> float:
             try:
-                found: Solution = module.indent(tip, delta, E=1.0, nu=self.nu, h=1.0, base=self.base, wall=self.wide)
+                found: Solution = indent(theory, tip, delta, E=1.0, nu=self.nu, h=1.0, base=self.base, wall=self.wide)
             except ValueError:  # contact meets the wall
                 return self.wide - a
             return found.a - a
@@ -109,10 +121,15 @@ def drawn(count: int, seed: int) -> list[Case]:
         reach = round(float(draw.uniform(0.95, 0.99) if near else draw.uniform(0.2, 0.95)), 4)
         most = 1.0 if sides in ("roller", "free") or tip == "flat_punch" else 0.8 if wide < 1 else 0.9
         case = Case(
-            tip=tip, wide=wide, reach=min(reach, most),
-            nu=float(draw.choice([0.3, 0.45, 0.49, 0.4999])), sides=sides, shape=shape,
-            base="fixed" if sides != "roller" or draw.random() < 0.7 else "roller", steps=int(draw.integers(1, 4)),
-        )  # fmt: skip
+            tip=tip,
+            wide=wide,
+            reach=min(reach, most),
+            nu=float(draw.choice([0.3, 0.45, 0.49, 0.4999])),
+            sides=sides,
+            shape=shape,
+            base="fixed" if sides != "roller" or draw.random() < 0.7 else "roller",
+            steps=int(draw.integers(1, 4)),
+        )
         found += [] if case.meets_a_side() else [case]
     return found
 
@@ -127,8 +144,14 @@ def graded(config: Config, n: float = 15.0, grading: float = 0.2) -> Scene:
         coarse = states(resolve(config, 13.0), with_surface=False)
         points |= {(state.a / base.physics.scales.length, 0.0) for state in coarse}
     gap = min(min(ends) - base.sizes.a, 1.0) if base.sizes.edge is None else 0.1
-    sizes = replace(base.sizes, corners=tuple(sorted(points)), h_corner=SHARP * max(gap, 0.01), grading=grading,
-                    h_far=2 * grading, h_edge=base.sizes.h_edge and EDGE)  # fmt: skip
+    sizes = replace(
+        base.sizes,
+        corners=tuple(sorted(points)),
+        h_corner=SHARP * max(gap, 0.01),
+        grading=grading,
+        h_far=2 * grading,
+        h_edge=base.sizes.h_edge and EDGE,
+    )
     return replace(base, sizes=sizes)
 
 
@@ -166,8 +189,10 @@ def judged(mapping: dict[str, Any], target: float, folder: Path, exact: np.ndarr
 PLATE: dict[str, Any] = {  # on a bonded disc of nearly incompressible material, up to its free rim
     "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "fixed", "sides": "free"},
     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.4999},
-    "indenter": {"shape": "flat_punch", "radius": 1.0}, "loading": {"delta": 0.01, "steps": 1}, "output": QUIET,
-}  # fmt: skip
+    "indenter": {"shape": "flat_punch", "radius": 1.0},
+    "loading": {"delta": 0.01, "steps": 1},
+    "output": QUIET,
+}
 
 
 def test_a_plate_on_a_bonded_disc(tmp_path: Path) -> None:
@@ -177,9 +202,13 @@ def test_a_plate_on_a_bonded_disc(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "case", [Case("paraboloid", 1.0, 0.97, 0.4999, "roller"),
-             pytest.param(Case("cone", 3.0, 0.98, 0.5, "roller"), marks=pytest.mark.verify)], ids=str,
-)  # fmt: skip
+    "case",
+    [
+        Case("paraboloid", 1.0, 0.97, 0.4999, "roller"),
+        pytest.param(Case("cone", 3.0, 0.98, 0.5, "roller"), marks=pytest.mark.verify),
+    ],
+    ids=str,
+)
 def test_a_contact_that_nearly_fills_the_body(case: Case, tmp_path: Path) -> None:
     """Between contact and wall the surface rises in a ring narrower than the elements under the tip would be."""
     found = judged(case.mapping(), 0.01, tmp_path)
@@ -196,8 +225,12 @@ def test_automatic_sizes_resolve_a_punch_beside_a_wall(nu: float, wide: float, r
     assert state.force == pytest.approx(true_forces(config)[0], rel=0.003)
 
 
-EXACT = [Case("paraboloid", 1.5, 0.9, 0.4999, "roller", steps=2), Case("flat_punch", 2.0, 0.8, 0.4999, "roller"),
-         Case("cone", 3.0, 0.95, 0.4999, "roller", steps=2), Case("paraboloid", 1.0, 0.7, 0.3, "roller", "strip")]
+EXACT = [
+    Case("paraboloid", 1.5, 0.9, 0.4999, "roller", steps=2),
+    Case("flat_punch", 2.0, 0.8, 0.4999, "roller"),
+    Case("cone", 3.0, 0.95, 0.4999, "roller", steps=2),
+    Case("paraboloid", 1.0, 0.7, 0.3, "roller", "strip"),
+]
 
 
 @pytest.mark.verify
@@ -226,11 +259,16 @@ def test_scenes_drawn_at_random(tmp_path: Path) -> None:
     for i, case in enumerate(drawn(60, SEED)):
         target = TARGETS[i % 3]
         runs.append(found := judged(case.mapping(), target, tmp_path / str(i)))
-        print(f"{target:g}  worst error {found.true.max():.1e}  worst bar {found.bar.max():.1e}  "
-              f"{'' if found.inside.all() else 'OUTSIDE  '}{case}", flush=True)  # fmt: skip
+        print(
+            f"{target:g}  worst error {found.true.max():.1e}  worst bar {found.bar.max():.1e}  "
+            f"{'' if found.inside.all() else 'OUTSIDE  '}{case}",
+            flush=True,
+        )
         assert found.true.max() <= target, case
-    rows, scenes = (float(np.mean(inside)) for inside in (np.concatenate([run_.inside for run_ in runs]),
-                                                          [run_.inside.all() for run_ in runs]))  # fmt: skip
+    rows, scenes = (
+        float(np.mean(inside))
+        for inside in (np.concatenate([run_.inside for run_ in runs]), [run_.inside.all() for run_ in runs])
+    )
     over = float(np.median(np.concatenate([run_.bar / run_.true for run_ in runs])))
     print(f"rows inside {rows:.3f}, scenes inside {scenes:.3f}, bar over error {over:.2f}", flush=True)
     assert rows >= 0.95 and scenes >= 0.95 and over <= 5

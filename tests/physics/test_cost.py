@@ -7,11 +7,13 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from scenes import grid_of
 
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
+from indent_sim.run.accuracy import foreseen
 from indent_sim.scene.scene import resolve
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,8 +39,26 @@ def test_cells(path: Path) -> None:
 def test_unknowns_memory_and_seconds(path: Path, tmp_path: Path) -> None:
     """Of a process of its own whose forms are compiled, the better of two runs: others may be working beside it."""
     plan = resolve(load(path, MESHED)).plan.prediction
-    command = [sys.executable, "-m", "indent_sim.cli.commands", "run", str(path), "--output", str(tmp_path / "run"),
-               "--set", "output.plot=false", "--set", MESHED[0]]  # fmt: skip
+    report, seconds = measured(path, tmp_path / "run", "--set", MESHED[0])
+    assert_close(plan["dofs"], report["dofs"])
+    assert_close(plan["memory_MB"], report["peak_memory_MB"])
+    assert_close(plan["seconds"], seconds)
+
+
+def measured(path: Path, folder: Path, *words: str) -> tuple[dict[str, Any], float]:
+    """run.json of a run, and its processor seconds."""
+    command = [
+        sys.executable,
+        "-m",
+        "indent_sim.cli.commands",
+        "run",
+        str(path),
+        "--output",
+        str(folder),
+        *words,
+        "--set",
+        "output.plot=false",
+    ]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     seconds = []
     for _ in range(2):
@@ -46,7 +66,45 @@ def test_unknowns_memory_and_seconds(path: Path, tmp_path: Path) -> None:
         _, status, usage = os.wait4(process.pid, 0)
         assert status == 0
         seconds.append(usage.ru_utime + usage.ru_stime)
-    report = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert_close(plan["dofs"], report["dofs"])
-    assert_close(plan["memory_MB"], report["peak_memory_MB"])
-    assert_close(plan["seconds"], min(seconds))
+    return json.loads((folder / "run.json").read_text()), min(seconds)
+
+
+WITH_BARS = (
+    "hertz",
+    "gel",
+    "flat_punch",
+    "linear_penalty",
+    "thin_gel_stick",
+    "plane_strain",
+    "bilayer_gel",
+    "hertz_cube",
+    "off_axis",
+    "nucleus",
+    "cap_cell",
+    "part_from_mesh",
+)
+ACCURATE = {
+    "": "0.001",
+    "contact.friction=0.3": "0.01",
+    "contact.method=penalty": "0.001",
+    "material.nu=0.4999": "0.001",
+}
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("name", WITH_BARS)
+def test_seconds_with_error_bars(name: str, tmp_path: Path) -> None:
+    """The companions too."""
+    path = next(path for path in SCENES if path.stem == name)
+    _, seconds = measured(path, tmp_path / "run", "--error-bars")
+    assert_close(foreseen(resolve(load(path)), True).plan.prediction["seconds"], seconds)
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("change", ACCURATE)
+def test_seconds_with_accuracy(change: str, tmp_path: Path) -> None:
+    """The attempts and their companions."""
+    path = ROOT / "configs" / "hertz.yaml"
+    settings = [f"accuracy={ACCURATE[change]}", "mesh={}", *([change] if change else [])]
+    _, seconds = measured(path, tmp_path / "run", *(word for one in settings for word in ("--set", one)))
+    assert_close(foreseen(resolve(load(path, settings))).plan.prediction["seconds"], seconds)

@@ -117,8 +117,12 @@ def test_not_right_and_says_so(name: str) -> None:
 
 def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
     """What is left of the layer stiffens, and the tip sinks further than at small strain; truth: a multiplier."""
-    deep = {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.4999}, "indenter": {"shape": "sphere", "R": 1.0},
-            "loading": {"delta": 0.7, "steps": 3}, "mesh": {"h_contact": 0.06, "h_far": 0.3}}  # fmt: skip
+    deep = {
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.4999},
+        "indenter": {"shape": "sphere", "R": 1.0},
+        "loading": {"delta": 0.7, "steps": 3},
+        "mesh": {"h_contact": 0.06, "h_far": 0.3},
+    }
     body = WIDE | {"radius": 2.0}
     penalty = scene(body, contact={"method": "penalty", "epsilon_n": 2e3}, **deep)
     lost = 1 - force(penalty) / force(scene(body, **deep))
@@ -127,8 +131,11 @@ def test_a_penalty_deep_in_soft_rubber_states_enough() -> None:
 
 def test_a_multiplier_at_finite_strain_bears_a_huge_stiffness() -> None:
     """1e6 E*/h throws the first step out of all bounds; through softer contact the force is that of `auto`."""
-    sections = {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}, "indenter": {"shape": "sphere", "R": 1.0},
-                "loading": {"delta": 0.1, "steps": 2}}  # fmt: skip
+    sections = {
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        "indenter": {"shape": "sphere", "R": 1.0},
+        "loading": {"delta": 0.1, "steps": 2},
+    }
     stiff = {"method": "augmented_lagrangian", "epsilon_n": 3.208e7}
     assert abs(force(scene(WIDE, contact=stiff, **sections)) / force(scene(WIDE, **sections)) - 1) < TOLERANCE
 
@@ -164,9 +171,11 @@ def test_an_incompressible_body_held_on_all_sides_has_no_room() -> None:
     assert layer(WIDE | {"radius": 1.0, "sides": "free"}, nu=0.5, R=25.0, **once(0.0101)).physics.deltas == (0.0101,)
 
 
-SIDES = {"cylinder": {"shape": "cylinder", "radius": 0.5, "height": 1.0, "sides": "fixed"},
-         "strip": {"shape": "strip", "width": 1.0, "height": 1.0, "sides": {"x_max": "fixed"}},
-         "box": {"shape": "box", "size": [3.0, 1.0, 1.0], "sides": {"y_min": "fixed"}}}  # fmt: skip
+SIDES = {
+    "cylinder": {"shape": "cylinder", "radius": 0.5, "height": 1.0, "sides": "fixed"},
+    "strip": {"shape": "strip", "width": 1.0, "height": 1.0, "sides": {"x_max": "fixed"}},
+    "box": {"shape": "box", "size": [3.0, 1.0, 1.0], "sides": {"y_min": "fixed"}},
+}
 BLUNT = {"shape": "paraboloid", "R": 1.25}  # meets all of these at 0.5^2/(2 R) = 0.1
 
 

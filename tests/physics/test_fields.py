@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim.config.file import loads
+from indent_sim.config.scene_file import loads
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import read_fields
 from indent_sim.run.chain import simulate

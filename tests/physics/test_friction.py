@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from itertools import pairwise
+from itertools import combinations, pairwise
 from math import inf, log
 from pathlib import Path
 from typing import Any
 
 import pytest
-from scenes import ELASTIC, PARABOLOID, scene, solve
+from scenes import ELASTIC, PARABOLOID, scene, solve, solved
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.fe.condensed import equilibrium
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
@@ -20,8 +20,8 @@ from indent_sim.run.chain import simulate, states
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, sticks, ways
 from indent_sim.run.summary import theory_comparison
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.study import cases, file
-from indent_sim.theory.surface.no_slip import COMPRESSIBLE, LAYER, MAP_ERROR, SLENDER
+from indent_sim.studies import cases, study_file
+from indent_sim.theory.surface.no_slip import COMPRESSIBLE, LAYER, MAP_ERROR, MAPPED_SLENDERNESS
 
 # 2000 contact radii thick and wide: what friction adds to the force is that of a half-space to a thousandth of itself
 THICK = {"shape": "cylinder", "radius": 200.0, "height": 200.0, "base": "fixed", "sides": "roller"}
@@ -31,11 +31,15 @@ PUNCH = {"shape": "flat_punch", "radius": A}
 IN_AND_OUT = {"deltas": [0.004, 0.01, 0.007, 0.003, 0.0, 0.004, 0.01]}
 
 
-def rough(friction: float | str, nu: float, loading: dict[str, Any], tip: dict[str, Any] = PARABOLOID, **more: Any
-          ) -> list[State]:  # fmt: skip
+def rough(
+    friction: float | str, nu: float, loading: dict[str, Any], tip: dict[str, Any] = PARABOLOID, **more: Any
+) -> list[State]:
     """The states of a thick body under a tip, thirty elements in its contact radius."""
-    sections = {"material": {"model": "linear_elastic", "E": 1.0, "nu": nu}, "mesh": {"h_contact": A / 30},
-                "contact": {"method": "augmented_lagrangian", "friction": friction}} | more  # fmt: skip
+    sections = {
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": nu},
+        "mesh": {"h_contact": A / 30},
+        "contact": {"method": "augmented_lagrangian", "friction": friction},
+    } | more
     return solve(scene(THICK, indenter=tip, loading=loading, **sections))
 
 
@@ -56,8 +60,13 @@ def punch(friction: float | str, nu: float, h: float = A / 30) -> State:
     return rough(friction, nu, {"delta": 0.001, "steps": 1}, PUNCH, mesh={"h_contact": h})[-1]
 
 
-PARABOLOIDS = [("stick", 0.0, 10, 1.052891), ("stick", 0.3, 10, 1.016213), (0.3, 0.3, 10, 1.01446),
-               (0.5, 0.3, 10, 1.01593), (1.0, 0.3, 10, 1.01620)]  # fmt: skip
+PARABOLOIDS = [
+    ("stick", 0.0, 10, 1.052891),
+    ("stick", 0.3, 10, 1.016213),
+    (0.3, 0.3, 10, 1.01446),
+    (0.5, 0.3, 10, 1.01593),
+    (1.0, 0.3, 10, 1.01620),
+]
 
 
 @pytest.mark.parametrize(("friction", "nu", "steps", "exact"), PARABOLOIDS)
@@ -69,8 +78,12 @@ def test_paraboloid_on_a_half_space(friction: float | str, nu: float, steps: int
 
 def test_little_friction_stuck_on_the_way() -> None:
     """The anchor of stick does for friction 0.3 too, whose own is that of the step's beginning."""
-    base = scene(THICK, contact={"method": "augmented_lagrangian", "friction": 0.3}, mesh={"h_contact": A / 30},
-                 loading={"delta": A**2, "steps": 10})  # fmt: skip
+    base = scene(
+        THICK,
+        contact={"method": "augmented_lagrangian", "friction": 0.3},
+        mesh={"h_contact": A / 30},
+        loading={"delta": A**2, "steps": 10},
+    )
     assert base.physics.anchor == "implicit"
     assert solve(base.with_physics(anchor="mid"))[-1].force / paraboloid(0.0, 0.3) == pytest.approx(1.01446, abs=5e-4)
 
@@ -90,8 +103,13 @@ def no_slip(nu: float) -> float:
 
 # Coulomb punches by a ring boundary-element method (1e-6)
 PUNCHES = [("stick", nu, no_slip(nu)) for nu in (0.0, 0.3, 0.45)] + [
-    (0.1, 0.0, 1.01810), (0.3, 0.0, 1.05240), (1.0, 0.0, 1.09220),
-    (0.1, 0.3, 1.01035), (0.3, 0.3, 1.02430), (1.0, 0.3, 1.02857)]  # fmt: skip
+    (0.1, 0.0, 1.01810),
+    (0.3, 0.0, 1.05240),
+    (1.0, 0.0, 1.09220),
+    (0.1, 0.3, 1.01035),
+    (0.3, 0.3, 1.02430),
+    (1.0, 0.3, 1.02857),
+]
 
 
 @pytest.mark.parametrize(("friction", "nu", "exact"), PUNCHES)
@@ -110,9 +128,15 @@ def test_stuck_beside_a_sharp_edge() -> None:
 def in_layer(friction: float | str, slenderness: float, h: float, tip: dict[str, Any], delta: float) -> float:
     """The force on an incompressible layer of thickness 1, bonded to its base, between roller walls far away."""
     layer = THICK | {"radius": 4 * max(1.0, slenderness), "height": 1.0}
-    base = scene(layer, material=ELASTIC | {"nu": 0.5}, mesh={"h_contact": h}, indenter=tip,
-                 contact={"method": "augmented_lagrangian", "friction": friction}, loading={"delta": delta, "steps": 1})
-    return solve(base)[-1].force  # fmt: skip
+    base = scene(
+        layer,
+        material=ELASTIC | {"nu": 0.5},
+        mesh={"h_contact": h},
+        indenter=tip,
+        contact={"method": "augmented_lagrangian", "friction": friction},
+        loading={"delta": delta, "steps": 1},
+    )
+    return solve(base)[-1].force
 
 
 @pytest.mark.parametrize("tip", [PUNCH, PARABOLOID], ids=["punch", "paraboloid"])
@@ -130,21 +154,30 @@ def test_incompressible_thin_layers_stick_four_times_as_hard() -> None:
     assert rubbed / smooth == pytest.approx(3.292, rel=0.01)
 
 
-@pytest.mark.parametrize(("name", "power"), [("paraboloid", 2.0), ("cone", 1.0), ("flat_punch", inf)])
-@pytest.mark.parametrize(("nu", "slender"), [(0.0, 1.0), (0.49, 3.0), (0.5, 10.0)])
-def test_the_shipped_map_is_that_of_plan(name: str, power: float, nu: float, slender: float) -> None:
-    """Three of its cells, within the map's own error; scripts/make_friction_page holds all of them to it."""
-    forces = {case.values["contact.friction"]: solve(case.scene)[-1].force for case in shipped(name)
-              if case.values["material.nu"] == nu
-              and case.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)}  # fmt: skip
-    known = LAYER[power][COMPRESSIBLE.index(nu)][SLENDER.index(slender)]
+@pytest.mark.parametrize(
+    ("nu", "slender", "name", "power"),
+    [
+        pytest.param(nu, slender, name, power, marks=[] if name == "paraboloid" else [pytest.mark.verify])
+        for nu, slender in ((0.0, 1.0), (0.49, 3.0), (0.5, 10.0))
+        for name, power in (("paraboloid", 2.0), ("cone", 1.0), ("flat_punch", inf))
+    ],
+)
+def test_the_shipped_map_is_that_of_plan(nu: float, slender: float, name: str, power: float) -> None:
+    """Three of its cells, nine in `make verify`, within the map's own error, to which scripts/make_friction_page holds
+    all of them."""
+    forces = {
+        case.values["contact.friction"]: solve(case.scene)[-1].force
+        for case in shipped(name)
+        if case.values["material.nu"] == nu and case.scene.plan.prediction["a"] == pytest.approx(slender, rel=1e-3)
+    }
+    known = LAYER[power][COMPRESSIBLE.index(nu)][MAPPED_SLENDERNESS.index(slender)]
     assert forces["stick"] / forces[0] == pytest.approx(known, rel=MAP_ERROR)
 
 
 @cache
 def shipped(name: str) -> list[cases.Case]:
     """The cases of a study of the map."""
-    return cases.of(file.read(STUDIES / f"{name}.yaml"))
+    return cases.asked_for(study_file.read(STUDIES / f"{name}.yaml"))[0]
 
 
 @pytest.mark.parametrize(("friction", "sticks"), [(0.1, 0.20), (0.2, 0.70), (0.3, 0.896), (0.5, 0.984)])
@@ -156,8 +189,12 @@ def test_stick_radius_of_a_flat_punch(friction: float, sticks: float) -> None:
 
 def test_theory_beside_a_rough_run() -> None:
     """Force, radius and depth of a half-space with friction beside the run's: 1e-3, ten elements in the contact."""
-    sections = {"body": {"shape": "half_space"}, "material": ELASTIC, "indenter": PARABOLOID,
-                "contact": {"friction": 0.3}}  # fmt: skip
+    sections = {
+        "body": {"shape": "half_space"},
+        "material": ELASTIC,
+        "indenter": PARABOLOID,
+        "contact": {"friction": 0.3},
+    }
     for loading, asked in (({"delta": A**2, "steps": 10}, "force"), ({"forces": [2e-4, 5e-4, 9e-4, 1.4e-3]}, "delta")):
         base = resolve(from_mapping(sections | {"loading": loading}))
         said = theory_comparison(base, solve(base))
@@ -169,8 +206,12 @@ def test_theory_beside_a_rough_run() -> None:
 def test_theory_without_friction_beside_a_rough_layer_says_so() -> None:
     """Its name is that of the legend, of the report and of the last lines of a run."""
     for friction, name in ((0.3, "layer theory without friction"), (0.0, "layer theory")):
-        base = scene(THICK | {"height": 1.0}, contact={"method": "augmented_lagrangian", "friction": friction},
-                     mesh={"h_contact": A / 5}, loading={"delta": A**2, "steps": 1})  # fmt: skip
+        base = scene(
+            THICK | {"height": 1.0},
+            contact={"method": "augmented_lagrangian", "friction": friction},
+            mesh={"h_contact": A / 5},
+            loading={"delta": A**2, "steps": 1},
+        )
         said = theory_comparison(base, solve(base))
         assert said and said["name"] == name
 
@@ -178,8 +219,12 @@ def test_theory_without_friction_beside_a_rough_layer_says_so() -> None:
 @pytest.mark.parametrize("friction", ["stick", 0.5, 1.0])
 def test_half_way_lies_between_the_ends_of_the_step(friction: float | str) -> None:
     """New contact free until the step's end is too soft, stuck where the step began too stiff."""
-    base = scene(THICK, contact={"method": "augmented_lagrangian", "friction": friction}, mesh={"h_contact": A / 10},
-                 loading={"delta": A**2, "steps": 5})  # fmt: skip
+    base = scene(
+        THICK,
+        contact={"method": "augmented_lagrangian", "friction": friction},
+        mesh={"h_contact": A / 10},
+        loading={"delta": A**2, "steps": 5},
+    )
     glue, mid, implicit = (solve(base.with_physics(anchor=anchor))[-1].force for anchor in ("glue", "mid", "implicit"))
     assert glue < mid < implicit
 
@@ -194,8 +239,13 @@ def test_no_friction_is_the_limit_of_little(method: str, solver: str, iterations
     iterations than before."""
     found = []
     for friction in (0.0, 1e-12):
-        base = scene(THICK, contact={"method": method, "friction": friction}, mesh={"h_contact": A / 6},
-                     loading={"delta": A**2, "steps": 2}, solver={"method": solver})  # fmt: skip
+        base = scene(
+            THICK,
+            contact={"method": method, "friction": friction},
+            mesh={"h_contact": A / 6},
+            loading={"delta": A**2, "steps": 2},
+            solver={"method": solver},
+        )
         found.append(solve(base))
     smooth, rubbed = found
     assert sum(state.newton_iterations for state in smooth) <= iterations
@@ -219,14 +269,18 @@ def test_a_closed_cycle_loses_energy_and_leaves_nothing_behind(friction: float |
     assert states[1].stick_radius <= states[1].a
 
 
-@pytest.mark.parametrize("method", ["condensed", "newton"])
+@pytest.mark.parametrize("method", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])
 def test_no_step_gives_work_back_where_little_slips(method: str) -> None:
     """At friction 1; -int t . s over what slips alone was below zero in the fifteenth step, by 1e-5 of the energy."""
     states = rough(1.0, 0.3, {"deltas": in_and_out(A**2, 10)}, mesh={"h_contact": A / 8}, solver={"method": method})
     assert min(state.dissipation for state in states) >= 0
 
 
-LOOPS = [("augmented_lagrangian", 0.05, 0.02), ("augmented_lagrangian", 0.1, 0.02), ("penalty", 0.1, 0.1)]
+LOOPS = [
+    ("augmented_lagrangian", 0.05, 0.02),
+    ("augmented_lagrangian", 0.1, 0.02),
+    pytest.param("penalty", 0.1, 0.1, marks=pytest.mark.verify),
+]
 
 
 @pytest.mark.parametrize(("method", "friction", "tolerance"), LOOPS)
@@ -235,8 +289,9 @@ def test_what_a_cycle_dissipates_is_its_work(method: str, friction: float, toler
     tractions at the end of each step is 5 and 9 % more. A penalty, whose pressure ends inside an element, 10 %: on
     the way out that is 7 % less, with forty steps 2 %."""
     path = in_and_out(A**2, 10)
-    states = rough(friction, 0.3, {"deltas": path}, mesh={"h_contact": A / 8},
-                   contact={"method": method, "friction": friction})  # fmt: skip
+    states = rough(
+        friction, 0.3, {"deltas": path}, mesh={"h_contact": A / 8}, contact={"method": method, "friction": friction}
+    )
     rows = pairwise([(0.0, 0.0), *((state.delta, state.force) for state in states)])
     work = sum((one[1] + other[1]) / 2 * (other[0] - one[0]) for one, other in rows)
     assert all(state.dissipation >= 0 for state in states)
@@ -244,21 +299,31 @@ def test_what_a_cycle_dissipates_is_its_work(method: str, friction: float, toler
 
 
 # nu, h_contact, sides, friction, depths: rows of each by a penalty that full Newton steps never found
-TURNS = [(0.3, 0.06, "roller", 0.05, [0.03, 0.049, 0.03, 0.0, 0.03]), (0.3, 0.03, "free", 0.1, [0.03, 0.049, 0.03]),
-         (0.0, 0.03, "roller", 0.1, [0.03, 0.049, 0.045]), (0.3, 0.06, "roller", 0.3, [0.03, 0.049, 0.03, 0.0, 0.03])]
+TURNS = [
+    (0.3, 0.06, "roller", 0.05, [0.03, 0.049, 0.03, 0.0, 0.03]),
+    (0.3, 0.03, "free", 0.1, [0.03, 0.049, 0.03]),
+    (0.0, 0.03, "roller", 0.1, [0.03, 0.049, 0.045]),
+    (0.3, 0.06, "roller", 0.3, [0.03, 0.049, 0.03, 0.0, 0.03]),
+]
 
 
 @pytest.mark.parametrize(("nu", "h", "sides", "friction", "deltas"), TURNS)
-def test_points_turn_back_under_a_penalty(nu: float, h: float, sides: str, friction: float, deltas: list[float]
-                                          ) -> None:  # fmt: skip
+def test_points_turn_back_under_a_penalty(
+    nu: float, h: float, sides: str, friction: float, deltas: list[float]
+) -> None:
     """Out and in again without a step cut back, in at most 21 to 27 iterations a row and not 900 to 3700: 40. Forces
     are those of the multiplier to what a penalty of 100 E*/h_contact lets the tip sink in, 0.4 %; out of contact
     nothing is left; and what comes back of the surface's own giving way is no loss."""
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": sides}
-    sections = {"material": {"model": "linear_elastic", "E": 2.0, "nu": nu}, "mesh": {"h_contact": h},
-                "loading": {"deltas": deltas}}  # fmt: skip
-    held, exact = (solve(scene(layer, contact={"method": method, "friction": friction}, **sections))
-                   for method in ("penalty", "augmented_lagrangian"))  # fmt: skip
+    sections = {
+        "material": {"model": "linear_elastic", "E": 2.0, "nu": nu},
+        "mesh": {"h_contact": h},
+        "loading": {"deltas": deltas},
+    }
+    held, exact = (
+        solve(scene(layer, contact={"method": method, "friction": friction}, **sections))
+        for method in ("penalty", "augmented_lagrangian")
+    )
     assert {state.substeps for state in held} == {1}
     assert max(state.newton_iterations for state in held) <= 40
     assert all(state.dissipation >= 0 for state in held)
@@ -281,31 +346,58 @@ def test_forces_by_a_penalty_in_and_out() -> None:
     """Each from the row before; the depths that are found give them again, to the search's tolerance."""
     layer = {"shape": "cylinder", "radius": 1.5, "height": 1.0, "sides": "roller"}
     forces = [0.02, 0.04, 0.025, 0.0]
-    base = scene(layer, contact={"method": "penalty", "friction": 0.1}, mesh={"h_contact": 0.06},
-                 material=ELASTIC | {"E": 2.0}, loading={"forces": forces})  # fmt: skip
+    base = scene(
+        layer,
+        contact={"method": "penalty", "friction": 0.1},
+        mesh={"h_contact": 0.06},
+        material=ELASTIC | {"E": 2.0},
+        loading={"forces": forces},
+    )
     assert_found_and_given_again(base, forces, 1e-7)
 
 
 def test_a_penalty_loses_nothing_where_it_sticks() -> None:
     """A punch with friction 5 slips nowhere: what a soft epsilon_t gives way, 1e-3 of the energy, comes back."""
     soft = {"method": "penalty", "friction": 5.0, "epsilon_t": 200.0}
-    states = rough(5.0, 0.3, {"deltas": [0.001, 0.0005, 0.001]}, PUNCH, mesh={"h_contact": A / 10}, contact=soft)
+    states = rough(5.0, 0.3, {"deltas": [0.001, 0.0005, 0.001]}, PUNCH, mesh={"h_contact": A / 6}, contact=soft)
     assert [state.dissipation for state in states] == [0.0, 0.0, 0.0]
 
 
-def test_what_steps_dissipate_is_of_second_order() -> None:
-    """On the way in: the difference of 5 and 10 steps is 3.5 times that of 10 and 20; of first order it would be 2."""
-    five, ten, twenty = (sum(state.dissipation for state in rough(0.05, 0.3, {"delta": A**2, "steps": steps},
-                                                                  mesh={"h_contact": A / 8})) for steps in (5, 10, 20))
-    assert (five - ten) / (ten - twenty) > 2.8
+def test_few_steps_dissipate_what_many_do() -> None:
+    """On the way in, at friction 0.05: one step to 10 % and five to 3 % of forty (7 and 2 % were reached; counted from
+    where a step began what new contact slips would be 90 and 8 % more)."""
+    one, five, forty = (
+        sum(state.dissipation for state in rough(0.05, 0.3, {"delta": A**2, "steps": steps}, mesh={"h_contact": A / 8}))
+        for steps in (1, 5, 40)
+    )
+    assert one == pytest.approx(forty, rel=0.1)
+    assert five == pytest.approx(forty, rel=0.03)
 
 
-@pytest.mark.parametrize("friction", ["stick", 0.3, pytest.param(0.5, marks=pytest.mark.verify)])
+def test_one_row_in_one_four_and_sixteen_steps() -> None:
+    """Force, stick radius and dissipation since rest agree within their error bars."""
+    found = []
+    for steps in (1, 4, 16):
+        path = {"delta": A**2, "steps": steps}
+        base = scene(THICK, contact={"friction": 0.2}, mesh={"h_contact": A / 8}, loading=path)
+        companions = [Companion(ratio, solve(other), other) for ratio, other in beside(base, [])]
+        bars = ErrorBars(base, companions, None, ways(companions[0], solve))
+        rows = [bars.judged(state) for state in solve(base)]
+        lost, unsure = (sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error"))
+        last = rows[-1]
+        found.append([(last.force, last.force_error), (last.stick_radius, last.stick_radius_error), (lost, unsure)])
+    for one, other in combinations(found, 2):
+        for (x, dx), (y, dy) in zip(one, other, strict=True):
+            assert abs(x - y) <= dx + dy
+    assert all(error < 0.5 * value for value, error in found[2])  # and they are no idle bars: 9 and 35 %
+
+
+@pytest.mark.parametrize("friction", [0.3, *(pytest.param(f, marks=pytest.mark.verify) for f in ("stick", 0.5))])
 def test_condensed_is_newton(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One discrete problem, in and out again: Newton's tolerance alone differs, also where the candidates must grow."""
     path = {"deltas": [0.002, 0.006, 0.01, 0.007, 0.003, 0.0]}
     whole = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "newton", "rtol": 1e-12})
-    monkeypatch.setattr(equilibrium, "MARGIN", -5.0)
+    monkeypatch.setattr(equilibrium, "CANDIDATE_MARGIN", -5.0)
     condensed = rough(friction, 0.3, path, mesh={"h_contact": A / 8}, solver={"method": "condensed"})
     for one, other in zip(condensed, whole, strict=True):
         assert one.force == pytest.approx(other.force, rel=1e-10, abs=1e-14)
@@ -320,18 +412,27 @@ def test_shear_is_held_on_the_axis() -> None:
         scene(THICK, contact={"method": "nitsche", "friction": 0.3})
 
 
-@pytest.mark.parametrize(("friction", "finer"), [("stick", 0.3), (0.3, 0.3)])
+@pytest.mark.parametrize(("friction", "finer"), [pytest.param("stick", 0.3, marks=pytest.mark.verify), (0.3, 0.3)])
 def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: float | str, finer: float) -> None:
     """Those of ten steps and five elements; the truth beside them from forty steps and seventeen elements."""
-    config = from_mapping({"body": THICK, "material": ELASTIC | {"nu": 0.0}, "indenter": PARABOLOID,
-                           "contact": {"friction": friction}, "loading": {"delta": A**2, "steps": 10},
-                           "mesh": {"h_contact": A / 5}})  # fmt: skip
+    config = from_mapping(
+        {
+            "body": THICK,
+            "material": ELASTIC | {"nu": 0.0},
+            "indenter": PARABOLOID,
+            "contact": {"friction": friction},
+            "loading": {"delta": A**2, "steps": 10},
+            "mesh": {"h_contact": A / 5},
+        }
+    )
     base = resolve(config)
     companions = [Companion(ratio, list(states(other)), other) for ratio, other in beside(base, [])]
     bars = ErrorBars(base, companions, None, ways(companions[0], lambda one: list(states(one))))
     judged = [bars.judged(state) for state in states(base)]
-    truth = {round(s.delta, 12): s.force for s in rough(friction, 0.0, {"delta": A**2, "steps": 40},
-                                                       mesh={"h_contact": A / 5 * finer})}  # fmt: skip
+    truth = {
+        round(s.delta, 12): s.force
+        for s in rough(friction, 0.0, {"delta": A**2, "steps": 40}, mesh={"h_contact": A / 5 * finer})
+    }
     for state in judged[4:]:
         assert abs(state.force - truth[round(state.delta, 12)]) <= state.force_error
     assert 0 < bars.budgets[-1].path < 0.02 * judged[-1].force
@@ -340,8 +441,13 @@ def test_error_bars_hold_what_shorter_steps_and_smaller_elements_find(friction: 
 def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
     """One step from rest, however many follow: the truth of forty is within the bar, and the bar is no more than 2 %;
     half of what lies between the two ends of the anchor is 5 %."""
-    base = scene(THICK, material=ELASTIC | {"nu": 0.0}, mesh={"h_contact": A / 10}, loading={"delta": A**2, "steps": 1},
-                 contact={"method": "augmented_lagrangian", "friction": "stick"})  # fmt: skip
+    base = scene(
+        THICK,
+        material=ELASTIC | {"nu": 0.0},
+        mesh={"h_contact": A / 10},
+        loading={"delta": A**2, "steps": 1},
+        contact={"method": "augmented_lagrangian", "friction": "stick"},
+    )
     (row,) = solve(base)
     found = ways(Companion(1.0, [row], base), lambda one: list(states(one)))
     assert found
@@ -349,15 +455,22 @@ def test_the_path_to_the_first_row_is_known_to_two_per_cent() -> None:
     assert abs(row.force - truth) < found.error(row, "force") < 0.02 * row.force
 
 
-@pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty"])
+@pytest.mark.parametrize("method", ["augmented_lagrangian", pytest.param("penalty", marks=pytest.mark.verify)])
 def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path: Path) -> None:
     """Where error bars are asked for: 1.6213 % on a half-space lies between the anchor's ends, and 0.2 % of the force
     from the number, six elements in the contact of a companion; the run's own rows are not touched."""
-    sections = {"body": THICK, "material": ELASTIC, "indenter": PARABOLOID, "contact": {"method": method},
-                "mesh": {"h_contact": A / 10}, "loading": {"delta": A**2, "steps": 1},
-                "output": {"plot": False, "fields": "none"}}  # fmt: skip
-    asked, alone = (simulate(from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars)
-                    for bars in (True, False))  # fmt: skip
+    sections = {
+        "body": THICK,
+        "material": ELASTIC,
+        "indenter": PARABOLOID,
+        "contact": {"method": method},
+        "mesh": {"h_contact": A / 10},
+        "loading": {"delta": A**2, "steps": 1},
+        "output": {"plot": False, "fields": "none"},
+    }
+    asked, alone = (
+        simulate(from_mapping(sections), directory=tmp_path / str(bars), error_bars=bars) for bars in (True, False)
+    )
     said = asked.report["stick"]
     assert said["low"] < 1.6213 < said["high"] and said["percent"] == pytest.approx(1.6213, abs=0.2)
     assert f"{said['percent']:+.1f} % (between" in said["words"]
@@ -368,80 +481,88 @@ def test_what_no_slip_would_change_is_solved_beside_a_run(method: str, tmp_path:
 @pytest.mark.parametrize("contact", [{"friction": 0.1}, {"adhesion": {"work": 1e-4, "range": 0.02}}])
 def test_no_slip_beside_another_surface_is_no_number(contact: dict[str, Any]) -> None:
     base = scene(THICK, contact={"method": "augmented_lagrangian", **contact}, mesh={"h_contact": A / 10})
-    pushed = State(step=1, delta=A**2, force=1e-3, a=A, p_max=0.01, penetration=0.0, energy=0.0, newton_iterations=1,
-                   wall_s=0.0)  # fmt: skip
+    pushed = State(
+        step=1, delta=A**2, force=1e-3, a=A, p_max=0.01, penetration=0.0, energy=0.0, newton_iterations=1, wall_s=0.0
+    )
     assert sticks(Companion(1.6, [pushed], base), lambda one: [pushed]) is None
 
 
-@pytest.mark.parametrize("solver", ["condensed", "newton"])
+@pytest.mark.parametrize("solver", ["condensed", pytest.param("newton", marks=pytest.mark.verify)])
 def test_prescribed_forces_find_the_depths_that_give_them(solver: str) -> None:
     """In and out, each from the row before, whatever was tried between: 1e-8, the search's tolerance being 1e-10."""
     forces = [3.7e-4, 1.5e-3, 7e-4, 1.3e-4]
-    base = scene(THICK, contact={"method": "auto", "friction": 0.3}, loading={"forces": forces},
-                 mesh={"h_contact": A / 6}, solver={"method": solver})  # fmt: skip
+    base = scene(
+        THICK,
+        contact={"method": "auto", "friction": 0.3},
+        loading={"forces": forces},
+        mesh={"h_contact": A / 6},
+        solver={"method": solver},
+    )
     assert_found_and_given_again(base, forces, 1e-8)
 
 
 def test_the_way_in_begins_where_the_tip_touches() -> None:
     """A punch from above sticks from its first touch on: one step from there or from rest."""
-    below, above = (rough("stick", 0.3, {"deltas": path}, PUNCH, mesh={"h_contact": A / 6})[-1].force
-                    for path in ([0.001], [-0.01, 0.001]))  # fmt: skip
+    below, above = (
+        rough("stick", 0.3, {"deltas": path}, PUNCH, mesh={"h_contact": A / 6})[-1].force
+        for path in ([0.001], [-0.01, 0.001])
+    )
     assert above == pytest.approx(below, rel=1e-9)
 
 
-@pytest.mark.parametrize(("friction", "nu", "F"), [
-    ("stick", 0.3, 1.015), (0.1, 0.49, 1.038), (0.5, 0.49, 1.099), ("stick", 0.49, 1.099),
-    *(pytest.param(friction, 0.49, F, marks=pytest.mark.verify) for friction, F in ((0.3, 1.096), (1.0, 1.099))),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("friction", "nu", "F"),
+    [
+        ("stick", 0.3, 1.015),
+        (0.1, 0.49, 1.038),
+        *(
+            pytest.param(friction, 0.49, F, marks=pytest.mark.verify)
+            for friction, F in ((0.3, 1.096), (0.5, 1.099), (1.0, 1.099), ("stick", 1.099))
+        ),
+    ],
+)
 def test_ball_in_a_soft_layer(friction: float | str, nu: float, F: float) -> None:
     """Over the smooth force at delta = 0.3 R, gap at the deformed point, by another program's walk: its last digit and
     the elements, 2e-3."""
     layer = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
     material = {"model": "neo_hookean", "E": 1.0, "nu": nu}
     tip = {"shape": "sphere", "R": 1.0}
-    rubbed, smooth = (solve(scene(layer, material=material, mesh={"h_contact": 0.06}, indenter=tip,
-                                  loading={"delta": 0.3, "steps": 10}, contact={"method": "auto", "friction": f}))
-                      for f in (friction, 0.0))  # fmt: skip
+    rubbed, smooth = (
+        solved(
+            scene(
+                layer,
+                material=material,
+                mesh={"h_contact": 0.06},
+                indenter=tip,
+                loading={"delta": 0.3, "steps": 10},
+                contact={"method": "auto", "friction": f},
+            )
+        )
+        for f in (friction, 0.0)
+    )
     assert rubbed[-1].force / smooth[-1].force == pytest.approx(F, abs=2e-3)
     assert sum(state.newton_iterations for state in rubbed) <= 70  # both passes of the anchor
 
 
-@pytest.mark.parametrize("friction", [0.3, "stick"])
-def test_a_step_that_failed_leaves_no_trace(friction: float | str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fifth of ten steps is cut in two: another path, by no more than the steps' own error, half of a per cent."""
-    straight = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 8})
-    solve_once = equilibrium.CondensedEquilibrium.solve
-    failing = {0.5 * straight[-1].delta}
-
-    def solve_or_fail(self: Any, depth: float) -> bool:
-        here = depth * self.scene.physics.scales.depth
-        if any(abs(here - fails) < 1e-9 for fails in failing):
-            fails.append(here)
-            if len(fails) == 2:  # from the predicted state and from the last
-                failing.clear()
-            solve_once(self, depth)
-            return False
-        return solve_once(self, depth)
-
-    fails: list[float] = []
-    monkeypatch.setattr(equilibrium.CondensedEquilibrium, "solve", solve_or_fail)
-    cut = rough(friction, 0.3, {"delta": A**2, "steps": 10}, mesh={"h_contact": A / 8})
-    assert [state.substeps for state in cut][3:6] == [1, 2, 1]
-    for one, other in zip(straight, cut, strict=True):
-        assert other.force == pytest.approx(one.force, rel=1e-12 if one.step < 5 else 5e-3)
-
-
-@pytest.mark.parametrize("friction", [0.1, "stick"])
+@pytest.mark.parametrize("friction", [pytest.param(0.1, marks=pytest.mark.verify), "stick"])
 def test_penalty_has_the_same_friction(friction: float | str) -> None:
     """What friction adds, 1 to 6 % of the force, by both methods: a tenth of it, for under a penalty the
     surface gives way by t/epsilon_t."""
     body = {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": "roller"}
     added = []
     for method in ("augmented_lagrangian", "penalty"):
-        smooth, rubbed = (solve(scene(body, material=ELASTIC | {"nu": 0.0}, mesh={"h_contact": A / 5},
-                                      loading={"delta": A**2, "steps": 4},
-                                      contact={"method": method, "friction": f}))[-1].force
-                          for f in (0.0, friction))  # fmt: skip
+        smooth, rubbed = (
+            solve(
+                scene(
+                    body,
+                    material=ELASTIC | {"nu": 0.0},
+                    mesh={"h_contact": A / 5},
+                    loading={"delta": A**2, "steps": 4},
+                    contact={"method": method, "friction": f},
+                )
+            )[-1].force
+            for f in (0.0, friction)
+        )
         added.append(rubbed / smooth - 1)
     assert added[1] == pytest.approx(added[0], rel=0.1)
 
@@ -459,9 +580,14 @@ def test_the_same_in_other_units() -> None:
     path, L, P = [0.004, 0.01, 0.006], 1e3, 1e6
     small = rough(0.5, 0.3, {"deltas": path}, mesh={"h_contact": A / 6})
     body = THICK | {name: THICK[name] * L for name in ("radius", "height")}
-    base = scene(body, material=ELASTIC | {"E": P}, indenter={"shape": "paraboloid", "R": L},
-                 mesh={"h_contact": A / 6 * L}, contact={"method": "augmented_lagrangian", "friction": 0.5},
-                 loading={"deltas": [d * L for d in path]})  # fmt: skip
+    base = scene(
+        body,
+        material=ELASTIC | {"E": P},
+        indenter={"shape": "paraboloid", "R": L},
+        mesh={"h_contact": A / 6 * L},
+        contact={"method": "augmented_lagrangian", "friction": 0.5},
+        loading={"deltas": [d * L for d in path]},
+    )
     for one, other in zip(small, solve(base), strict=True):
         assert other.force == pytest.approx(one.force * P * L**2, rel=1e-8)
         assert other.dissipation == pytest.approx(one.dissipation * P * L**3, rel=1e-5)

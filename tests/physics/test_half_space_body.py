@@ -24,8 +24,14 @@ TIPS: dict[str, tuple[dict[str, Any], float, float]] = {  # tip, depth, what the
 def over(tip: dict[str, Any], delta: float, nu: float = 0.3, **sections: Any) -> Scene:
     """A tip on a half-space, which a finite body stands for."""
     material = {"model": "linear_elastic", "E": 2.0, "nu": nu}
-    return scene(HALF_SPACE, "solver.method=condensed", indenter=tip, material=material,
-                 loading={"delta": delta, "steps": 1}, **sections)  # fmt: skip
+    return scene(
+        HALF_SPACE,
+        "solver.method=condensed",
+        indenter=tip,
+        material=material,
+        loading={"delta": delta, "steps": 1},
+        **sections,
+    )
 
 
 @pytest.mark.parametrize(("tip", "delta", "tolerance"), TIPS.values(), ids=TIPS)
@@ -40,7 +46,7 @@ def test_any_compressibility(nu: float) -> None:
     assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=1e-3)
 
 
-@pytest.mark.parametrize("nu", [-0.9, -0.4, 0.0, 0.3, 0.5])
+@pytest.mark.parametrize("nu", [-0.9, -0.4, 0.0, 0.3, 0.44, pytest.param(0.5, marks=pytest.mark.verify)])
 def test_stated_error_covers_the_true_one(nu: float) -> None:
     """On a mesh whose own error is a few 1e-5: size and its growth halved."""
     base = over(*TIPS["paraboloid"][:2], nu=nu)
@@ -94,9 +100,15 @@ def test_a_place_on_it_is_refused() -> None:
 @pytest.mark.parametrize("loading", [{"delta": 100.0, "steps": 1}, {"force": 1e5, "steps": 1}])
 def test_a_contact_of_many_units_of_length(loading: dict[str, float]) -> None:
     """In nanometres a contact radius is a number above 100: the same body, thousands of times as large."""
-    found, small = (scene({"shape": "half_space"}, "solver.method=condensed",
-                          indenter={"shape": "paraboloid", "R": 1e4 * unit}, loading=given)
-                    for unit, given in ((1.0, loading), (SMALL, scaled_down(loading))))  # fmt: skip
+    found, small = (
+        scene(
+            {"shape": "half_space"},
+            "solver.method=condensed",
+            indenter={"shape": "paraboloid", "R": 1e4 * unit},
+            loading=given,
+        )
+        for unit, given in ((1.0, loading), (SMALL, scaled_down(loading)))
+    )
     assert found.sizes == small.sizes
     assert found.physics.scales.length * SMALL == small.physics.scales.length
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, meshed, scene, solve
+from scenes import CYLINDER, PARABOLOID, STRIP, WALLED, meshed, scene, solve, solved
 
 from indent_sim.fe import solver
 from indent_sim.run import chain
@@ -64,9 +64,12 @@ def test_another_volumetric_law_is_another_material() -> None:
     mu = 1 / 2.6
     isochoric = {"model": "mooney_rivlin", "C10": mu / 2, "nu": 0.3}
     shallow, deep = (
-        [solve(ball(loading={"delta": delta, "steps": 1}, mesh={"h_contact": h}, **law))[-1].force for law in
-         ({}, {"material": isochoric})] for delta, h in ((1e-3, 0.003), (0.3, 0.04))
-    )  # fmt: skip
+        [
+            solve(ball(loading={"delta": delta, "steps": 1}, mesh={"h_contact": h}, **law))[-1].force
+            for law in ({}, {"material": isochoric})
+        ]
+        for delta, h in ((1e-3, 0.003), (0.3, 0.04))
+    )
     assert shallow[1] == pytest.approx(shallow[0], rel=5e-3)
     assert 0.05 < deep[1] / deep[0] - 1 < 0.15
 
@@ -75,10 +78,10 @@ def test_another_volumetric_law_is_another_material() -> None:
 @pytest.mark.parametrize("nu", [0.3, 0.4999])
 def test_four_points_a_cell_are_enough_for_a_solid(nu: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against 24 points: a thirtieth of what the mesh does to the force, at a contact of 0.7 R."""
-    from indent_sim.fe import body
+    from indent_sim.fe import discrete_body
 
     def force(h: float, degree: int) -> float:
-        monkeypatch.setitem(body.DEGREE, 3, degree)
+        monkeypatch.setitem(discrete_body.VOLUME_DEGREE, 3, degree)
         cube = {"shape": "box", "size": [1.0, 1.0, 1.0], "base": "fixed", "sides": "roller"}
         given = {"indenter": {"shape": "sphere", "R": 0.25}, "loading": {"delta": 0.16, "steps": 4}}
         mesh = {"h_contact": h, "h_far": 0.2}
@@ -104,7 +107,7 @@ def test_small_depth_is_linear(law: str) -> None:
     to a tenth of an element, 0.5 % with ten elements and two formulations."""
     shallow = {"loading": {"delta": 1e-4, "steps": 1}, "mesh": {"h_contact": 0.001}}
     hooke = {"material": NEO_HOOKEAN | {"model": "linear_elastic"}, "contact": {"method": "auto", "gap": "current"}}
-    linear = solve(ball(**hooke, **shallow))[-1]
+    linear = solved(ball(**hooke, **shallow))[-1]
     found = solve(ball(material=LAWS[law], **shallow))[-1]
     assert found.force == pytest.approx(linear.force, rel=1.5e-3)
     assert found.a == pytest.approx(linear.a, rel=5e-3)
@@ -141,17 +144,24 @@ OTHERS = {
 MIXED = {"mooney_rivlin", "ogden"}  # in `make test`; the others in `make verify`
 each_other_law = pytest.mark.parametrize(
     ("law", "nu"),
-    [pytest.param(law, nu, marks=[pytest.mark.verify] if nu == 0.5 and law not in MIXED else [])
-     for law in OTHERS for nu in (0.3, 0.5)],
-)  # fmt: skip
+    [
+        pytest.param(law, nu, marks=[pytest.mark.verify] if nu == 0.5 and law not in MIXED else [])
+        for law in OTHERS
+        for nu in (0.3, 0.5)
+    ],
+)
 
 
 @each_other_law
 def test_every_law_is_at_rest_until_touched(law: str, nu: float) -> None:
     """A body that is not touched, or let go of, has no force that a reaction could be compared with (`solve` audits); a
     half-space is so large that any stress at rest would show. 1 %: finite strain at a/R = 0.03, and the mesh."""
-    base = scene({"shape": "half_space"}, material={"model": law, "nu": nu} | OTHERS[law], indenter=SPHERE,
-                 loading={"deltas": [-1e-3, 1e-3, -1e-3, 0.0]})  # fmt: skip
+    base = scene(
+        {"shape": "half_space"},
+        material={"model": law, "nu": nu} | OTHERS[law],
+        indenter=SPHERE,
+        loading={"deltas": [-1e-3, 1e-3, -1e-3, 0.0]},
+    )
     away, deep, back, touching = solve(base)
     hertz = 4 / 3 * base.physics.material.E_star * base.physics.scales.pressure * 1e-3**1.5
     assert deep.force == pytest.approx(hertz, rel=1e-2)
@@ -197,14 +207,17 @@ def test_deep(nu: float) -> None:
 METHODS = {"uzawa": 2e-4, "active_set": 1e-3, "penalty": 2e-2}
 
 
-@pytest.mark.parametrize("nu", [0.3, *(pytest.param(nu, marks=pytest.mark.verify) for nu in (0.49, 0.4999, 0.5))])
-def test_every_method_arrives(nu: float) -> None:
-    """At 0.7 R, in four steps."""
-    deep = {"loading": {"delta": 0.7, "steps": 4}}
+@pytest.mark.parametrize(
+    ("delta", "nu"),
+    [(0.2, 0.3), *(pytest.param(0.7, nu, marks=pytest.mark.verify) for nu in (0.3, 0.49, 0.4999, 0.5))],
+)
+def test_every_method_arrives(delta: float, nu: float) -> None:
+    """At 0.7 R, in four steps; at 0.2 R in one, where 12 elements in the contact radius leave twice as much as 17."""
+    deep = {"loading": {"delta": delta, "steps": round(delta / 0.175)}}
     expected = solve(ball(nu, **deep))[-1].force
     for method, tolerance in METHODS.items():
         found = solve(ball(nu, contact={"method": method}, **deep))[-1]
-        assert found.force == pytest.approx(expected, rel=tolerance), method
+        assert found.force == pytest.approx(expected, rel=tolerance * (1 if delta == 0.7 else 2)), method
 
 
 # Linear solves of ten steps to 0.3 R, a fifth above what is found at both nu (82 to 87, 139 to 202, 56 to 59). The two
@@ -212,9 +225,15 @@ def test_every_method_arrives(nu: float) -> None:
 EFFORT = {"penalty": 105, "uzawa": 240, "active_set": 70}
 
 
-@pytest.mark.parametrize("method", EFFORT)
-@pytest.mark.parametrize("nu", [pytest.param(0.3, marks=pytest.mark.verify), 0.49])
-def test_effort_of_the_other_methods(method: str, nu: float) -> None:
+@pytest.mark.parametrize(
+    ("nu", "method"),
+    [
+        pytest.param(nu, method, marks=[] if (nu, method) == (0.49, "penalty") else [pytest.mark.verify])
+        for nu in (0.3, 0.49)
+        for method in EFFORT
+    ],
+)
+def test_effort_of_the_other_methods(nu: float, method: str) -> None:
     states = solve(ball(nu, 0.02, contact={"method": method}, loading={"delta": 0.3, "steps": 10}))
     assert iterations(states) <= EFFORT[method]
 
@@ -228,11 +247,18 @@ def test_the_true_pressure_falls_from_the_axis_outwards(nu: float) -> None:
     assert state.p_max == pytest.approx(pressure[1], rel=0.01)
 
 
+@pytest.mark.verify
 def test_a_hopeless_depth_is_given_up() -> None:
     """A sharp punch whose edge no mesh resolves: eleven tries of four iterations each, and what is known is said."""
     punch = {"shape": "flat_punch", "radius": 0.5, "edge_radius": 1e-4}
-    base = ball(0.49, 0.1, indenter=punch, loading={"delta": 0.6, "steps": 1}, mesh={"h_contact": 0.1},
-                solver={"max_iterations": 4})  # fmt: skip
+    base = ball(
+        0.49,
+        0.1,
+        indenter=punch,
+        loading={"delta": 0.6, "steps": 1},
+        mesh={"h_contact": 0.1},
+        solver={"max_iterations": 4},
+    )
     (state,) = chain.states(base)
     assert not state.converged
     assert state.newton_iterations <= (1 + 10) * 4 * 5  # ten cuts; two guesses, and through three softer contacts
@@ -325,7 +351,7 @@ def test_other_tips_shallow(tip: dict[str, Any], delta: float, rel: float) -> No
         pytest.param(PARABOLOID, 0.5, marks=pytest.mark.verify),
         pytest.param({"shape": "cone", "half_angle": 60.0}, 0.3, marks=pytest.mark.verify),
         ({"shape": "cone", "half_angle": 60.0, "tip_radius": 0.02}, 0.3),
-        (PUNCH | {"edge_radius": 0.05}, 0.2),
+        pytest.param(PUNCH | {"edge_radius": 0.05}, 0.2, marks=pytest.mark.verify),
         pytest.param(PUNCH | {"edge_radius": 0.02}, 0.2, marks=pytest.mark.verify),
     ],
     ids=lambda value: "-".join(map(str, value.values())) if isinstance(value, dict) else None,
@@ -342,7 +368,7 @@ def test_other_tips_deep(tip: dict[str, Any], delta: float) -> None:
 def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
     """u_z = -2 z makes J = -1; its residual is a number."""
     base = ball(nu, 0.2)
-    problem = solver.Problem(base, meshed(base))
+    problem = solver.equilibrium(base, meshed(base)).problem
     assert problem.is_admissible()
     z = problem.unknowns.own_space("u").tabulate_dof_coordinates()[:, 1]
     x = problem.x.copy()
@@ -353,8 +379,12 @@ def test_a_body_inside_out_is_no_equilibrium(nu: float) -> None:
 
 def test_gent_names_its_limit() -> None:
     """Jm = 0.02 is a stretch of 1.08: far too little for this depth, and the run says so after what it reached."""
-    base = ball(material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5}, h_contact=0.1,
-                loading={"delta": 0.3, "steps": 2}, solver={"max_iterations": 15})  # fmt: skip
+    base = ball(
+        material={"model": "gent", "mu": 1.0, "Jm": 0.02, "nu": 0.5},
+        h_contact=0.1,
+        loading={"delta": 0.3, "steps": 2},
+        solver={"max_iterations": 15},
+    )
     assert any("Gent's limit" in text for text in base.plan.warnings)
     *_, last = chain.states(base)
     assert not last.converged

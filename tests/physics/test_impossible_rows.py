@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.process.errors import VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import simulation

@@ -130,8 +130,11 @@ def _errors(case: Case, method: str, per_radius: int, jitter: float) -> tuple[fl
 
 def cases_of(*default: tuple[str, str]) -> pytest.MarkDecorator:
     """These pairs of scene and method in every run, all others with `verify`."""
-    every = [(name, method) for name in ("paraboloid", "sphere", "roller_base", "plane_strain")
-             for method in ("augmented_lagrangian", "penalty")]  # fmt: skip
+    every = [
+        (name, method)
+        for name in ("paraboloid", "sphere", "roller_base", "plane_strain")
+        for method in ("augmented_lagrangian", "penalty")
+    ]
     marked = [pytest.param(*pair, marks=() if pair in default else pytest.mark.verify) for pair in every]
     return pytest.mark.parametrize(("name", "method"), marked)
 

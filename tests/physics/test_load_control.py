@@ -18,15 +18,21 @@ COARSE = {"mesh": {"h_contact": 0.04}}
 UP_AND_DOWN = [0.004, 0.012, 0.02, 0.007, 0.012, 0.02]
 NEO_HOOKEAN = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
 SCENES: dict[str, dict[str, Any]] = {
-    **{f"condensed {name}": COARSE | {"body": CYLINDER, "contact": {"method": name}}
-       for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set")},
-    **{f"newton {name}": COARSE | {"body": CYLINDER, "contact": {"method": name}, "solver": {"method": "newton"}}
-       for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche")},
-    **{f"hyperelastic {name}": COARSE | {"body": CYLINDER, "material": NEO_HOOKEAN, "contact": {"method": name}}
-       for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche")},
+    **{
+        f"condensed {name}": COARSE | {"body": CYLINDER, "contact": {"method": name}}
+        for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set")
+    },
+    **{
+        f"newton {name}": COARSE | {"body": CYLINDER, "contact": {"method": name}, "solver": {"method": "newton"}}
+        for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche")
+    },
+    **{
+        f"hyperelastic {name}": COARSE | {"body": CYLINDER, "material": NEO_HOOKEAN, "contact": {"method": name}}
+        for name in ("augmented_lagrangian", "penalty", "uzawa", "active_set", "nitsche")
+    },
     "plane strain": COARSE | {"body": STRIP},
     "quarter": {"body": BOX, "mesh": {"h_contact": 0.15}},
-}  # fmt: skip
+}
 
 
 def column(states: list[State], name: str) -> np.ndarray:
@@ -40,7 +46,19 @@ def to_forces(base: Scene, forces: Any, expected: Any = None) -> list[State]:
     return solve(base.with_physics(path=LoadPath("force", forces), deltas=expected))
 
 
-@pytest.mark.parametrize("name", SCENES)
+# The search knows no method: one beside the augmented Lagrangian of each equilibrium; the others in `make verify`
+USUAL = {
+    *(name for name in SCENES if "augmented_lagrangian" in name or " " not in name),
+    "condensed active_set",
+    "newton nitsche",
+    "hyperelastic active_set",
+    "plane strain",
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in USUAL else [pytest.mark.verify]) for name in SCENES]
+)
 def test_forces_lead_back_to_the_depths(name: str) -> None:
     """What a path of depths pushes back with, asked for as forces, gives the depths again: force and derivative are
     one curve, so 1e-10 of the force is about that of the depth; Uzawa's loop stops within 1e-7 of its own limit."""
@@ -101,9 +119,13 @@ def test_up_and_down_is_one_curve(material: dict[str, Any] | None) -> None:
             assert state.delta == state.a == 0.0 and abs(state.force) < 1e-15 and state.newton_iterations < 30
 
 
-@pytest.mark.parametrize(("body", "symmetries"), [
-    (BOX, ("quarter", "half", "full")), (STRIP | {"width": 2.0}, ("half", "full")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("body", "symmetries"),
+    [
+        (BOX, ("quarter", "half", "full")),
+        (STRIP | {"width": 2.0}, ("half", "full")),
+    ],
+)
 def test_force_is_of_the_whole_body(body: dict[str, Any], symmetries: tuple[str, ...]) -> None:
     """However much of it is modelled: the depths differ by the meshes alone, 1 % where 4 elements are in contact."""
 
@@ -124,9 +146,14 @@ def test_units_do_not_matter(solver: str) -> None:
     def depths(length: float, force: float) -> np.ndarray:
         body = CYLINDER | {"radius": 10 * length, "height": 10 * length}
         material = {"model": "linear_elastic", "E": 5.0 * force / length**2, "nu": 0.3}
-        given = scene(body, material=material, indenter={"shape": "paraboloid", "R": 5 * length},
-                      solver={"method": solver}, loading={"forces": [2 * force, 5 * force, 1 * force]},
-                      mesh={"h_contact": 0.2 * length})  # fmt: skip
+        given = scene(
+            body,
+            material=material,
+            indenter={"shape": "paraboloid", "R": 5 * length},
+            solver={"method": solver},
+            loading={"forces": [2 * force, 5 * force, 1 * force]},
+            mesh={"h_contact": 0.2 * length},
+        )
         return column(solve(given), "delta") / length
 
     np.testing.assert_allclose(depths(1.0, 1.0), depths(1e-6, 1e-9), rtol=2e-10)
@@ -138,7 +165,7 @@ def test_too_large_a_force() -> None:
         scene(WALLED, loading={"force": 1e3, "steps": 2})
     assert caught.value.key == "loading" and caught.value.exit_code == 3
     gent = {"model": "gent", "mu": 1.0, "Jm": 0.5, "nu": 0.3}
-    *_, last = chain.states(scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.1}))
+    *_, last = chain.states(scene(CYLINDER, material=gent, loading={"forces": [0.01, 1e4]}, mesh={"h_contact": 0.2}))
     assert not last.converged and "force = 10000" in last.reason and "last equilibrium" in last.reason
 
 

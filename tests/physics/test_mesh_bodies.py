@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mesh_files import block, section, write
 
-from indent_sim.config.file import from_mapping, load
+from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.mesh.gmsh import build
 from indent_sim.run.chain import simulate, states
 from indent_sim.scene.scene import resolve
@@ -113,8 +113,14 @@ def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(tmp
     """The audit of every run demands that reactions of pins are zero: a wrong pin, or none, ends it. A block on rollers
     between two walls has one horizontal motion left, a free one all three."""
     write(tmp_path / "part.msh", block(2.0, 1.0, 4, 3))
-    body = {"shape": "mesh", "file": "part.msh", "kinematics": "3d", "surfaces": NAMES, "base": "roller",
-            "sides": sides}  # fmt: skip
+    body = {
+        "shape": "mesh",
+        "file": "part.msh",
+        "kinematics": "3d",
+        "surfaces": NAMES,
+        "base": "roller",
+        "sides": sides,
+    }
     config = in_folder(tmp_path, body, loading={"delta": 0.1, "steps": 1})
     assert len(resolve(config).physics.part.pins) == (3 if sides == "free" else 1)
     outcome = simulate(config, directory=tmp_path / "run")
@@ -124,8 +130,12 @@ def test_a_body_on_rollers_is_held_by_its_pins_alone_where_nothing_else_does(tmp
 def test_a_result_reproduces_itself_from_its_own_folder(tmp_path: Path) -> None:
     """config.yaml beside body.msh gives the same rows to the last digit, and the same files."""
     write(tmp_path / "part.vtu", section())
-    body = {"shape": "mesh", "file": "part.vtu", "kinematics": "axisymmetric",
-            "surfaces": {"contact": "part=1", "base": "part=2"}}  # fmt: skip
+    body = {
+        "shape": "mesh",
+        "file": "part.vtu",
+        "kinematics": "axisymmetric",
+        "surfaces": {"contact": "part=1", "base": "part=2"},
+    }
     first = simulate(in_folder(tmp_path, body, output={"plot": False}), directory=tmp_path / "first")
     (tmp_path / "part.vtu").unlink()
     again = simulate(load(tmp_path / "first" / "config.yaml"), directory=tmp_path / "again")
@@ -149,3 +159,37 @@ def test_error_bars_of_a_given_mesh_hold_its_error(tmp_path: Path) -> None:
             assert state.force_error is not None
             assert abs(state.force - theory.at(state.delta).force) <= state.force_error  # type: ignore[union-attr]
     assert all(state.force_error <= 0.01 * state.force for state in asked.states)  # type: ignore[operator]
+
+
+def test_error_bars_of_flat_facets_hold_the_curved_surface(tmp_path: Path) -> None:
+    """A cap's mesh as a file of order 1 has chords alone: refined once, its force and peak pressure are off by what no
+    refinement tells, but the angles of its facets."""
+    cap = {"shape": "cap", "base_radius": 1.0, "height": 0.5}
+    sections = {"indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.03, "steps": 2}}
+    drawn = resolve(from_mapping(scene(cap, **sections, mesh={"h_contact": 0.03, "h_far": 0.2})))
+    grid, exact = build(drawn.physics.part, drawn.sizes), list(states(resolve(from_mapping(scene(cap, **sections)))))
+    facets = {"top": grid.surfaces["top"], "bottom": grid.surfaces["base"]}
+    write(
+        tmp_path / "part.msh",
+        {
+            "points": np.pad(grid.points * drawn.physics.scales.length, ((0, 0), (0, 1))),
+            "cells": grid.cells,
+            "facets": facets,
+            "regions": {"gel": np.arange(len(grid.cells))},
+        },
+    )
+    body = {
+        "shape": "mesh",
+        "file": "part.msh",
+        "kinematics": "axisymmetric",
+        "surfaces": {"contact": "top", "base": "bottom"},
+    }
+    config = in_folder(tmp_path, body, **sections, mesh={"refinements": 1}, output={"plot": False, "fields": "none"})
+    found = simulate(config, directory=tmp_path / "run", error_bars=True)
+    for state, right in zip(found.states, exact, strict=True):
+        assert abs(state.force - right.force) <= state.force_error <= 0.1 * state.force  # type: ignore[operator]
+        assert abs(state.p_max - right.p_max) <= state.p_max_error <= 0.6 * state.p_max  # type: ignore[operator]
+    assert all(
+        budget.truncation > 0.002 * state.force
+        for budget, state in zip(found.report["error_budget"], found.states, strict=True)
+    )

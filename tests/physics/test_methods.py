@@ -62,10 +62,12 @@ def hertz(name: str, h: float, multiple: float | None = None, steps: int = 10) -
 
 @pytest.mark.parametrize(
     ("h", "names"),
-    [(0.03, ("augmented_lagrangian", "uzawa", "active_set")),
-     pytest.param(0.03, METHODS, marks=pytest.mark.verify),
-     pytest.param(0.02, METHODS, marks=pytest.mark.verify)],
-)  # fmt: skip
+    [
+        (0.03, ("augmented_lagrangian", "uzawa", "active_set")),
+        pytest.param(0.03, METHODS, marks=pytest.mark.verify),
+        pytest.param(0.02, METHODS, marks=pytest.mark.verify),
+    ],
+)
 def test_methods_agree_on_the_cube(h: float, names: tuple[str, ...]) -> None:
     """0.3 % between the extremes on one mesh, of three and a half elements in the contact radius; and that mesh is
     itself within 0.3 % of the converged force."""
@@ -91,8 +93,9 @@ TIPS = {
 def beside_theory(tip: str, name: str) -> tuple[np.ndarray, float, float]:
     """Relative errors of the force at ten steps, and of a and p(0) (cone: p(a/2)) at the last, at W = 2."""
     indenter, delta, h = TIPS[tip]
-    base = scene(WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h},
-                 loading={"delta": delta, "steps": 10})  # fmt: skip
+    base = scene(
+        WALLED, indenter=indenter, contact=method(name), mesh={"h_contact": h}, loading={"delta": delta, "steps": 10}
+    )
     assert base.plan.prediction["dofs"] < 6000
     assert base.plan.theory is not None and base.plan.theory.exact
     theory, states = base.plan.theory.curve(base.physics.deltas), solve(base)
@@ -115,8 +118,22 @@ def test_augmented_lagrangian_against_theory_at_every_step(tip: str) -> None:
     assert abs(pressure) < 0.005
 
 
-@pytest.mark.parametrize("name", ["active_set", "nitsche"])
-@pytest.mark.parametrize("tip", ["paraboloid", pytest.param("sphere", marks=pytest.mark.verify), "cone"])
+@pytest.mark.parametrize(
+    ("tip", "name"),
+    [
+        ("paraboloid", "nitsche"),
+        ("cone", "active_set"),
+        *(
+            pytest.param(tip, name, marks=pytest.mark.verify)
+            for tip, name in (
+                ("paraboloid", "active_set"),
+                ("cone", "nitsche"),
+                ("sphere", "active_set"),
+                ("sphere", "nitsche"),
+            )
+        ),
+    ],
+)
 def test_active_set_and_nitsche_against_theory(tip: str, name: str) -> None:
     """0.15 % at every step: the set of nodal pressures ends at a node, which shows at the first, where eight elements
     are in contact, and six of the cone's (0.08 and 0.06 % found)."""
@@ -144,8 +161,13 @@ FAR_DECADES = {"augmented_lagrangian": (-6, 6), "uzawa": (5,), "nitsche": (6,), 
 
 def three_steps(name: str, decade: int, solver: str) -> State:
     """The last state of HERTZ with a stiffness of 10^decade E*/h."""
-    base = scene(CYLINDER, contact=method(name, 10.0**decade), solver={"method": solver}, mesh={"h_contact": 0.01},
-                 loading={"delta": 0.01, "steps": 3})  # fmt: skip
+    base = scene(
+        CYLINDER,
+        contact=method(name, 10.0**decade),
+        solver={"method": solver},
+        mesh={"h_contact": 0.01},
+        loading={"delta": 0.01, "steps": 3},
+    )
     return solve(base)[-1]
 
 
@@ -164,9 +186,14 @@ def test_stiffness_does_not_change_the_answer(name: str, solver: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "decade", "solver"),
-    [(name, decade, solver) for name, decades in FAR_DECADES.items() for decade in decades for solver in SOLVERS
-     if (name, solver) != ("nitsche", "condensed")],
-)  # fmt: skip
+    [
+        (name, decade, solver)
+        for name, decades in FAR_DECADES.items()
+        for decade in decades
+        for solver in SOLVERS
+        if (name, solver) != ("nitsche", "condensed")
+    ],
+)
 def test_stiffness_far_beyond_what_is_sensible(name: str, decade: int, solver: str) -> None:
     """Newton alone finds none of these at 10^6 E*/h; through softer contact all are found. 0.1 % as above: as many
     constraints as quadrature points make the surface a little too stiff."""
@@ -184,9 +211,13 @@ def test_a_multiplier_that_does_not_settle_says_so(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize(
     ("name", "multiple", "says"),
-    [("nitsche", 1e4, "oscillate"), ("penalty", 1e4, "oscillate"),
-     ("penalty", 1.0, "too low"), ("penalty", 1e-3, "sinks")],
-)  # fmt: skip
+    [
+        ("nitsche", 1e4, "oscillate"),
+        ("penalty", 1e4, "oscillate"),
+        ("penalty", 1.0, "too low"),
+        ("penalty", 1e-3, "sinks"),
+    ],
+)
 def test_plan_warns_of_a_stiffness_that_spoils_the_answer(name: str, multiple: float, says: str) -> None:
     warnings = scene(CYLINDER, contact=method(name, multiple), mesh={"h_contact": 0.01}).plan.warnings
     assert any(says in warning for warning in warnings)
@@ -255,11 +286,15 @@ def test_pressures_on_the_cylinder_do_not_oscillate(name: str, h: float) -> None
 
 @pytest.mark.parametrize(
     ("name", "h"),
-    [("augmented_lagrangian", 0.02), ("active_set", 0.02), ("nitsche", 0.03),
-     pytest.param("uzawa", 0.02, marks=pytest.mark.verify),
-     *[pytest.param(name, h, marks=pytest.mark.verify) for name in METHODS[:3] for h in (0.015, 0.01)],
-     pytest.param("nitsche", 0.02, marks=pytest.mark.verify)],
-)  # fmt: skip
+    [
+        ("augmented_lagrangian", 0.02),
+        ("active_set", 0.02),
+        pytest.param("nitsche", 0.03, marks=pytest.mark.verify),
+        pytest.param("uzawa", 0.02, marks=pytest.mark.verify),
+        *[pytest.param(name, h, marks=pytest.mark.verify) for name in METHODS[:3] for h in (0.015, 0.01)],
+        pytest.param("nitsche", 0.02, marks=pytest.mark.verify),
+    ],
+)
 def test_pressures_along_the_axes_of_the_cube_do_not_oscillate(name: str, h: float) -> None:
     """They fall outward, up to 1 % of the peak, with the five elements in the radius that `auto` takes."""
     surface = solve(scene(BOX, contact=method(name), mesh={"h_contact": h}))[-1].surface
@@ -274,8 +309,9 @@ def test_contact_radius_grows_without_stairs(name: str) -> None:
     nodes would stand still for a dozen steps and then jump by half an element; this one is never off by more than a
     twelfth of an element, nor are two neighbours off by amounts that differ by a tenth."""
     h = 0.01
-    base = scene(WALLED, contact=method(name), mesh={"h_contact": h},
-                 loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()})  # fmt: skip
+    base = scene(
+        WALLED, contact=method(name), mesh={"h_contact": h}, loading={"deltas": np.linspace(0.006, 0.01, 81).tolist()}
+    )
     theory = base.plan.theory.curve(base.physics.deltas)
     off = np.array([state.a - exact.a for state, exact in zip(solve(base), theory, strict=True)]) / h
     assert np.abs(off).max() < 1 / 12

@@ -6,11 +6,12 @@ import math
 from dataclasses import replace
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import pytest
 from scenes import ELASTIC, PARABOLOID, STRIP, WALLED, scene, solve
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
 from indent_sim.run import chain
 from indent_sim.run.readings import Readings, hertz_fit
@@ -59,8 +60,16 @@ def test_a_half_space_reads_its_own_modulus() -> None:
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_the_modulus_of_a_half_space_is_within_its_error_bar(nu: float, tmp_path: Path) -> None:
     """E_hertz is the force over an exact one: its relative error is the force's."""
-    config = from_mapping({"body": {"shape": "half_space"}, "material": ELASTIC | {"nu": nu}, "indenter": PARABOLOID,
-                           "loading": SHALLOW, "solver": {"method": "condensed"}, "output": {"plot": False}})
+    config = from_mapping(
+        {
+            "body": {"shape": "half_space"},
+            "material": ELASTIC | {"nu": nu},
+            "indenter": PARABOLOID,
+            "loading": SHALLOW,
+            "solver": {"method": "condensed"},
+            "output": {"plot": False},
+        }
+    )
     for state in chain.simulate(config, directory=tmp_path / "out", error_bars=True).states:
         assert state.force_error and state.E_hertz
         assert abs(state.E_hertz - 1.0) <= state.force_error / state.force
@@ -80,3 +89,29 @@ def test_a_fit_to_an_exact_curve_is_off_by_nothing() -> None:
     whole = scene({"shape": "half_space"}, "loading.steps=3")
     fit = hertz_fit(whole, list(chain.states(whole)))
     assert fit and fit["percent"] == 0.0 and fit["E"] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("body", "tip", "nu", "delta", "within"),
+    [
+        ({"shape": "cap", "base_radius": 1.0, "height": 0.6, "base": "fixed"}, {"shape": "plate"}, 0.3, 0.4, 0.02),
+        (
+            {"shape": "cylinder", "radius": 2.9, "height": 1.0, "sides": "roller"},
+            {"shape": "paraboloid", "R": 20.0},
+            0.5,
+            0.099,
+            0.08,
+        ),
+    ],
+)
+def test_the_stiffness_where_no_punch_moves_the_last_nodes(
+    body: dict[str, Any], tip: dict[str, Any], nu: float, delta: float, within: float
+) -> None:
+    """A rim that is held, a sealed incompressible body: against the force's difference over 1 % of the depth, whose own
+    error is 1e-4 of the stiffness; 2 % is the element at the edge, which comes into contact or not, and beside the wall
+    of a sealed body, where the stiffness grows without bound, four times as much."""
+    depths = {"deltas": [0.995 * delta, delta, 1.005 * delta]}
+    base = scene(body, material=ELASTIC | {"nu": nu}, indenter=tip, loading=depths)
+    before, state, after = solve(base)
+    slope = (after.force - before.force) / (after.delta - before.delta)
+    assert state.stiffness == pytest.approx(slope, rel=within)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from indent_sim.config.file import from_mapping, load
+from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.process.errors import ConfigError, VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import chain, simulation
@@ -53,7 +53,7 @@ def test_the_written_config_gives_the_same_run_without_accuracy(tmp_path: Path) 
         first = simulate(tmp_path / tip["shape"], indenter=tip, accuracy=0.01)
         written = load(tmp_path / tip["shape"] / "config.yaml")
         assert written.accuracy is None
-        again = chain.simulate(written, directory=tmp_path / "again")
+        again = chain.simulate(written, directory=tmp_path / f"{tip['shape']} again")
         assert [state.force for state in again.states] == [state.force for state in first.states]
 
 
@@ -112,9 +112,11 @@ def test_a_resumed_run_has_the_same_rows_and_bars(tmp_path: Path, sections: dict
 
 @pytest.mark.parametrize(
     ("contact", "rows"),
-    [pytest.param({}, 8, id="second"),
-     pytest.param({"method": "penalty"}, 13, id="third, penalty", marks=pytest.mark.verify)],
-)  # fmt: skip
+    [
+        pytest.param({}, 8, id="second"),
+        pytest.param({"method": "penalty"}, 13, id="third, penalty", marks=pytest.mark.verify),
+    ],
+)
 def test_a_later_attempt_that_is_resumed_has_the_same_bars(
     tmp_path: Path, monkeypatch: Any, contact: dict[str, Any], rows: int
 ) -> None:
@@ -161,8 +163,13 @@ def test_accuracy_of_a_hyperelastic_body(tmp_path: Path) -> None:
     """Reference: a sphere R = 1 on the neo-Hookean layer nu = 0.3, W = 2, gap at the deformed point, computed with
     mixed elements of order 6 whose edges follow the contact; good to 1e-6. One row may be outside its bar."""
     exact = {0.05: 0.0208384, 0.1: 0.0659038, 0.2: 0.219368}
-    outcome = simulate(tmp_path / "run", accuracy=0.01, material={"model": "neo_hookean", "E": 1.0, "nu": 0.3},
-                       indenter={"shape": "sphere", "R": 1.0}, loading={"deltas": list(exact)})  # fmt: skip
+    outcome = simulate(
+        tmp_path / "run",
+        accuracy=0.01,
+        material={"model": "neo_hookean", "E": 1.0, "nu": 0.3},
+        indenter={"shape": "sphere", "R": 1.0},
+        loading={"deltas": list(exact)},
+    )
     bars = np.array([state.force_error for state in outcome.states])
     forces = np.array(list(exact.values()))
     errors = np.abs([state.force for state in outcome.states] - forces)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import known_effects
 import pytest
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.scene.scene import resolve
 
 

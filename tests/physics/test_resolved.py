@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mpi4py import MPI
 
-from indent_sim.config.file import from_mapping, load, to_mapping
+from indent_sim.config.scene_file import from_mapping, load, to_mapping
 from indent_sim.results.reader import read
 from indent_sim.run.chain import simulate
 

@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import ufl
+from dolfinx import fem
 from mpi4py import MPI
-from scenes import ELASTIC, PARABOLOID, force, scene, solve
+from scenes import ELASTIC, PARABOLOID, force, meshed, scene, solve
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.fe.discrete_body import Body
 from indent_sim.run.chain import simulate
 
 BALL = {"shape": "ball", "radius": 1.0}
@@ -62,24 +65,39 @@ def test_a_flat_cap_is_a_layer(base_radius: float, nu: float) -> None:
     dome = (base_radius**2 + 1) / 2
     cap = {"shape": "cap", "base_radius": base_radius, "height": 1.0}
     layer = {"shape": "cylinder", "radius": base_radius, "height": 1.0}
-    found = [force(scene(body, indenter={"shape": "paraboloid", "R": R}, material=ELASTIC | {"nu": nu}, loading=DEEP))
-             for body, R in ((cap, 1 / (1 - 1 / dome)), (layer, 1.0))]  # fmt: skip
+    found = [
+        force(scene(body, indenter={"shape": "paraboloid", "R": R}, material=ELASTIC | {"nu": nu}, loading=DEEP))
+        for body, R in ((cap, 1 / (1 - 1 / dome)), (layer, 1.0))
+    ]
     assert found[0] == pytest.approx(found[1], rel=5e-3)
 
 
 def test_half_of_the_ball_takes_half_of_the_approach() -> None:
     """On one mesh the same contact: all of the ball's depth and energy, one force. To rounding."""
-    ball, cap = (scene(body, indenter=PLATE, loading={"delta": delta, "steps": 1})
-                 for body, delta in ((BALL, 0.02), (HALF, 0.01)))  # fmt: skip
+    ball, cap = (
+        scene(body, indenter=PLATE, loading={"delta": delta, "steps": 1})
+        for body, delta in ((BALL, 0.02), (HALF, 0.01))
+    )
     alike = dataclasses.replace(cap.with_physics(contact=ball.physics.contact), sizes=ball.sizes)
     (whole,), (half,) = solve(ball), solve(alike)
     for name, times in (("force", 1), ("a", 1), ("p_max", 1), ("energy", 2), ("delta", 2)):
         assert getattr(whole, name) == pytest.approx(times * getattr(half, name), rel=1e-9, abs=0), name
 
 
-@pytest.mark.parametrize("body", [BALL, BONDED, CAP], ids=["mirrored", "bonded", "cap"])
-@pytest.mark.parametrize("material", [ELASTIC, NEO_HOOKEAN], ids=["linear", "finite"])
-def test_force_is_the_derivative_of_the_energy(body: dict[str, Any], material: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("material", "body"),
+    [
+        pytest.param(
+            material,
+            body,
+            marks=[] if (material is ELASTIC) != (body is CAP) else [pytest.mark.verify],
+            id=f"{strain}-{shape}",
+        )
+        for strain, material in (("linear", ELASTIC), ("finite", NEO_HOOKEAN))
+        for shape, body in (("mirrored", BALL), ("bonded", BONDED), ("cap", CAP))
+    ],
+)
+def test_force_is_the_derivative_of_the_energy(material: dict[str, Any], body: dict[str, Any]) -> None:
     """By a central difference at 0.1 (1 +- 0.01), whose own error is 1e-5, and what the contact edge scatters."""
     path = {"deltas": [0.099, 0.1, 0.101]}
     below, here, above = solve(scene(body, indenter=PLATE, material=material, loading=path))
@@ -88,21 +106,26 @@ def test_force_is_the_derivative_of_the_energy(body: dict[str, Any], material: d
 
 def test_a_plate_has_one_gap() -> None:
     """Its distance to the deformed point is z, wherever that point has gone sideways; contact is what is pressed."""
-    reference, current = (force(scene(BALL, indenter=PLATE, loading=DEEP, contact={"gap": gap}))
-                          for gap in ("reference", "current"))  # fmt: skip
+    reference, current = (
+        force(scene(BALL, indenter=PLATE, loading=DEEP, contact={"gap": gap})) for gap in ("reference", "current")
+    )
     assert current == pytest.approx(reference, rel=1e-10)  # the tolerance of the solver
 
 
-METHODS = [(method, gap) for method, gap in product(
-    ("penalty", "uzawa", "nitsche", "active_set"), ("reference", "current"))]  # fmt: skip
+METHODS = [
+    pytest.param(method, gap, marks=[] if (method, gap) == ("active_set", "reference") else [pytest.mark.verify])
+    for method, gap in product(("penalty", "uzawa", "nitsche", "active_set"), ("reference", "current"))
+]
 
 
-@pytest.mark.parametrize(("method", "gap"), METHODS)
+@pytest.mark.parametrize(("method", "gap"), METHODS)  # that methods agree at all is shown in test_methods
 def test_every_method_gives_the_same_force(method: str, gap: str) -> None:
     """On one mesh to 0.1 %; a penalty's sinking, stated and chosen to be below 0.5 %, on top."""
     sphere = {"shape": "sphere", "R": 1.0}
-    forces = [force(scene(CAP, indenter=sphere, loading=DEEP, contact={"method": name, "gap": gap}))
-              for name in (method, "augmented_lagrangian")]  # fmt: skip
+    forces = [
+        force(scene(CAP, indenter=sphere, loading=DEEP, contact={"method": name, "gap": gap}))
+        for name in (method, "augmented_lagrangian")
+    ]
     assert forces[0] == pytest.approx(forces[1], rel=5e-3 if method == "penalty" else 1e-3)
 
 
@@ -121,12 +144,43 @@ def test_the_gap_is_that_of_the_sphere_not_of_its_chords() -> None:
     assert state.surface.gap == pytest.approx(0.01 + 1 - np.sqrt(1 - r * r), abs=1e-7)  # the root at the equator
 
 
+@pytest.mark.parametrize("base", ["fixed", "roller"])
+def test_the_mesh_fills_the_ball(base: str) -> None:
+    """2 pi int r dA is the volume of the ball, or of its half: to 1e-4 with facets of 7 degrees at most, whose straight
+    chords leave out 0.3 %."""
+    ball = scene(BALL | {"base": base}, mesh={"h_contact": 0.1, "h_far": 0.125})
+    body = Body(ball, meshed(ball))
+    volume = fem.assemble_scalar(fem.form(body.weight * ufl.dx(domain=body.mesh)))
+    exact = 4 / 3 * np.pi / ball.physics.scales.pieces
+    assert volume * ball.physics.scales.length**3 == pytest.approx(exact, rel=1e-4)
+
+
+def test_pressures_of_vertices_and_midpoints_are_one_curve() -> None:
+    """Hertz' shape, p0 sqrt(1 - r^2/a^2), inside 0.4 a at eight elements in the radius: to 1 %, the ripple of a flat
+    body. With straight facets vertices had 2 % less than the midpoints beside them."""
+    (state,) = solve(
+        scene(
+            BALL,
+            indenter={"shape": "sphere", "R": 1.0},
+            loading={"delta": 0.04, "steps": 1},
+            mesh={"h_contact": 0.0125, "h_far": 0.05},
+        )
+    )
+    assert state.surface is not None
+    inside = state.surface.x < 0.4 * state.a
+    shape = np.sqrt(1 - (state.surface.x[inside] / state.a) ** 2)
+    p = state.surface.pressure[inside] / shape
+    assert len(p) > 6 and np.ptp(p) <= 0.01 * p.mean()
+
+
 def test_a_cap_by_its_contact_angle() -> None:
     """tan(theta/2) = height/base_radius; the same to rounding, also beyond a right angle, where the cap overhangs."""
     for height in (1.0, 3.0):
         angle = float(np.degrees(2 * np.arctan(height / 2.0)))
-        by_height, by_angle = (force(scene({"shape": "cap", "base_radius": 2.0} | given, loading=DEEP))
-                               for given in ({"height": height}, {"contact_angle": angle}))  # fmt: skip
+        by_height, by_angle = (
+            force(scene({"shape": "cap", "base_radius": 2.0} | given, loading=DEEP))
+            for given in ({"height": height}, {"contact_angle": angle})
+        )
         assert by_angle == pytest.approx(by_height, rel=1e-9)
 
 
@@ -148,8 +202,12 @@ def test_depths_at_prescribed_forces_are_the_whole_approach() -> None:
 
 def test_units_change_nothing() -> None:
     """A bead of 5 um and 1 kPa in SI: the same mesh, the same numbers to rounding."""
-    small = scene({"shape": "ball", "radius": 5e-6}, indenter=PLATE, material=ELASTIC | {"E": 1e3},
-                  loading={"delta": 1e-7, "steps": 1})  # fmt: skip
+    small = scene(
+        {"shape": "ball", "radius": 5e-6},
+        indenter=PLATE,
+        material=ELASTIC | {"E": 1e3},
+        loading={"delta": 1e-7, "steps": 1},
+    )
     (one,), (other,) = solve(scene(BALL, indenter=PLATE, loading=DEEP)), solve(small)
     assert other.force == pytest.approx(one.force * 1e3 * 25e-12, rel=1e-9)
     assert other.energy == pytest.approx(one.energy * 1e3 * 125e-18, rel=1e-9)
@@ -164,10 +222,19 @@ def test_error_bars_hold(angle: float, base: str, tmp_path: Path) -> None:
     body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
     depth = 0.05 * np.tan(np.radians(angle / 2))
     for tip, nu in ((PLATE, 0.3), ({"shape": "sphere", "R": 2.0}, 0.5)):
-        sections = {"body": body, "indenter": tip, "material": ELASTIC | {"nu": nu}, "output": QUIET,
-                    "loading": {"delta": float(depth), "steps": 4}}  # fmt: skip
-        runs = [simulate(from_mapping(sections | {"accuracy": accuracy}), MPI.COMM_SELF,
-                         directory=tmp_path / f"{nu}-{accuracy}").states for accuracy in (0.01, 0.0005)]  # fmt: skip
+        sections = {
+            "body": body,
+            "indenter": tip,
+            "material": ELASTIC | {"nu": nu},
+            "output": QUIET,
+            "loading": {"delta": float(depth), "steps": 4},
+        }
+        runs = [
+            simulate(
+                from_mapping(sections | {"accuracy": accuracy}), MPI.COMM_SELF, directory=tmp_path / f"{nu}-{accuracy}"
+            ).states
+            for accuracy in (0.01, 0.0005)
+        ]
         for found, fine in zip(*runs, strict=True):
             assert found.force_error is not None
             assert abs(found.force - fine.force) <= found.force_error <= 0.01 * found.force

@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from indent_sim.cli import terminal
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.results.reader import read
 from indent_sim.run.chain import Outcome, simulate
 

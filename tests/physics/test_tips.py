@@ -56,10 +56,13 @@ def test_current_gap_tends_to_the_reference_gap(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("tip", "key"),
-    [({"shape": "cone", "half_angle": 75}, "tip_radius"), ({"shape": "flat_punch", "radius": 0.3}, "edge_radius"),
-     (PROFILE, "tip_radius")],
+    [
+        ({"shape": "cone", "half_angle": 75}, "tip_radius"),
+        ({"shape": "flat_punch", "radius": 0.3}, "edge_radius"),
+        (PROFILE, "tip_radius"),
+    ],
     ids=["cone", "flat_punch", "profile"],
-)  # fmt: skip
+)
 def test_sharp_tips_are_rounded_for_the_current_gap(tip: dict[str, Any], key: str) -> None:
     """By a thousandth of the contact radius, stated in the plan; never with the reference gap."""
     base = scene(WALLED, indenter=tip, contact=CURRENT, loading={"delta": 0.02, "steps": 2})
@@ -75,8 +78,10 @@ def test_sharp_tips_are_rounded_for_the_current_gap(tip: dict[str, Any], key: st
 def test_rounding_a_cone_costs_what_the_plan_says() -> None:
     base = scene(WALLED, indenter={"shape": "cone", "half_angle": 75}, contact=CURRENT, loading={"delta": 0.05})
     why = next(choice.why for choice in base.plan.choices if choice.key == "indenter.tip_radius")
-    blunt, sharp = theory(base), theory(scene(WALLED, indenter={"shape": "cone", "half_angle": 75},
-                                              loading={"delta": 0.05}))  # fmt: skip
+    blunt, sharp = (
+        theory(base),
+        theory(scene(WALLED, indenter={"shape": "cone", "half_angle": 75}, loading={"delta": 0.05})),
+    )
     assert isinstance(base.physics.indenter, Cone) and f"{blunt / sharp - 1:+.1g}" in why
     assert abs(blunt / sharp - 1) < 1e-3
 
@@ -94,8 +99,9 @@ def test_square_pyramid_is_close_to_the_constant_of_the_half_space() -> None:
 @pytest.mark.verify
 def test_square_pyramid_as_planned() -> None:
     """With the automatic mesh: 0.5 %."""
-    base = scene({"shape": "half_space"}, indenter={"shape": "pyramid", "half_angle": 70}, loading={"delta": 0.1,
-                 "steps": 1})  # fmt: skip
+    base = scene(
+        {"shape": "half_space"}, indenter={"shape": "pyramid", "half_angle": 70}, loading={"delta": 0.1, "steps": 1}
+    )
     assert force(base) == pytest.approx(base.plan.prediction["force_half_space"], rel=5e-3)
 
 

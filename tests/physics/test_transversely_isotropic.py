@@ -10,7 +10,7 @@ from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP, WALLED, force, sce
 from test_material_laws import Numbers
 from test_patch import AREA, DELTA, EPSILON_N, EXACT, H, covered
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.materials import LinearElastic, TransverselyIsotropic
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
@@ -52,8 +52,11 @@ def test_the_isotropic_limit_is_hookes_law(mixed: bool, nu: float) -> None:
     assert found == pytest.approx(wanted, rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.parametrize("body", [CYLINDER | {"radius": 1.5, "height": H}, STRIP | {"width": 3.0, "height": H},
-                                  BOX | {"size": [3.0, 2.0, H]}], ids=lambda body: body["shape"])  # fmt: skip
+@pytest.mark.parametrize(
+    "body",
+    [CYLINDER | {"radius": 1.5, "height": H}, STRIP | {"width": 3.0, "height": H}, BOX | {"size": [3.0, 2.0, H]}],
+    ids=lambda body: body["shape"],
+)
 @pytest.mark.parametrize("sides", ["roller", "free"])
 def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
     """Under a punch that covers it the force is p A with p = delta/(h/M + 1/epsilon_n): M = C33 between rollers, E_z
@@ -67,8 +70,11 @@ def test_uniform_strain(body: dict[str, Any], sides: str) -> None:
     assert state.p_max == pytest.approx(p, rel=EXACT)
 
 
-@pytest.mark.parametrize("material", [BONE, INCOMPRESSIBLE, SHEARED, LOOSE, FIBROUS],
-                         ids=["bone", "incompressible", "sheared", "loose", "fibrous"])  # fmt: skip
+@pytest.mark.parametrize(
+    "material",
+    [BONE, INCOMPRESSIBLE, SHEARED, LOOSE, FIBROUS],
+    ids=["bone", "incompressible", "sheared", "loose", "fibrous"],
+)
 def test_a_half_space(material: dict[str, Any]) -> None:
     """Theory with the indentation modulus is exact, and a mesh agrees with it to 0.3 % and the stated truncation."""
     exact = scene({"shape": "half_space"}, material=material)
@@ -111,7 +117,12 @@ def test_layers_and_inclusions_have_the_material_too() -> None:
 
 
 def test_theory_alone_says_why_it_cannot() -> None:
-    config = {"body": WALLED, "material": AXIS, "indenter": PARABOLOID, "loading": {"delta": 0.01, "steps": 1},
-              "solver": {"method": "theory"}}  # fmt: skip
+    config = {
+        "body": WALLED,
+        "material": AXIS,
+        "indenter": PARABOLOID,
+        "loading": {"delta": 0.01, "steps": 1},
+        "solver": {"method": "theory"},
+    }
     with pytest.raises(ConfigError, match="theory's layers are isotropic"):
         resolve(from_mapping(config))

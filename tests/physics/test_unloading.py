@@ -14,8 +14,10 @@ from indent_sim.process.errors import ConfigError
 PATH = [0.005, 0.01, 0.005, 0.0, -0.01, 0.01]
 BODIES = {"axisymmetric": (CYLINDER, 0.02), "plane_strain": (STRIP, 0.02), "box": (BOX, 0.1)}
 CASES = [(shape, gap, "auto") for shape in BODIES for gap in ("reference", "current")] + [
-    ("axisymmetric", "reference", "penalty"), ("axisymmetric", "current", "penalty"), ("box", "reference", "penalty")
-]  # fmt: skip
+    ("axisymmetric", "reference", "penalty"),
+    ("axisymmetric", "current", "penalty"),
+    ("box", "reference", "penalty"),
+]
 
 
 @pytest.fixture(params=CASES, ids="-".join, scope="module")
@@ -90,8 +92,11 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
     feel no force wherever the tip stands. That they feel none is in every `solve`; here it is said."""
     width = body.get("width", 2.0)
     center = [place * width] if body is STRIP else [place * width, 1.0]
-    base = scene(body | ON_ROLLERS, indenter={"shape": "paraboloid", "R": 1.0, "center": center},
-                 mesh={"h_contact": h, "symmetry": "full"})  # fmt: skip
+    base = scene(
+        body | ON_ROLLERS,
+        indenter={"shape": "paraboloid", "R": 1.0, "center": center},
+        mesh={"h_contact": h, "symmetry": "full"},
+    )
     assert len(base.physics.part.pins) == (1 if body is STRIP else 3)
     (state,) = solve(base)
     assert_audited(state, state.force)
@@ -103,8 +108,12 @@ def test_no_equilibrium_no_scene(body: dict[str, Any]) -> None:
     """A tip that pushes sideways off the middle of a body that may slide away: refused before any mesh is made."""
     center = [1.3] if body is STRIP else [1.3, 1.0]
     with pytest.raises(ConfigError, match="nothing holds this body") as refusal:
-        scene(body | ON_ROLLERS, indenter={"shape": "paraboloid", "R": 1.0, "center": center},
-              contact={"method": "auto", "gap": "current"}, mesh={"h_contact": 0.1})  # fmt: skip
+        scene(
+            body | ON_ROLLERS,
+            indenter={"shape": "paraboloid", "R": 1.0, "center": center},
+            contact={"method": "auto", "gap": "current"},
+            mesh={"h_contact": 0.1},
+        )
     assert refusal.value.key == "contact.gap"
     assert refusal.value.remedy
 

@@ -35,8 +35,16 @@ def test_energy_of_a_tip_that_adheres_at_finite_strain(tip: dict[str, object]) -
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     depths = np.linspace(0.0, 0.12, 9)
     adhesion = {"work": 0.01, "range": 0.05}
-    rows = solve(scene(body, material=material, indenter=tip, contact={"adhesion": adhesion}, mesh={"h_contact": 0.04},
-                       loading={"deltas": [-0.05, *map(float, depths)]}))[1:]  # fmt: skip
+    rows = solve(
+        scene(
+            body,
+            material=material,
+            indenter=tip,
+            contact={"adhesion": adhesion},
+            mesh={"h_contact": 0.04},
+            loading={"deltas": [-0.05, *map(float, depths)]},
+        )
+    )[1:]
     simpson = np.array([1, 4, 2, 4, 2, 4, 2, 4, 1]) * (depths[1] - depths[0]) / 3
     work = float(simpson @ [row.force for row in rows])
     scale = 0.01 * pi * 0.3**2  # the work of adhesion of the contact: what pushes and what pulls cancel in part

@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import csv
 import json
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-import html_page
 import numpy as np
 import pytest
 from mpi4py import MPI
 
-from indent_sim.config.file import load
-from indent_sim.results.report import of_run
+from indent_sim.config.scene_file import load
 from indent_sim.run.chain import simulate
 from indent_sim.scene.scene import resolve
 
@@ -47,6 +44,8 @@ COARSER = {
     "notes/linear_penalty.yaml": NOTES,
     "notes/linear_penalty_stick.yaml": NOTES,
     "notes/hyperelastic_augmented_lagrangian.yaml": NOTES,
+    # frictionless: the path does not matter
+    "nucleus.yaml": Run(("loading.steps=2",)),
     # a cone's contact grows with the depth, not with its root: a single element at the first of ten steps
     "rubber_block.yaml": Run(any=0.02),
     # the pressure is singular at the punch's edge, and what is asked for there is 1 %
@@ -70,15 +69,12 @@ def deviations(name: str, directory: Path, *overrides: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_scene_gives_its_force_and_a_report(name: str, tmp_path: Path) -> None:
+def test_scene_gives_its_force(name: str, tmp_path: Path) -> None:
     assert name in EXPECTED, f"no expected force: scripts/make_references configs/{name}"
     settings = COARSER.get(name, Run())
     found = deviations(name, tmp_path / "result", *settings.overrides)
     assert abs(found[-1]) <= settings.last
     assert np.abs(found).max() <= settings.any
-    with warnings.catch_warnings():
-        warnings.filterwarnings("error", "constrained_layout")  # panels without room
-        html_page.check(of_run(tmp_path / "result"))
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if not resolve(load(CONFIGS / name)).is_meshed])

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import warnings
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from test_plots import a_result
 from test_results import TIP, some_fields, write_run
 
 from indent_sim import __version__
@@ -19,11 +18,9 @@ from indent_sim.cli import commands
 from indent_sim.process.errors import UsageError, printable
 from indent_sim.results import checkpoint, reader, writer
 from indent_sim.results.folder import Claim
-from indent_sim.results.pictures import canvas, forces
 from indent_sim.results.reader import earlier_run
 from indent_sim.results.xdmf import FieldWriter
-from indent_sim.study import picture
-from indent_sim.study.folder import StudyFolder
+from indent_sim.studies.study_folder import StudyFolder
 
 TITLES = ["[/x] [kPa]", "$\\frac{1$", "two $ signs $", r"\$", "_hidden", "\x1b[2J\x07", "a\nb", "\u202etfel", "ä 漢 🙂"]
 CONFIG = "title: x\n"  # of `write_run`
@@ -54,37 +51,6 @@ class TestText:
         shown = said("plan", tmp_path / "scene.yaml")
         assert shown.exit_code == 0 and printable(title) in shown.stdout and "\x1b" not in shown.stdout
         assert json.loads(said("plan", tmp_path / "scene.yaml", "--json").stdout)["title"] == title
-
-    @pytest.mark.parametrize("title", TITLES[:6:2])
-    def test_a_picture_shows_it_too(self, tmp_path, monkeypatch, title):
-        monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
-        run = a_result(title=title, units={"length": title, "force": title})
-        forces.overlay([run, a_result(title="another", units=run.report["units"])], tmp_path / "two.svg")
-        forces.force_indentation(run, tmp_path / "one.svg")
-        for name in ("one", "two"):
-            text = (tmp_path / f"{name}.svg").read_text()
-            escaped = printable(title).replace("&", "&amp;")
-            assert escaped in text, name
-
-    def test_and_that_of_a_study(self, tmp_path):
-        costs = {"cpu_s": 1.0, "status": "done", "index": 1, "run": "x", "dofs": 10}
-        rows = [costs | {"contact.method": title, "force_error_vs": 0.01 * (1 + n), "cpu_s": 1.0 + n, "method": title}
-                for n, title in enumerate(TITLES[:6])]  # fmt: skip
-        picture.draw(rows, ["contact.method"], "$\\frac{", "$x", tmp_path / "study.png")
-        assert (tmp_path / "study.png").stat().st_size > 5000
-
-    @pytest.mark.parametrize("name", ["one.png", "one.svg", "one.pdf"])
-    def test_a_letter_that_the_font_lacks_is_no_warning(self, tmp_path, name):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            forces.force_indentation(a_result(title="細胞"), tmp_path / name)
-        assert (tmp_path / name).stat().st_size > 5000
-
-    def test_latex_is_not_started(self, tmp_path):
-        import matplotlib
-
-        with matplotlib.rc_context({"text.usetex": True}):
-            forces.force_indentation(a_result(title=r"\input{/etc/passwd}"), tmp_path / "one.png")
 
 
 class TestNotOurs:
@@ -208,12 +174,32 @@ class TestDamaged:
 
     @pytest.mark.parametrize(
         ("entry", "value"),
-        [("title", 3), ("units", ["m"]), ("center", "x"), ("theory", []), ("theory", {"name": 1}), ("warnings", "x"),
-         ("plan", {"choices": {}}), ("rows", -1), ("rows", "2"), ("status", "fine"), ("accuracy", {"tried": [None]}),
-         ("audit", {"force_against_reaction": "x"}), ("cpu_timings", {"mesh": None}), ("resumed_after", 3),
-         ("theory", {"name": "x", "delta": 1, "force": 1, "force_deviation": 0, "curve": {"delta": [1]}}),
-         ("peak_memory_MB", "1 GB"), ("exit_code", 1e99)],
-    )  # fmt: skip
+        [
+            ("title", 3),
+            ("units", ["m"]),
+            ("center", "x"),
+            ("theory", []),
+            ("theory", {"name": 1}),
+            ("warnings", "x"),
+            ("plan", {"choices": {}}),
+            ("rows", -1),
+            ("rows", "2"),
+            ("status", "fine"),
+            ("accuracy", {"tried": [None]}),
+            ("audit", {"force_against_reaction": "x"}),
+            ("cpu_timings", {"mesh": None}),
+            ("resumed_after", 3),
+            ("theory", {"name": "x", "delta": 1, "force": 1, "force_deviation": 0, "curve": {"delta": [1]}}),
+            ("peak_memory_MB", "1 GB"),
+            ("exit_code", 1e99),
+            ("stick", {"words": 3}),
+            ("versions", "x"),
+            ("finished", 3),
+            ("plan", {"auto": [1]}),
+            ("adhesion", {"tabor": []}),
+            ("experiment", {"adhesion": {"pull_off": {"x": 1}}}),
+        ],
+    )
     def test_an_entry_that_is_something_else_is_named(self, tmp_path, entry, value):
         write_run(tmp_path / "out")
         path = tmp_path / "out" / "run.json"
@@ -221,15 +207,53 @@ class TestDamaged:
         for refused in (reader.read, reader.read_run, lambda folder: earlier_run(folder, CONFIG)):
             with pytest.raises(UsageError, match=rf"run\.json is damaged: {entry}"):
                 refused(tmp_path / "out")
-        for words in (("plot", "out"), ("compare", "out", "out")):
+        for words in (("plot", "out"), ("compare", "out", "out"), ("report", "out")):
             done = CliRunner().invoke(commands.program, [*words[:1], *(str(tmp_path / word) for word in words[1:])])
             assert done.exit_code == 2 and "Traceback" not in done.stderr
 
     @pytest.mark.parametrize(
         "text",
-        [b"", b"[]", b"3", b"{}", b'{"program": "other"}', b"\0" * 50, b"[" * 100_000, b'{"a":' * 100_000, b"{",
-         b"\xff\xfe{", b'{"program": 9' + b"9" * 5000 + b"}", b'{"program": "indent-sim", "rows": NaN}'],
-    )  # fmt: skip
+        [
+            "",
+            "t,z,delta,force,a,branch\n",
+            "delta,force\n0,1\n",
+            "t,z,delta,force,a,branch\n0,0,x,0,0,hold\n",
+            "t,z,delta,force,a,branch\n0,0,0\n",
+            "\0\n",
+            "t,z,delta,force,a,branch\n0,0,nan,0,0,hold\n",
+        ],
+    )
+    def test_a_table_of_an_experiment_that_is_something_else(self, tmp_path, text):
+        write_run(tmp_path / "out")
+        (tmp_path / "out" / "experiment.csv").write_text(text)
+        done = said("report", tmp_path / "out")
+        assert done.exit_code == 2 and "experiment.csv" in done.stderr and "Traceback" not in done.stderr
+
+    def test_the_name_of_a_folder_may_be_any_bytes(self, tmp_path, capfdbinary):
+        """In a strict locale too, where Python refuses to print what is no text: the shell gets the very bytes."""
+        place = os.fsencode(tmp_path) + b"/\xff\xfe"
+        write_run(Path(os.fsdecode(place)))
+        with open(1, "w", encoding="utf-8", errors="strict", closefd=False) as strict, redirect_stdout(strict):
+            commands.say(os.fsdecode(place))
+        assert capfdbinary.readouterr().out == place + b"\n"
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            b"",
+            b"[]",
+            b"3",
+            b"{}",
+            b'{"program": "other"}',
+            b"\0" * 50,
+            b"[" * 100_000,
+            b'{"a":' * 100_000,
+            b"{",
+            b"\xff\xfe{",
+            b'{"program": 9' + b"9" * 5000 + b"}",
+            b'{"program": "indent-sim", "rows": NaN}',
+        ],
+    )
     def test_a_run_json_that_is_something_else(self, tmp_path, text):
         write_run(tmp_path / "out")
         (tmp_path / "out" / "run.json").write_bytes(text)
@@ -265,10 +289,17 @@ class TestDamaged:
 
     @pytest.mark.parametrize(
         ("code", "reason", "again"),
-        [(137, "the process of the run died of SIGKILL", True), (135, "", True), (143, "", True),
-         (1, "MemoryError: ", True), (5, "cannot write results: No space left on device", True),
-         (139, "SIGSEGV", False), (5, "step 3 of 4: not converged", False), (1, "KeyError: 'x'", False)],
-    )  # fmt: skip
+        [
+            (137, "the process of the run died of SIGKILL", True),
+            (135, "", True),
+            (143, "", True),
+            (1, "MemoryError: ", True),
+            (5, "cannot write results: No space left on device", True),
+            (139, "SIGSEGV", False),
+            (5, "step 3 of 4: not converged", False),
+            (1, "KeyError: 'x'", False),
+        ],
+    )
     def test_a_run_that_the_machine_killed_is_tried_again(self, tmp_path, code, reason, again):
         with StudyFolder(tmp_path / "study", resume=False) as study:
             study.fail("x", code, reason)
@@ -294,11 +325,11 @@ class TestDamaged:
     def test_fields_that_name_another_file_read_and_name_their_own(self, tmp_path):
         points, cells = np.eye(3)[:, :2], np.array([[0, 1, 2]])
         body = (points, cells, np.zeros(1), TIP)
-        writer = FieldWriter(tmp_path, *body, keep_all=True)
+        writer = FieldWriter(tmp_path, *body, keep="all")
         writer.write(1, 0.1, some_fields(1, 3, 1))
         path = tmp_path / "fields.xdmf"
         whole = path.read_text()
         path.write_text(whole.replace("fields/step-1.h5", "/etc/passwd"))
-        assert FieldWriter(tmp_path, *body, keep_all=True, done=1).continued and path.read_text() == whole
+        assert FieldWriter(tmp_path, *body, keep="all", done=1).continued and path.read_text() == whole
         path.write_text(whole.replace("step 1", f"step {10**30}"))
-        assert FieldWriter(tmp_path, *body, keep_all=True, done=1).continued and "<Time" not in path.read_text()
+        assert FieldWriter(tmp_path, *body, keep="all", done=1).continued and "<Time" not in path.read_text()

@@ -18,8 +18,18 @@ import time
 from pathlib import Path
 
 JOBS = Path(os.environ["STAND_IN_SLURM"])
-OPTIONS = ("job-name", "nodes", "ntasks", "cpus-per-task", "mem-per-cpu", "time", "signal", "open-mode", "array",
-           "dependency")  # fmt: skip
+OPTIONS = (
+    "job-name",
+    "nodes",
+    "ntasks",
+    "cpus-per-task",
+    "mem-per-cpu",
+    "time",
+    "signal",
+    "open-mode",
+    "array",
+    "dependency",
+)
 
 
 def main() -> int:
@@ -61,8 +71,10 @@ def tasks(array: str | None) -> list[dict[str, str]]:
         return [{}]
     first, last = map(int, array.split("-"))
     shared = {"MIN": first, "MAX": last, "COUNT": last - first + 1}
-    return [{f"SLURM_ARRAY_TASK_{name}": str(value) for name, value in (shared | {"ID": task}).items()}
-            for task in range(first, last + 1)]  # fmt: skip
+    return [
+        {f"SLURM_ARRAY_TASK_{name}": str(value) for name, value in (shared | {"ID": task}).items()}
+        for task in range(first, last + 1)
+    ]
 
 
 def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> None:
@@ -74,8 +86,13 @@ def carry_out(number: str, task: dict[str, str], job: argparse.Namespace) -> Non
     for restart in range(5):
         again = {"SLURM_RESTART_COUNT": str(restart)} if restart else {}
         with open(f"slurm-{name}.out", "a") as log:
-            process = subprocess.Popen(["bash", *job.script], env=os.environ | known | task | again,
-                                       stdout=log, stderr=log, start_new_session=True)  # fmt: skip
+            process = subprocess.Popen(
+                ["bash", *job.script],
+                env=os.environ | known | task | again,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
             if not restart and "STAND_IN_ROWS" in os.environ:
                 end_of_time(process, job.signal, place)
             code = process.wait()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from test_plan_fuzz import BRIEF, FUZZ, ended, scenes
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,9 +19,12 @@ from click.testing import CliRunner, Result
 from test_malformed import MALFORMED
 
 from indent_sim.cli import commands, doctor
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.config.strict_yaml import parse
 from indent_sim.process.errors import BackendError, ConfigError, MeshError, NotConverged, UsageError, VerificationError
 from indent_sim.process.signals import Stopped
 from indent_sim.results.reader import read
+from indent_sim.run.chain import simulate
 
 SCENE = """\
 title: A coarse one
@@ -148,8 +153,34 @@ class TestWithoutARun:
         indent_sim("doctor")
         assert signal.getsignal(signal.SIGINT) == before
 
+    def test_doctor_names_the_cache_that_runs_use(self, tmp_path):
+        (tmp_path / "dolfinx").mkdir()
+        for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
+            (tmp_path / "dolfinx" / name).write_text(json.dumps({"cache_dir": str(tmp_path / "elsewhere")}))
+        done = subprocess.run(
+            command("doctor"),
+            env=environment() | {"XDG_CONFIG_HOME": str(tmp_path)},
+            text=True,
+            capture_output=True,
+            cwd=tmp_path,
+        )
+        assert done.returncode == 0 and f"JIT cache    {tmp_path / 'elsewhere'}" in done.stdout
+
+    def test_doctor_without_a_working_directory(self, tmp_path):
+        """That alone is broken; a run says so too."""
+        gone = tmp_path / "gone"
+        for words in ("doctor", "--json"), ("run", str(tmp_path / "scene.yaml")):
+            line = f"mkdir {gone}; cd {gone}; rmdir {gone}; exec {shlex.join(command(*words))}"
+            done = subprocess.run(["bash", "-c", line], env=environment(), capture_output=True, text=True)
+            if words[0] == "doctor":
+                found = json.loads(done.stdout)
+                broken = [check for check in found["checks"] if check["verdict"] == "broken"]
+                assert done.returncode == 7 and [check["name"] for check in broken] == ["directory"]
+            else:
+                assert done.returncode == 2 and "working directory is gone; change" in done.stderr
+
     def test_doctor_tells_what_is_broken(self, indent_sim, monkeypatch):
-        monkeypatch.setattr(doctor, "NEEDED", ("numpy", "no_such_package"))
+        monkeypatch.setattr(doctor, "NEEDED_PACKAGES", ("numpy", "no_such_package"))
         found = indent_sim("doctor")
         assert found.exit_code == 7 and "no_such_package" in found.stderr and "ModuleNotFound" in found.stdout
 
@@ -284,8 +315,10 @@ class TestJson:
         assert indent_sim("plot", *sorted((theory_run / "all" / "runs").iterdir())).exit_code == 0
 
     def test_a_fresh_run_reports_what_a_resumed_one_does(self, indent_sim, theory_run):
-        fresh, resumed = (json.loads(indent_sim("run", "scene.yaml", "--output", "new", "--resume", "--json").stdout)
-                          for _ in range(2))  # fmt: skip
+        fresh, resumed = (
+            json.loads(indent_sim("run", "scene.yaml", "--output", "new", "--resume", "--json").stdout)
+            for _ in range(2)
+        )
         assert list(fresh["report"]) == list(resumed["report"]) and fresh["report"] == resumed["report"]
         writers = {"program", "version", "status", "rows", "started", "finished", "reason", "exit_code"}
         assert writers <= fresh["report"].keys()
@@ -321,7 +354,7 @@ class TestJson:
         assert ("Traceback" in ended.stderr) == (code == 1)
 
     def test_doctor_says_both(self, indent_sim, monkeypatch):
-        monkeypatch.setattr(doctor, "NEEDED", ("no_such_package",))
+        monkeypatch.setattr(doctor, "NEEDED_PACKAGES", ("no_such_package",))
         told = json.loads(indent_sim("doctor", "--json").stdout)
         assert told["exit_code"] == 7 and told["checks"] and "no_such_package" in told["error"]["message"]
 
@@ -439,6 +472,104 @@ class TestRuns:
         assert len(read(tmp_path / "out")) == 3
 
 
+class TestAnotherConfigFile:
+    """The rows of another config file are not replaced without --overwrite; the file's path stands in run.json."""
+
+    @pytest.fixture
+    def again(self, indent_sim: Run, theory_run: Path) -> Callable[..., int]:
+        """Run a scene into a folder once more; the exit code. A refusal leaves everything as it was."""
+        (theory_run / "b.yaml").write_text(THEORY)
+
+        def run(*words: str) -> int:
+            before = {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
+            done = indent_sim("run", *words)
+            assert done.exit_code in (0, 2), done.stderr
+            assert (done.exit_code == 2) == ("another config file" in done.stderr and "--overwrite" in done.stderr)
+            after = {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
+            assert (before == after) == (done.exit_code == 2)
+            return done.exit_code
+
+        return run
+
+    def test_it_is_refused_and_replaced_when_asked_for(self, again, theory_run):
+        assert read(theory_run / "out").report["asked"]["config"] == str(theory_run / "scene.yaml")
+        assert again("b.yaml", "--output", "out") == 2
+        assert again("b.yaml", "--output", "out", "--overwrite") == 0
+        assert again("scene.yaml", "--output", "out") == 2
+
+    def test_the_same_file_replaces_its_run_however_it_is_named(self, again, theory_run, monkeypatch):
+        (theory_run / "scene.yaml").write_text(THEORY.replace("nu: 0.3", "nu: 0.2"))
+        (theory_run / "link.yaml").symlink_to("scene.yaml")
+        (theory_run / "deep").mkdir()
+        assert again("scene.yaml", "--output", "out", "--set", "material.E=2") == 0
+        assert again("link.yaml", "--output", str(theory_run / "out")) == 0
+        monkeypatch.chdir(theory_run / "deep")
+        assert again("../scene.yaml", "--output", "../out") == 0 and again("../b.yaml", "--output", "../out") == 2
+
+    @pytest.mark.parametrize("copied", [False, True])
+    def test_a_file_and_its_result_that_moved_together(self, again, theory_run, tmp_path, copied):
+        place = tmp_path / "moved"
+        place.mkdir()
+        for name in ("scene.yaml", "out", "b.yaml"):
+            if copied:
+                subprocess.run(["cp", "-r", theory_run / name, place], check=True)
+            else:
+                (theory_run / name).rename(place / name)
+        assert again("moved/b.yaml", "--output", "moved/out") == 2
+        assert again("moved/scene.yaml", "--output", "moved/out") == 0
+
+    def test_what_names_no_file_is_replaced(self, again, theory_run):
+        """A run of an older version, of a notebook, and one without rows."""
+        report = theory_run / "out" / "run.json"
+        known = json.loads(report.read_text())
+        report.write_text(json.dumps({name: value for name, value in known.items() if name != "asked"}))
+        assert again("b.yaml", "--output", "out") == 0
+        simulate(from_mapping(parse(THEORY)[0]), directory=theory_run / "out")
+        assert again("scene.yaml", "--output", "out") == 0
+        table = theory_run / "out" / "force_indentation.csv"
+        table.write_text(table.read_text().splitlines()[0] + "\n")
+        assert again("b.yaml", "--output", "out") == 0
+
+    def test_runs_of_a_study_know_no_file(self, indent_sim, theory_run):
+        """The base of a study may move: its runs are told by their physics."""
+        (theory_run / "study.yaml").write_text("base: scene.yaml\nvary: {material.E: [1.0, 2.0]}\n")
+        assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
+        (theory_run / "study.yaml").write_text("base: b.yaml\nvary: {material.E: [1.0, 2.0]}\n")
+        (theory_run / "b.yaml").write_text(THEORY)
+        assert indent_sim("study", "study.yaml", "--output", "all").exit_code == 0
+
+
+class TestFilesOfOthers:
+    """In a result folder stays what somebody put there, also under a name that the program uses."""
+
+    def test_a_report_stays(self, indent_sim, theory_run):
+        (theory_run / "out" / "report.html").write_text("<html>mine</html>")
+        assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
+        assert indent_sim("report", "out").exit_code == 2
+        assert (theory_run / "out" / "report.html").read_text() == "<html>mine</html>"
+        (theory_run / "out" / "report.html").unlink()
+        assert indent_sim("report", "out").exit_code == 0 and indent_sim("report", "out").exit_code == 0
+        assert indent_sim("run", "scene.yaml", "--output", "out").exit_code == 0
+        assert not (theory_run / "out" / "report.html").exists()  # of the run before
+
+    @pytest.mark.parametrize("name", ["force_indentation.png", "experiment.png", "experiment.csv"])
+    def test_what_a_run_would_write_over_is_refused_first(self, indent_sim, theory_run, name):
+        (theory_run / "out" / name).write_text("mine")
+        before = {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
+        for more in ((), ("--overwrite",)):
+            done = indent_sim("run", "scene.yaml", "--output", "out", *more)
+            assert done.exit_code == 2 and f"{name} was not made by indent-sim" in done.stderr
+        assert before == {path: path.read_bytes() for path in theory_run.rglob("*") if path.is_file()}
+
+    def test_a_scene_that_does_not_fit_on_the_disk_leaves_nothing(self, indent_sim, tmp_path, monkeypatch):
+        def full(descriptor: int) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        monkeypatch.setattr(os, "fsync", full)
+        done = indent_sim("init", "gel")
+        assert done.exit_code == 5 and "No space left" in done.stderr and not left(tmp_path)
+
+
 class TestCompareAndPlot:
     @pytest.fixture
     def tables(self, indent_sim, tmp_path):
@@ -482,8 +613,9 @@ ALONE = """
 import sys
 from mpi4py import MPI
 from indent_sim.cli import commands
+from indent_sim.process import ranks
 from indent_sim.process.errors import NotConverged
-commands.PATIENCE = 0.5
+ranks.RANK_TIMEOUT = 0.5
 comm = MPI.COMM_WORLD
 with commands.together(comm):
     if comm.rank == 1:

@@ -14,7 +14,7 @@ import pytest
 from conftest import Mpirun
 from test_theory_runs import ran
 
-from indent_sim.config.file import from_mapping, to_yaml
+from indent_sim.config.scene_file import from_mapping, to_yaml
 
 SCENE: dict[str, Any] = {
     "body": {"shape": "layer", "height": 1.0},

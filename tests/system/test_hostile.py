@@ -26,14 +26,13 @@ from click.testing import CliRunner, Result
 from test_plan_fuzz import within
 
 from indent_sim.cli import commands
-from indent_sim.config import petsc_options
-from indent_sim.config.file import from_mapping, to_yaml
+from indent_sim.config.scene_file import from_mapping, to_yaml
 from indent_sim.config.strict_yaml import dump
 from indent_sim.process.errors import ConfigError, UsageError, printable
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.scene import resolve
-from indent_sim.study import file as study_file
-from indent_sim.study.folder import StudyFolder
+from indent_sim.studies import study_file as study_file
+from indent_sim.studies.study_folder import StudyFolder
 
 EXAMPLES = 300  # in `make test`; 10 000 in `make stress`
 RUNS = 4  # real runs in `make test`; 60 in `make stress`
@@ -49,22 +48,99 @@ SCENE: dict[str, Any] = {
     "solver": {"method": "newton"},
     "output": {"plot": False, "fields": "none", "surface": "all"},
 }
-WORDS = ["ascii:x;touch PWNED;.gz", "ascii:victim", "binary:/tmp/PWNED", "draw::PWNED.ps", "$(touch PWNED)",
-         "`touch PWNED`", "|touch PWNED", "; touch PWNED", "python", "shell", "os.system", "-ksp_view ascii:victim",
-         "../victim", "/etc/passwd", "~/.bashrc", "victim", "", " ", "cg", "mumps", "gamg", "1", "0,0.1,0,1.1", "auto",
-         "[/x]", "[kPa]", "[link=file:///etc]", ":smile:", "$", "$x$", r"$\frac{$", r"\$", r"$\input{/etc/passwd}$",
-         "{0.__class__}", "%n%s%n", "\x1b]0;x\x07", "\x1b[2J", "\r\n", "a\nb", "\u202eevil", "\ud800", "\0", "_x", "#",
-         "a" * 5000, "ä漢🙂", "null", "true", "'\"", "<b>&amp;", "../" * 30, "CON", "run.json"]  # fmt: skip
-OPTIONS = ["ksp_monitor", "ksp_view", "ksp_view_mat", "snes_monitor", "snes_view", "pc_type", "ksp_type", "mat_type",
-           "ksp_converged_reason", "ksp_view_eigenvalues", "snes_type", "pc_python_type", "mat_mumps_icntl_1",
-           "mat_mumps_icntl_22", "mat_mumps_ooc_tmpdir", "options_file", "log_view", "info", "malloc_dump", "help",
-           "on_error_attach_debugger", "start_in_debugger", "prefix_push", "skip_petscrc", "viewer_hdf5_filename",
-           "pc_hypre_type", "pc_hypre_boomeramg_print_statistics", "snes_convergence_test", "snes_rtol", "history",
-           "ksp_rtol -ksp_view", "ksp_view\n", "-ksp_view", "", "a.b", "display"]  # fmt: skip
-ALLOWED = sorted(petsc_options.WHOLE | petsc_options.NUMBERS | petsc_options.LISTS | petsc_options.SWITCHES
-                 | petsc_options.WORDS.keys())  # fmt: skip
-PREFIXES = ["", "", "", "mg_levels_", "mg_levels_1_", "sub_", "fieldsplit_0_", "fieldsplit_u_", "ksp_", "indent_sim_"]
-NUMBERS = [0, 1, -1, 2, 60, 1e-8, 0.5, -0.0, 1e300, 10**30, True, False]
+WORDS = [
+    "ascii:x;touch PWNED;.gz",
+    "ascii:victim",
+    "binary:/tmp/PWNED",
+    "draw::PWNED.ps",
+    "$(touch PWNED)",
+    "`touch PWNED`",
+    "|touch PWNED",
+    "; touch PWNED",
+    "python",
+    "shell",
+    "os.system",
+    "-ksp_view ascii:victim",
+    "../victim",
+    "/etc/passwd",
+    "~/.bashrc",
+    "victim",
+    "",
+    " ",
+    "cg",
+    "mumps",
+    "gamg",
+    "1",
+    "0,0.1,0,1.1",
+    "auto",
+    "[/x]",
+    "[kPa]",
+    "[link=file:///etc]",
+    ":smile:",
+    "$",
+    "$x$",
+    r"$\frac{$",
+    r"\$",
+    r"$\input{/etc/passwd}$",
+    "{0.__class__}",
+    "%n%s%n",
+    "\x1b]0;x\x07",
+    "\x1b[2J",
+    "\r\n",
+    "a\nb",
+    "\u202eevil",
+    "\ud800",
+    "\0",
+    "_x",
+    "#",
+    "a" * 5000,
+    "ä漢🙂",
+    "null",
+    "true",
+    "'\"",
+    "<b>&amp;",
+    "../" * 30,
+    "CON",
+    "run.json",
+]
+OPTIONS = [
+    "ksp_monitor",
+    "ksp_view",
+    "ksp_view_mat",
+    "snes_monitor",
+    "snes_view",
+    "pc_type",
+    "ksp_type",
+    "mat_type",
+    "ksp_converged_reason",
+    "ksp_view_eigenvalues",
+    "snes_type",
+    "pc_python_type",
+    "mat_mumps_icntl_1",
+    "mat_mumps_icntl_22",
+    "mat_mumps_ooc_tmpdir",
+    "options_file",
+    "log_view",
+    "info",
+    "malloc_dump",
+    "help",
+    "on_error_attach_debugger",
+    "start_in_debugger",
+    "prefix_push",
+    "skip_petscrc",
+    "viewer_hdf5_filename",
+    "pc_hypre_type",
+    "pc_hypre_boomeramg_print_statistics",
+    "snes_convergence_test",
+    "snes_rtol",
+    "history",
+    "ksp_rtol -ksp_view",
+    "ksp_view\n",
+    "-ksp_view",
+    "",
+    "a.b",
+    "display",
+]
 CELLS = [
     "nan",
     "inf",
@@ -176,12 +252,6 @@ def text(rng: random.Random) -> str:
     return "".join(rng.choices(WORDS, k=rng.choice([1, 1, 2, 3])))
 
 
-def petsc(rng: random.Random) -> dict[Any, Any]:
-    """Options of which at least one tries something."""
-    names = rng.choices([*OPTIONS, *rng.sample(ALLOWED, 20)], k=rng.choice([1, 2, 4]))
-    return {rng.choice(PREFIXES) + name: rng.choice([text(rng), rng.choice(NUMBERS)]) for name in names}
-
-
 def directory(rng: random.Random) -> str:
     """A path that leads somewhere else, or a plain one."""
     parts = ["..", ".", "~", "~root", "", "link", "results", "victim", "precious", ".git", "runs", "new", text(rng)]
@@ -191,10 +261,8 @@ def directory(rng: random.Random) -> str:
 def scene(rng: random.Random) -> dict[str, Any]:
     """A scene in which a few things try something."""
     document = copy.deepcopy(SCENE)
-    for what in rng.sample(["petsc", "title", "units", "directory"], k=rng.choice([1, 2, 4])):
-        if what == "petsc":
-            document["solver"]["petsc"] = petsc(rng)
-        elif what == "title":
+    for what in rng.sample(["title", "units", "directory"], k=rng.choice([1, 2, 3])):
+        if what == "title":
             document["title"] = text(rng)
         elif what == "units":
             document["units"] = {"length": text(rng), "force": text(rng)}
@@ -206,9 +274,20 @@ def scene(rng: random.Random) -> dict[str, Any]:
 def bomb(rng: random.Random) -> str:
     """Text that is to cost time or memory."""
     n = rng.choice([10, 1000, 100_000])
-    return rng.choice(["a: &a [x, x]\nb: [*a, *a]\n", f"title: {'[' * n}", f"title: {'{a: ' * n}", f"R: {'9' * n}",
-                       "loading: {deltas: [" + "1, " * n + "1]}", "? " * n, f"!!python/object/apply:os.system ['{n}']",
-                       f"title: '{'x' * n}'", "<<: *a", "".join(f"k{i}: 1\n" for i in range(n // 10))])  # fmt: skip
+    return rng.choice(
+        [
+            "a: &a [x, x]\nb: [*a, *a]\n",
+            f"title: {'[' * n}",
+            f"title: {'{a: ' * n}",
+            f"R: {'9' * n}",
+            "loading: {deltas: [" + "1, " * n + "1]}",
+            "? " * n,
+            f"!!python/object/apply:os.system ['{n}']",
+            f"title: '{'x' * n}'",
+            "<<: *a",
+            "".join(f"k{i}: 1\n" for i in range(n // 10)),
+        ]
+    )
 
 
 def damage(rng: random.Random, folder: Path, outside: Path) -> None:
@@ -314,9 +393,12 @@ def set_(rng: random.Random, place: Path) -> None:
 def studied(rng: random.Random, place: Path) -> None:
     """A study file that reads or writes somewhere else."""
     (place / "scene.yaml").write_text(dump(SCENE))
-    document: dict[str, Any] = {"title": text(rng), "base": rng.choice(["scene.yaml", directory(rng), scene(rng)]),
-                                "vary": {f"solver.petsc.{rng.choice(OPTIONS)}": [text(rng)]},
-                                "output": {"directory": directory(rng)}}  # fmt: skip
+    document: dict[str, Any] = {
+        "title": text(rng),
+        "base": rng.choice(["scene.yaml", directory(rng), scene(rng)]),
+        "vary": {f"solver.petsc.{rng.choice(OPTIONS)}": [text(rng)]},
+        "output": {"directory": directory(rng)},
+    }
     if rng.random() < 0.5:
         document["compare_to"] = rng.choice(["victim", "../home/victim", "/etc/passwd", directory(rng)])
     (place / "STUDY.yaml").write_text(dump(document), "utf-8", errors="surrogatepass")
@@ -352,23 +434,14 @@ def read_back(rng: random.Random, place: Path, good: Path) -> None:
 
 
 def started(rng: random.Random, place: Path) -> None:
-    """A real run of a hostile scene, with options that PETSc is given too."""
+    """A real run of a hostile scene."""
     document = scene(rng)
     if rng.random() < 0.8:  # gets as far as PETSc
-        options = ["ksp_type", "pc_type", *rng.sample(ALLOWED, rng.choice([0, 1, 2]))]
-        document["solver"]["petsc"] = {name: fitting(rng, name) for name in options}
         document["output"].pop("directory", None)
     document["output"]["plot"] = True
     document["loading"]["steps"] = 1
     (place / "scene.yaml").write_text(dump(document), "utf-8", errors="surrogatepass")
     said("run", "scene.yaml", *rng.choice([(), (), ("--output", "out"), ("--output", "precious")]))
-
-
-def fitting(rng: random.Random, name: str) -> Any:
-    """A value that an option may have."""
-    if name in petsc_options.WORDS:
-        return rng.choice(sorted(petsc_options.WORDS[name]))
-    return rng.random() < 0.5 if name in petsc_options.SWITCHES else rng.choice([0, 1, 2, 5])
 
 
 def example(seed: int, place: Path, good: Path, act: Callable[..., Any] | None = None) -> None:

@@ -28,7 +28,7 @@ assert indent_sim.resolve(indent_sim.load(sys.argv[1])).plan.prediction["force"]
 
 
 def test_reading_a_config_stays_cheap() -> None:
-    ran(f"import sys, indent_sim.config.file; assert not {{*{HEAVY}, 'ufl', 'scipy', 'rich'}} & {{*sys.modules}}")
+    ran(f"import sys, indent_sim.config.scene_file; assert not {{*{HEAVY}, 'ufl', 'scipy', 'rich'}} & {{*sys.modules}}")
 
 
 def test_matplotlib_waits_until_it_is_needed() -> None:

@@ -163,7 +163,7 @@ class TestAnotherFFCx:
     """Its functions are not promised: what is not known is left as it is, with a word."""
 
     @pytest.mark.parametrize("other", ["missing", "another"])
-    @pytest.mark.parametrize("name", kernels.OWN)
+    @pytest.mark.parametrize("name", kernels.FFCX_FUNCTIONS)
     def test_is_left_alone(self, monkeypatch, caplog, name, other):
         caplog.set_level("INFO", "indent_sim")
         monkeypatch.setattr(kernels, "_told", set())
@@ -239,8 +239,10 @@ def test_twenty_cold_runs_at_once(tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
     words = [sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output"]
-    runs = [subprocess.Popen([*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
-            for k in range(20)]  # fmt: skip
+    runs = [
+        subprocess.Popen([*words, str(k)], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+        for k in range(20)
+    ]
     told = [run.communicate(timeout=900)[1] for run in runs]
     assert [run.returncode for run in runs] == [0] * 20, told
     assert not any("Traceback" in text for text in told)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,10 +20,11 @@ from conftest import MPI_ENVIRONMENT
 from test_cli import environment
 from test_resume import CONDENSED, HYPERELASTIC, same_numbers
 
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.model.state import State
+from indent_sim.process.errors import UsageError
 from indent_sim.process.signals import Stopped, stoppable
-from indent_sim.results.reader import Results, read
+from indent_sim.results.reader import Results, read, read_run
 from indent_sim.run.chain import simulate
 
 RUN = (sys.executable, "-m", "indent_sim.cli.commands", "run", "scene.yaml", "--output", "out")
@@ -39,8 +41,14 @@ def scene(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 def started(place: Path, *words: str, before: tuple[str, ...] = ()) -> subprocess.Popen[str]:
     """The run in a process of its own, or in what `before` starts."""
-    return subprocess.Popen((*before, *RUN, *words), cwd=place, env=environment() | MPI_ENVIRONMENT, text=True,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+    return subprocess.Popen(
+        (*before, *RUN, *words),
+        cwd=place,
+        env=environment() | MPI_ENVIRONMENT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
 
 
 def wait_for_rows(place: Path, process: subprocess.Popen[str], rows: int) -> None:
@@ -141,6 +149,120 @@ def test_killed_at_random_moments(scene, tmp_path, undisturbed, number):
     resumed(tmp_path)
     same_numbers(tmp_path / "out", undisturbed(scene))
     assert {entry.name for entry in tmp_path.iterdir()} == {"scene.yaml", "out"}
+
+
+START = (sys.executable, "-m", "indent_sim.cli.start")
+SENT = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU)
+WITH_ACCURACY = CONDENSED.replace("mesh: {h_contact: 0.12, h_far: 0.6}\n", "accuracy: 0.003\n").replace(
+    "fields: all", "fields: none"
+)
+STUDY = "base: scene.yaml\nset: {loading.steps: 4}\nvary: {material.nu: [0.2, 0.3, 0.4], indenter.R: [1.0, 2.0]}\n"
+AT_THE_END = {  # of each kind of run: the scene, the words before and after the program's
+    "plain": (HYPERELASTIC, (), ()),
+    "condensed": (SCENES["condensed"], (), ()),
+    "error bars": (CONDENSED, (), ("--error-bars",)),
+    "accuracy": (WITH_ACCURACY, (), ()),
+    "study": (CONDENSED, (), ("--jobs", "2")),
+    "two ranks": (HYPERELASTIC, ("mpirun", "-n", "2"), ()),
+}
+
+
+class Victim:
+    """A kind of run that is ended at random moments and resumed; what it leaves is held to `expected`."""
+
+    def __init__(self, kind: str, place: Path, expected: Path):
+        self.place, self.expected = place, expected
+        self.scene, self.before, self.words = AT_THE_END[kind]
+        place.mkdir(exist_ok=True)
+        (place / "scene.yaml").write_text(self.scene)
+        (place / "study.yaml").write_text(STUDY)
+        if kind == "study":
+            self.words = (*START, "study", "study.yaml", "--output", "out", "--resume", *self.words)
+        else:
+            self.words = (*START, *RUN[3:], "--resume", *self.words)
+        self.seen: dict[str, tuple[str, dict[str, np.ndarray]]] = {}
+
+    def end(self, after: float | None, number: int = 0) -> tuple[int, str]:
+        """Begin the run or go on with it, send it a signal after some time; exit code and what it told."""
+        words = (*self.before, *self.words)
+        with subprocess.Popen(
+            words,
+            cwd=self.place,
+            env=environment() | MPI_ENVIRONMENT,
+            text=True,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        ) as process:
+            try:
+                process.wait(after or PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.send_signal(number)
+            _, told = process.communicate(timeout=PATIENCE)
+        return process.returncode, told
+
+    def look(self) -> None:
+        """Every result there can be read, and has the rows that were seen in it, unless they are of another mesh."""
+        for report in [path for path in self.place.rglob("run.json") if ".staging" not in str(path)]:
+            try:
+                found = read_run(report.parent)
+            except UsageError:
+                if report.parent.exists():
+                    raise
+                continue
+            name, mesh = str(report.parent), str((found.report.get("mesh") or {}).get("hash"))
+            rows = dict(found.table)
+            old_mesh, old = self.seen.get(name, (mesh, {}))
+            if old and old_mesh == mesh:
+                for column in set(old) & set(rows):
+                    np.testing.assert_array_equal(rows[column][: len(old[column])], old[column], err_msg=name)
+            self.seen[name] = mesh, rows
+
+    def finish(self) -> None:
+        """What a run that came to its end has: the rows of one that nothing stopped."""
+        for table in self.expected.rglob("force_indentation.csv"):
+            found, wanted = read(self.place / "out" / table.parent.relative_to(self.expected)), read(table.parent)
+            assert found.report["status"] == "done" and len(found) == len(wanted)
+            for column in ("step", "delta", "force", "a", "p_max", "energy", "force_error"):
+                if column in wanted.table:
+                    size = np.nanmax(np.abs(wanted[column]))
+                    near = 1e-8 if column != "force_error" else 1e-4  # a difference of forces
+                    np.testing.assert_allclose(
+                        found[column], wanted[column], rtol=near, atol=near * size, err_msg=column
+                    )
+        shutil.rmtree(self.place / "out")
+        self.seen.clear()
+
+
+@pytest.mark.stress
+@pytest.mark.parametrize("kind", AT_THE_END)
+def test_ended_by_any_signal_at_random_moments(kind, tmp_path):
+    """Fifty of each kind, three hundred in all: every end is in the table of exit codes or the signal's own, nothing is
+    lost, and the rows at the end are those of a run that nothing stopped."""
+    whole = Victim(kind, tmp_path / "whole", tmp_path)
+    code, told = whole.end(None)
+    assert code == 0, told
+    victim, chance, ends = Victim(kind, tmp_path / "ended", whole.place / "out"), random.Random(kind), Counter()
+    span = 4.0
+    while sum(ends.values()) < 50:
+        number, begin = chance.choice(SENT), time.monotonic()
+        code, told = victim.end(chance.uniform(0.0, span), number)
+        if "in use by another" in told:  # the ranks of an mpirun that was killed are on their way
+            time.sleep(0.5)
+            continue
+        ends[code] += 1
+        print(kind, dict(ends), flush=True)
+        if number == signal.SIGINT and "Traceback" in told and "cli/commands" not in told:
+            continue  # Python itself was starting, which has its own way to say so
+        assert "Traceback" not in told, (number, told)
+        assert victim.before or code in (0, -number, 128 + number), (number, code, told)
+        victim.look()
+        if code == 0:
+            span = 1.1 * (time.monotonic() - begin)
+            victim.finish()
+    code, told = victim.end(None)
+    assert code == 0, told
+    victim.finish()
+    assert {entry.name for entry in victim.place.iterdir()} == {"scene.yaml", "study.yaml"}
 
 
 @pytest.fixture

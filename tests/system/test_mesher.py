@@ -17,7 +17,7 @@ import pytest
 from scenes import grid_of
 from test_cli import environment
 
-from indent_sim.config.file import loads
+from indent_sim.config.scene_file import loads
 from indent_sim.mesh import gmsh
 from indent_sim.mesh.grid import Grid
 from indent_sim.process import usage
@@ -55,10 +55,15 @@ def areas(grid: Grid) -> np.ndarray:
     return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
 
 
-@pytest.mark.parametrize("kind", [
-    "tip beside the left wall", "tip beside the right wall", "edge beside the wall",
-    "edges beside both walls",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "tip beside the left wall",
+        "tip beside the right wall",
+        "edge beside the wall",
+        "edges beside both walls",
+    ],
+)
 def test_a_split_near_a_corner_is_meshed(kind):
     """Points nearer than gmsh's random shift change places: it aborted for d = 1e-12 to 5e-9 of the body."""
     chance = random.Random(kind)
@@ -147,9 +152,14 @@ class TestForked:
             halving.ask(200)()
         assert halving.ask(5.0)() == 2.5
 
-    @pytest.mark.parametrize(("number", "how"), [
-        (0, "SIGABRT"), (-signal.SIGSEGV, r"SIGSEGV \(it is negative\)"), (-signal.SIGKILL, "SIGKILL"),
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("number", "how"),
+        [
+            (0, "SIGABRT"),
+            (-signal.SIGSEGV, r"SIGSEGV \(it is negative\)"),
+            (-signal.SIGKILL, "SIGKILL"),
+        ],
+    )
     def test_a_crash_is_an_exception_and_the_next_call_is_answered(self, halving, capfd, number, how):
         with pytest.raises(Crash, match=how):
             halving.ask(number)()
@@ -253,8 +263,11 @@ def is_alive(pid: int) -> bool:
 
 # ---- what a user sees -------------------------------------------------------------------------------------------
 
-SMALL = SCENE.format(body="{shape: cylinder, radius: 1.0, height: 1.0}", tip="{shape: paraboloid, R: 1.0}",
-                     mesh="{h_contact: 0.1, h_far: 0.5}")  # fmt: skip
+SMALL = SCENE.format(
+    body="{shape: cylinder, radius: 1.0, height: 1.0}",
+    tip="{shape: paraboloid, R: 1.0}",
+    mesh="{h_contact: 0.1, h_far: 0.5}",
+)
 
 
 def program(draw: str) -> list[str]:
@@ -267,8 +280,9 @@ def program(draw: str) -> list[str]:
 class TestRun:
     def test_an_abort_of_gmsh_is_exit_4_and_one_sentence(self, tmp_path):
         (tmp_path / "scene.yaml").write_text(SMALL)
-        ended = subprocess.run([sys.executable, *program("os.abort()")], cwd=tmp_path, env=environment(),
-                               capture_output=True, text=True)  # fmt: skip
+        ended = subprocess.run(
+            [sys.executable, *program("os.abort()")], cwd=tmp_path, env=environment(), capture_output=True, text=True
+        )
         assert ended.returncode == 4 and ended.stdout == ""
         assert ended.stderr == "error: gmsh could not mesh the body: its process died of SIGABRT\n"
 
@@ -283,8 +297,14 @@ class TestRun:
         """As Ctrl-C in a terminal and batch systems send it, here in the middle of gmsh's work."""
         (tmp_path / "scene.yaml").write_text(SMALL)
         work = "(open('pid', 'w').write(str(os.getpid())), time.sleep(300))"
-        with subprocess.Popen([sys.executable, *program(work)], cwd=tmp_path, env=environment(), text=True,
-                              stderr=subprocess.PIPE, start_new_session=True) as process:  # fmt: skip
+        with subprocess.Popen(
+            [sys.executable, *program(work)],
+            cwd=tmp_path,
+            env=environment(),
+            text=True,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        ) as process:
             deadline = time.monotonic() + PATIENCE
             while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
                 assert process.poll() is None and time.monotonic() < deadline

@@ -17,7 +17,7 @@ from conftest import MPI_ENVIRONMENT, ROOT, Mpirun
 from mesh_files import block, write
 from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, STRIP
 
-from indent_sim.config.file import from_mapping, to_yaml
+from indent_sim.config.scene_file import from_mapping, to_yaml
 from indent_sim.results.xdmf import read_fields
 
 # Round-off: sums in another order and another elimination order, seen through a matrix whose condition is below 1e6
@@ -128,7 +128,7 @@ SCENES |= EVERY_METHOD
 PROGRAM = f"""
 import json, sys
 from mpi4py import MPI
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.run.chain import states
 from indent_sim.scene.scene import resolve
 
@@ -235,7 +235,7 @@ multigrid.FACTORED = 0
 PACKED = """
 import json, sys
 from mpi4py import MPI
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.fe import solver
 from indent_sim.mesh import gmsh
 from indent_sim.process.ranks import on_root
@@ -251,15 +251,17 @@ for name, mapping in json.loads(sys.argv[1]).items():
     points = comm.bcast(walk.points)
     body = walk.equilibrium
     depth, arrays = points[-1]
-    body.restore(body.unpack(points[0][1]), 0.0)
-    body.restore(body.unpack(arrays), depth)
+    body.restore(body.unpack(0.0, points[0][1]))
+    body.restore(body.unpack(depth, arrays))
     back = abs(body.force / state.force - 1)
     found[name] = {"points": [[values.tolist() for values in arrays] for _, arrays in points], "back": back}
 if comm.rank == 0:
     print("RESULT" + json.dumps(found))
 """
-KEPT = {"newton": {"solver": {"method": "newton", "linear": "iterative", "rtol": 1e-11}},
-        "uzawa_newton": {}}  # with a vector of its own beside the unknowns
+KEPT = {
+    "newton": {"solver": {"method": "newton", "linear": "iterative", "rtol": 1e-11}},
+    "uzawa_newton": {},
+}  # with a vector of its own beside the unknowns
 
 
 def test_a_state_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun) -> None:
@@ -349,19 +351,22 @@ def fail(readings, state, *more):
             os.kill(os.getpid(), signal.SIGKILL)
         raise {"expected": NotConverged, "bug": RuntimeError}[how]("injected")
     return read(readings, state, *more)
-Readings.read, process.PATIENCE = fail, 2.0
+Readings.read, process.RANK_TIMEOUT = fail, 2.0
 commands.main()
 """
 
 
-@pytest.mark.parametrize(("ranks", "how", "code", "said"), [
-    ("1", "expected", 5, "error: injected"),
-    ("1", "bug", 1, "RuntimeError: injected"),
-    ("0", "bug", 1, "RuntimeError: injected"),
-    ("012", "bug", 1, "RuntimeError: injected"),
-    ("012", "expected", 5, "error: injected"),
-    ("1", "killed", 137, "signal 9"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("ranks", "how", "code", "said"),
+    [
+        ("1", "expected", 5, "error: injected"),
+        ("1", "bug", 1, "RuntimeError: injected"),
+        ("0", "bug", 1, "RuntimeError: injected"),
+        ("012", "bug", 1, "RuntimeError: injected"),
+        ("012", "expected", 5, "error: injected"),
+        ("1", "killed", 137, "signal 9"),
+    ],
+)
 def test_an_error_on_any_rank_ends_all(
     ranks: str, how: str, code: int, said: str, config: Path, mpirun: Mpirun, tmp_path: Path
 ) -> None:
@@ -371,6 +376,34 @@ def test_an_error_on_any_rank_ends_all(
     assert finished.stderr.count(said) == 1, finished.stderr
     rows = (tmp_path / "out" / "force_indentation.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == ["step", "1"]  # what was there stays
+
+
+# A reading fails on one rank alone, which the others do not wait for; argv: the rank
+MISSING = """
+import sys
+from mpi4py import MPI
+from indent_sim.cli import commands
+from indent_sim.run.readings import Readings
+hertz, rank = Readings._hertz, int(sys.argv.pop(1))
+def fail(readings, state):
+    if MPI.COMM_WORLD.rank == rank:
+        raise KeyError("injected")
+    return hertz(readings, state)
+Readings._hertz = fail
+commands.main()
+"""
+
+
+@pytest.mark.parametrize("rank", ["0", "1"])
+def test_what_fails_beside_the_rows_on_one_rank_is_missing_on_all(
+    rank: str, config: Path, mpirun: Mpirun, tmp_path: Path
+) -> None:
+    """The rows stay, nobody waits, and one rank says what is missing."""
+    finished = mpirun(2, "-c", MISSING, rank, "run", config, "--output", tmp_path / "out")
+    assert finished.returncode == 0, finished.stderr
+    assert finished.stderr.count("E_hertz is missing: KeyError") == 1, finished.stderr
+    table = [row.split(",") for row in (tmp_path / "out" / "force_indentation.csv").read_text().splitlines()]
+    assert len(table) > 2 and all(row[table[0].index("E_hertz")] == "" for row in table[1:])
 
 
 # Rank 0 is stopped while it writes the second row: the others wait for it there
@@ -407,7 +440,7 @@ if is_first():
     gmsh.start()
 from pathlib import Path
 from mpi4py import MPI
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.fe import compat
 from indent_sim.run import chain, simulation
 
@@ -484,7 +517,7 @@ def test_a_mesh_file_that_is_no_body_ends_every_rank_with_one_message(mpirun: Mp
     write(tmp_path / "part.msh", body)
     (tmp_path / "scene.yaml").write_text(OF_FILE)
     finished = mpirun(3, "-m", "indent_sim.cli.commands", "run", tmp_path / "scene.yaml", "--output", tmp_path / "out")
-    assert finished.returncode == 3, finished.stderr
+    assert finished.returncode == 4, finished.stderr
     assert finished.stderr.count("three cells share the facet") == 1 and "scene.yaml:2: body.file" in finished.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["part.msh", "scene.yaml"]
 

@@ -19,8 +19,14 @@ def passed(value: Any, mapped: bool) -> Any:
     return parcel.receive(there)
 
 
-VALUE = {"points": np.arange(7.0).reshape(7, 1), "regions": np.arange(5, dtype=np.int32), "none": np.empty((0, 3)),
-         "turned": np.arange(6).reshape(2, 3).T, "every other": np.arange(9)[::2], "words": ["a", None]}  # fmt: skip
+VALUE = {
+    "points": np.arange(7.0).reshape(7, 1),
+    "regions": np.arange(5, dtype=np.int32),
+    "none": np.empty((0, 3)),
+    "turned": np.arange(6).reshape(2, 3).T,
+    "every other": np.arange(9)[::2],
+    "words": ["a", None],
+}
 
 
 @pytest.mark.parametrize("mapped", [False, True])

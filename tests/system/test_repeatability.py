@@ -12,7 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
 from dolfinx import fem, mesh
 from mpi4py import MPI
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.run.chain import states
 from indent_sim.scene.scene import resolve
 

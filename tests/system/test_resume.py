@@ -21,10 +21,11 @@ from mpi4py import MPI
 from test_results import BODY, some_fields
 
 from indent_sim.cli import commands
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.fe.path.walk import Walk
 from indent_sim.model.loading import LoadPath
 from indent_sim.results import folder
+from indent_sim.results.outline import scene_of
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import FieldWriter
 from indent_sim.run import chain, simulation
@@ -112,8 +113,9 @@ def same_numbers(out: Path, expected: Path, rtol: float = 1e-8) -> None:
         np.testing.assert_allclose(
             found.surface[column], values, atol=100 * rtol * np.abs(values).max() + 1e-12, err_msg=column
         )
-    without_depths = [re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text())
-                      for place in (out, expected)]  # fmt: skip
+    without_depths = [
+        re.sub(r'("delta" Value=")[^"]*', r"\1", (place / "fields.xdmf").read_text()) for place in (out, expected)
+    ]
     assert without_depths[0] == without_depths[1]  # the depths are those of the table
     assert sorted(os.listdir(out / "fields")) == sorted(os.listdir(expected / "fields"))
     ours = kept_fields(out)
@@ -172,21 +174,32 @@ class TestKilled:
         scene = SCENE.format(material="model: neo_hookean", method=method, loading=UP_AND_DOWN)
         interrupt_and_resume(scene, rows, forget, 1e-7 if method == "uzawa" else 1e-8)
 
-    @pytest.mark.parametrize(("material", "friction", "loading", "rows", "forget"), [
-        ("neo_hookean", "0.3", UP_AND_DOWN, 5, False), ("neo_hookean", "0.3", UP_AND_DOWN, 6, True),
-        ("linear_elastic", "0.3", UP_AND_DOWN, 5, False), ("neo_hookean", "0.3", FORCES, 4, False),
-        ("linear_elastic", "0.3", FORCES, 5, False), ("neo_hookean", "stick", UP_AND_DOWN, 2, False)
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("material", "friction", "loading", "rows", "forget"),
+        [
+            ("neo_hookean", "0.3", UP_AND_DOWN, 5, False),
+            ("neo_hookean", "0.3", UP_AND_DOWN, 6, True),
+            ("linear_elastic", "0.3", UP_AND_DOWN, 5, False),
+            ("neo_hookean", "0.3", FORCES, 4, False),
+            ("linear_elastic", "0.3", FORCES, 5, False),
+            ("neo_hookean", "stick", UP_AND_DOWN, 2, False),
+        ],
+    )
     def test_a_path_with_friction(self, interrupt_and_resume, material, friction, loading, rows, forget):
         """What the surface remembers is in the checkpoint, or found again on the same path from rest."""
         method = f"augmented_lagrangian, friction: {friction}"
         scene = SCENE.format(material=f"model: {material}", method=method, loading=loading)
         interrupt_and_resume(scene, rows, forget)
 
-    @pytest.mark.parametrize(("material", "loading", "rows", "forget"), [
-        ("neo_hookean", STICKY, 3, False), ("neo_hookean", STICKY, 4, True), ("linear_elastic", STICKY, 3, False),
-        ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False)
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("material", "loading", "rows", "forget"),
+        [
+            ("neo_hookean", STICKY, 3, False),
+            ("neo_hookean", STICKY, 4, True),
+            ("linear_elastic", STICKY, 3, False),
+            ("linear_elastic", "forces: [0, 0.01, -0.02, 0.015]", 2, False),
+        ],
+    )
     def test_a_path_with_adhesion(self, interrupt_and_resume, material, loading, rows, forget):
         """Which of two stable states holds is in the checkpoint, or found again on the same path from far away."""
         method = "augmented_lagrangian, adhesion: {work: 1.0e-2, range: 2.5e-2}"
@@ -194,9 +207,10 @@ class TestKilled:
         scene = scene.replace("h_contact: 0.12", "h_contact: 0.08")
         interrupt_and_resume(scene, rows, forget)
 
-    @pytest.mark.parametrize(("material", "rows", "forget"), [
-        ("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("material", "rows", "forget"),
+        [("neo_hookean", 5, False), ("neo_hookean", 3, True), ("linear_elastic", 4, False)],
+    )
     def test_prescribed_forces(self, interrupt_and_resume, tmp_path, material, rows, forget):
         """A force is met within 1e-10, and its depth known as well, whatever was known of the curve before."""
         scene = SCENE.format(material=f"model: {material}", method="augmented_lagrangian", loading=FORCES)
@@ -377,10 +391,17 @@ class TestTheDeepestAndTheLast:
             assert len(os.listdir(tmp_path / "fields")) == 1 + len(kept)
 
 
-@pytest.mark.parametrize(("values", "kept"), [
-    ((1, 2, 3), {3}), ((1, 3, 2), {2, 3}), ((3, 3, 1, 3, 0), {2, 4, 5}), ((3, 1, 2, 1), {1, 4}), ((2,), {1}),
-    ((1, 0, 2, 0, 3), {1, 3, 5}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "kept"),
+    [
+        ((1, 2, 3), {3}),
+        ((1, 3, 2), {2, 3}),
+        ((3, 3, 1, 3, 0), {2, 4, 5}),
+        ((3, 1, 2, 1), {1, 4}),
+        ((2,), {1}),
+        ((1, 0, 2, 0, 3), {1, 3, 5}),
+    ],
+)
 def test_the_steps_worth_keeping(values, kept):
     assert LoadPath("depth", values).kept == kept
 
@@ -396,6 +417,31 @@ class TestNothingToGoOnWith:
             patch.setattr(Walk, "states", failing_at(1))
             assert indent_sim().exit_code == 5 and (tmp_path / "out" / "run.json").exists()
         assert indent_sim("--resume").exit_code == 0 and len(read(tmp_path / "out")) == 15
+
+    @pytest.mark.parametrize("asked", [("--error-bars",), ("--set", "accuracy=0.01")])
+    @pytest.mark.parametrize("where", ["outcome", "follow"])
+    def test_stopped_before_the_first_row_with_error_bars(self, indent_sim, tmp_path, monkeypatch, asked, where):
+        """While companions run, before anything says that there will be error bars, and after."""
+
+        def stop(*args, **options):
+            raise KeyboardInterrupt
+
+        scene = HYPERELASTIC.replace("neo_hookean", "linear_elastic").replace("steps: 15", "steps: 2")
+        mesh = "mesh: {h_contact: 0.12, h_far: 0.6}\n"
+        (tmp_path / "scene.yaml").write_text(scene.replace(mesh, "") if "--set" in asked else scene)
+        with monkeypatch.context() as patch:
+            at = (chain.Run, "_bars") if where == "outcome" else (simulation.Simulation, "follow")
+            patch.setattr(*at, stop)
+            assert indent_sim(*asked).exit_code == 130
+        assert folder.read_report(tmp_path / "out")["rows"] == 0
+        done = indent_sim("--resume", *asked)
+        assert done.exit_code == 0, done.stderr
+        assert all(state > 0 for state in read(tmp_path / "out")["force_error"])
+
+    def test_a_row_without_error_bars_is_not_gone_on_with(self, indent_sim, tmp_path):
+        interrupt(tmp_path, 1)
+        done = indent_sim("--resume", "--error-bars")
+        assert done.exit_code == 3 and "a run without error bars" in done.stderr
 
     def test_a_finished_run_stays_as_it_is(self, indent_sim, tmp_path):
         assert indent_sim().exit_code == 0
@@ -428,6 +474,23 @@ class TestNothingToGoOnWith:
         key, value = override.split(".", 1)[1].split("=")
         assert done.exit_code == 3 and f"'{key}: {value}' here" in done.stderr and done.stdout == ""
         assert "kept" not in done.stderr and snapshot(tmp_path) == before
+
+    @pytest.mark.parametrize("options", ["{}", "{mat_mumps_icntl_14: 60}"])
+    def test_a_folder_of_a_version_that_had_solver_petsc(self, indent_sim, tmp_path, options):
+        """It is read as ever, tip and all; only going on with it is refused, with the words of the key."""
+        assert indent_sim().exit_code == 0
+        config = tmp_path / "out" / "config.yaml"
+        usual = scene_of(tmp_path / "out")
+        config.write_text(config.read_text().replace("solver:\n", f"solver:\n  petsc: {options}\n"))
+        before = snapshot(tmp_path)
+        done = indent_sim("--resume", "--json")
+        error = json.loads(done.stdout)["error"]
+        assert done.exit_code == 3 and error["key"] == "solver.petsc" and "is gone" in error["message"]
+        assert "leave --resume out" in error["remedy"] and "PETSC_OPTIONS" in error["remedy"]
+        assert snapshot(tmp_path) == before and scene_of(tmp_path / "out") == usual is not None
+        for words in (["compare", "out", "out"], ["plot", "out", "--what", "force,fields"], ["report", "out"]):
+            done = CliRunner().invoke(commands.program, words)
+            assert done.exit_code == 0, done.stderr
 
     def test_a_foreign_folder_is_refused(self, indent_sim, tmp_path):
         (tmp_path / "out").mkdir()

@@ -50,15 +50,25 @@ def call(tmp_path: Path) -> Call:
         (programs / name).chmod(0o755)
     (programs / "indent-sim").write_text(f'#!/bin/sh\nexec {sys.executable} -m indent_sim.cli.commands "$@"\n')
     (programs / "indent-sim").chmod(0o755)
-    environment = os.environ | MPI_ENVIRONMENT | {
-        "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
-        "STAND_IN_SLURM": str(tmp_path / "jobs"),
-    }  # fmt: skip
+    environment = (
+        os.environ
+        | MPI_ENVIRONMENT
+        | {
+            "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
+            "STAND_IN_SLURM": str(tmp_path / "jobs"),
+        }
+    )
 
     def start(*words: str | Path, **more: str) -> subprocess.CompletedProcess[str]:
-        done = subprocess.run([str(word) for word in words], cwd=tmp_path, env=environment | more,
-                              capture_output=True, text=True, timeout=240)  # fmt: skip
+        done = subprocess.run(
+            [str(word) for word in words],
+            cwd=tmp_path,
+            env=environment | more,
+            capture_output=True,
+            text=True,
+            timeout=240,
+        )
         assert done.returncode == 0, done.stderr + logs(tmp_path)
         return done
 

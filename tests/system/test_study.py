@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from indent_sim import study
+from indent_sim import studies
 from indent_sim.cli import commands
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 from indent_sim.results.reader import Results, read
 from indent_sim.run.chain import warm_up
-from indent_sim.study import cases as case_list
-from indent_sim.study import table
-from indent_sim.study.grid import Multiple
-from indent_sim.study.truth import Comparison
-from indent_sim.study.worker import Worker
+from indent_sim.studies import cases as case_list
+from indent_sim.studies import study_table
+from indent_sim.studies.points import Multiple
+from indent_sim.studies.truth import Truth
+from indent_sim.studies.worker import Worker
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """\
@@ -67,7 +67,7 @@ def written(tmp_path, monkeypatch):
 
 def grid(path: Path) -> list[dict]:
     """The varied keys of every point of a study file."""
-    return [{key: value for key, value, _ in point} for point in study.read(path).points()]
+    return [{key: value for key, value, _ in point} for point in studies.read(path).points()]
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:
@@ -135,24 +135,27 @@ vary:
 """
         path = written(text)
         assert grid(path)[0]["contact.epsilon_n"] == Multiple(2.0)
-        found = case_list.of(study.read(path))
+        found = case_list.asked_for(studies.read(path))[0]
         E_star = 1 / (1 - 0.3**2)
         assert [case.values["contact.epsilon_n"] for case in found] == pytest.approx([20 * E_star, 40 * E_star])
         assert [case.stiffness for case in found] == pytest.approx([2.0, 2.0])
 
     def test_a_whole_section_is_a_value(self, written):
         path = written("base: scene.yaml\nvary: {contact: [{method: penalty, epsilon_n: 5.0}, {method: nitsche}]}\n")
-        assert [case.scene.physics.contact.method for case in case_list.of(study.read(path))] == ["penalty", "nitsche"]
+        assert [case.scene.physics.contact.method for case in case_list.asked_for(studies.read(path))[0]] == [
+            "penalty",
+            "nitsche",
+        ]
 
     def test_set_holds_for_every_run_and_an_inline_scene_will_do(self, written):
         indented = "".join(f"  {line}\n" for line in SCENE.splitlines())
         path = written(f"base:\n{indented}set: {{loading.delta: 0.02}}\nvary: {{mesh.h_far: [0.4, 0.5]}}\n")
-        assert [case.depth for case in case_list.of(study.read(path))] == pytest.approx([0.02, 0.02])
+        assert [case.depth for case in case_list.asked_for(studies.read(path))[0]] == pytest.approx([0.02, 0.02])
 
 
 class TestIdentity:
     def ids(self, written, text):
-        return [case.id for case in case_list.of(study.read(written(text)))]
+        return [case.id for case in case_list.asked_for(studies.read(written(text)))[0]]
 
     def test_titles_labels_and_output_have_no_part_in_it(self, written, tmp_path):
         vary = "vary: {mesh.h_far: [0.4, 0.5]}\n"
@@ -216,7 +219,7 @@ class TestRefusals:
 
     def test_an_error_of_many_points_is_told_once(self, written):
         with pytest.raises(ConfigError) as told:
-            case_list.of(study.read(written("base: scene.yaml\nvary: {a.b: [1], mesh.h_far: [0.4, 0.5]}\n")))
+            case_list.asked_for(studies.read(written("base: scene.yaml\nvary: {a.b: [1], mesh.h_far: [0.4, 0.5]}\n")))
         assert str(told.value).count("unknown key") == 1
 
     @pytest.mark.parametrize(
@@ -231,7 +234,18 @@ class TestRefusals:
         (tmp_path / "theirs").mkdir()
         (tmp_path / "theirs" / "thesis.tex").touch()
         with pytest.raises(UsageError, match="not made by"):
-            study.carry_out(written(METHODS), output=tmp_path / "theirs")
+            studies.carry_out(written(METHODS), output=tmp_path / "theirs")
+
+    @pytest.mark.parametrize("name", ["study.png", "curves.png"])
+    def test_a_picture_of_the_users_in_its_folder(self, written, tmp_path, name):
+        """Refused before anything is done: a study that draws no such picture took it away."""
+        place = tmp_path / "out"
+        place.mkdir()
+        (place / "study.json").write_text(json.dumps({"program": "indent-sim", "version": "0"}))
+        (place / name).write_text("mine")
+        with pytest.raises(UsageError, match=f"{name} was not made by"):
+            studies.carry_out(written(METHODS), output=place, resume=True)
+        assert {entry.name for entry in place.iterdir()} == {"study.json", name}
 
     def test_several_ranks(self, written, monkeypatch):
         monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
@@ -239,11 +253,11 @@ class TestRefusals:
         assert done.exit_code == 2 and "one rank" in done.stderr
 
     def test_a_study_in_use(self, written, tmp_path, monkeypatch):
-        monkeypatch.setattr("indent_sim.study.folder.PATIENCE", 0.0)
-        from indent_sim.study.folder import opened
+        monkeypatch.setattr("indent_sim.studies.study_folder.WORKER_TIMEOUT", 0.0)
+        from indent_sim.studies.study_folder import opened
 
         with opened(tmp_path / "out", resume=False, shared=False), pytest.raises(UsageError, match="in use"):
-            study.carry_out(written(METHODS), output=tmp_path / "out")
+            studies.carry_out(written(METHODS), output=tmp_path / "out")
 
 
 class TestPlan:
@@ -314,10 +328,10 @@ class TestRuns:
 
         monkeypatch.setattr(chain, "simulate", run)
         text = METHODS.replace("[penalty, active_set]", "active_set")
-        done = study.carry_out(written(text), output=tmp_path / "out")
+        done = studies.carry_out(written(text), output=tmp_path / "out")
         assert [row["status"] for row in done.rows] == ["done", "failed", "done"]
         assert done.rows[1]["exit_code"] == exit_code and reason in done.rows[1]["reason"]
-        again = study.carry_out(written(text), output=tmp_path / "out", resume=True)
+        again = studies.carry_out(written(text), output=tmp_path / "out", resume=True)
         assert again.rows == done.rows  # read back, failures too
 
     def test_a_signal_to_the_worker_ends_nothing(self, written, tmp_path, monkeypatch):
@@ -331,12 +345,12 @@ class TestRuns:
             return whole(config, **options)
 
         monkeypatch.setattr(chain, "simulate", run)
-        assert study.carry_out(written(METHODS), output=tmp_path / "out").failures == []
+        assert studies.carry_out(written(METHODS), output=tmp_path / "out").failures == []
 
     def test_a_run_that_was_cut_off_goes_on(self, written, tmp_path, monkeypatch):
         """And one whose folder holds something else is begun anew."""
         path, out = written(METHODS.replace("[penalty, active_set]", "penalty")), tmp_path / "out"
-        whole = study.carry_out(path, output=out)
+        whole = studies.carry_out(path, output=out)
         cut, strange, _ = sorted((out / "runs").iterdir())
         for folder in (cut, strange):
             report = json.loads((folder / "run.json").read_text())
@@ -344,17 +358,17 @@ class TestRuns:
         table_of_cut = cut / "force_indentation.csv"
         table_of_cut.write_text("".join(table_of_cut.read_text().splitlines(keepends=True)[:2]))
         (strange / "config.yaml").write_text("another: 1\n")
-        again = study.carry_out(path, output=out, resume=True)
+        again = studies.carry_out(path, output=out, resume=True)
         assert [json.loads((f / "run.json").read_text()).get("resumed_after") for f in (cut, strange)] == [[1], None]
         costs = {row["run"]: row["cpu_s"] for row in again.rows}
         assert costs[cut.name] is None and costs[strange.name] > 0  # the seconds before the cut are not known
-        assert cut.name not in [row["run"] for row in table.measured(again.rows)]
+        assert cut.name not in [row["run"] for row in study_table.measured(again.rows)]
         assert [row["force"] for row in again.rows] == pytest.approx([row["force"] for row in whole.rows], rel=1e-9)
 
     def test_memory_is_given_back(self, written, tmp_path):
         """Matrices and factors of a run are gone when the next begins: five runs hold about as much as one."""
         text = f"base: {ROOT}/configs/hertz_cube.yaml\nvary: {{mesh.h_contact: [0.1, 0.099, 0.098, 0.097, 0.096]}}\n"
-        rows = study.carry_out(written(text), output=tmp_path / "out").rows
+        rows = studies.carry_out(written(text), output=tmp_path / "out").rows
         first, last = rows[0], rows[-1]
         assert first["memory_MB"] > 20  # something to give back; 74 were measured, 43 later
         assert last["peak_memory_MB"] - first["peak_memory_MB"] < first["memory_MB"]  # 4 times that without
@@ -366,36 +380,57 @@ class TestRuns:
 
         monkeypatch.setattr("indent_sim.run.chain.simulate", run)
         with pytest.raises(NotConverged, match="never"):
-            study.carry_out(written(METHODS), output=tmp_path / "out")
+            studies.carry_out(written(METHODS), output=tmp_path / "out")
         assert {row["reason"] for row in rows_of(tmp_path / "out")} == {"never"}
 
     def test_a_second_call_replaces_and_resume_keeps(self, written, tmp_path):
         path, out = written(METHODS), tmp_path / "out"
-        study.carry_out(path, output=out)
+        studies.carry_out(path, output=out)
         first = {folder.name: (folder / "run.json").stat().st_ino for folder in (out / "runs").iterdir()}
         told: list[str] = []
-        study.carry_out(path, output=out, resume=True, tell=told.append)
+        studies.carry_out(path, output=out, resume=True, tell=told.append)
         assert told == ["6 of 6 runs are there already"]
         path.write_text(METHODS.replace(", 0.04]", "]"))
-        study.carry_out(path, output=out)
+        studies.carry_out(path, output=out)
         second = {folder.name: (folder / "run.json").stat().st_ino for folder in (out / "runs").iterdir()}
         assert len(second) == 4 and set(second) < set(first) and len(rows_of(out)) == 4
         assert not [entry.name for entry in out.iterdir() if "old" in entry.name]
 
     def test_a_replacement_killed_before_its_first_run_loses_nothing(self, written, tmp_path):
         path, out = written(METHODS), tmp_path / "out"
-        study.carry_out(path, output=out)
+        studies.carry_out(path, output=out)
         (out / "runs").rename(out / ".runs.old")
         (out / "runs").mkdir()
         told: list[str] = []
-        study.carry_out(path, output=out, resume=True, tell=told.append)
+        studies.carry_out(path, output=out, resume=True, tell=told.append)
         assert told == ["6 of 6 runs are there already"]
+
+    def test_files_of_a_user_stay_among_the_runs(self, written, tmp_path):
+        """Whatever they are called; what a run would have to write over is refused before anything is changed."""
+        path, out = written(METHODS.replace(", 0.04]", "]")), tmp_path / "out"
+        studies.carry_out(path, output=out)
+        run = min((out / "runs").iterdir())
+        for file in (run / "notes.txt", run / "report.html", out / "runs" / "README", out / "mine.csv"):
+            file.write_text("mine")
+        studies.carry_out(path, output=out)
+        assert {file.name for file in out.rglob("*") if file.is_file() and file.read_bytes() == b"mine"} == {
+            "notes.txt",
+            "report.html",
+            "README",
+            "mine.csv",
+        }
+        assert not (out / ".runs.old").exists() and (run / "notes.txt").exists()
+        (run / "experiment.csv").write_text("mine")
+        before = {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
+        with pytest.raises(UsageError, match=r"experiment\.csv was not made by"):
+            studies.carry_out(path, output=out)
+        assert before == {file: file.read_bytes() for file in out.rglob("*") if file.is_file()}
 
     def test_several_jobs_give_the_table_of_one(self, written, tmp_path):
         """Whatever the order in which runs end; their curves in long form are the tables of the runs."""
         path = written(METHODS)
         for jobs in (1, 2):
-            study.carry_out(path, output=tmp_path / f"{jobs}", jobs=jobs)
+            studies.carry_out(path, output=tmp_path / f"{jobs}", jobs=jobs)
         assert rows_of(tmp_path / "1") == rows_of(tmp_path / "2")
         assert (tmp_path / "1" / "curves.csv").read_text() == (tmp_path / "2" / "curves.csv").read_text()
         with open(tmp_path / "2" / "curves.csv", newline="") as stream:
@@ -411,28 +446,34 @@ class TestRuns:
     def test_jobs_killed_and_resumed(self, written, tmp_path):
         """With two at a time, one killed run and then the whole: the table is that of an undisturbed study."""
         path = written(METHODS)
-        study.carry_out(path, output=tmp_path / "whole")
+        studies.carry_out(path, output=tmp_path / "whole")
         for _ in range(2):
-            process = subprocess.Popen(command(path, "--output", "cut", "--jobs", "2", "--resume"), env=environment(),
-                                       stderr=subprocess.PIPE, text=True)  # fmt: skip
+            process = subprocess.Popen(
+                command(path, "--output", "cut", "--jobs", "2", "--resume"),
+                env=environment(),
+                stderr=subprocess.PIPE,
+                text=True,
+            )
             process.stderr.readline()  # type: ignore[union-attr]
             process.kill()
             process.communicate()
-        study.carry_out(path, output=tmp_path / "cut", jobs=2, resume=True)
+        studies.carry_out(path, output=tmp_path / "cut", jobs=2, resume=True)
         assert rows_of(tmp_path / "cut") == rows_of(tmp_path / "whole")
 
     def test_a_run_keeps_its_folder_when_other_keys_vary(self, written, tmp_path):
         """The physics is the identity, the name says what varied when it was first run."""
-        first = study.carry_out(written("base: scene.yaml\nvary: {material.nu: [0.2, 0.3]}\n"), output=tmp_path / "out")
+        first = studies.carry_out(
+            written("base: scene.yaml\nvary: {material.nu: [0.2, 0.3]}\n"), output=tmp_path / "out"
+        )
         text = "base: scene.yaml\nvary: {material.nu: [0.2, 0.3], indenter.R: [1.0, 2.0]}\n"
-        again = study.carry_out(written(text), output=tmp_path / "out", resume=True)
+        again = studies.carry_out(written(text), output=tmp_path / "out", resume=True)
         assert {row["run"] for row in first.rows} < {row["run"] for row in again.rows}
         assert len(list((tmp_path / "out" / "runs").iterdir())) == 4
 
     def test_more_jobs_than_the_memory_holds(self, written, tmp_path, monkeypatch):
-        monkeypatch.setattr("indent_sim.study.conduct.machine_memory", lambda: 3e8)
+        monkeypatch.setattr("indent_sim.studies.conduct.machine_memory", lambda: 3e8)
         with pytest.raises(UsageError, match="fewer --jobs"):
-            study.carry_out(written(METHODS), output=tmp_path / "out", jobs=2)
+            studies.carry_out(written(METHODS), output=tmp_path / "out", jobs=2)
         assert not (tmp_path / "out").exists()
 
     def test_quiet(self, written):
@@ -446,8 +487,8 @@ class TestRuns:
             assert part.exit_code == 0 and part.stdout == "parts\n"
             assert part.stderr.count("force 0.00") == 2 and not (tmp_path / "parts" / "study.csv").exists()
         told: list[str] = []
-        study.carry_out(path, output=tmp_path / "parts", resume=True, tell=told.append)
-        study.carry_out(path, output=tmp_path / "whole")
+        studies.carry_out(path, output=tmp_path / "parts", resume=True, tell=told.append)
+        studies.carry_out(path, output=tmp_path / "whole")
         assert told == ["6 of 6 runs are there already"]
         assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
 
@@ -467,13 +508,16 @@ class TestRuns:
         """To the last bit: in one step, so that no run goes on in the middle, where it comes from another side."""
         one_step = METHODS.replace("[0.06, 0.05, 0.04]", str(sizes)) + "set: {loading.steps: 1}\n"
         path = written(one_step)
-        study.carry_out(path, output=tmp_path / "whole")
+        studies.carry_out(path, output=tmp_path / "whole")
         random = np.random.default_rng(1)
         for runs in kills_after:  # so many are there when the kill comes
             with subprocess.Popen(
                 command(path, "--output", "killed", "--resume"),
-                cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-            ) as process:  # fmt: skip
+                cwd=tmp_path,
+                env=environment(),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            ) as process:
                 while process.poll() is None and len(list(tmp_path.glob("killed/runs/*/run.json"))) < runs:
                     time.sleep(0.005)
                 time.sleep(random.uniform(0, 0.05))
@@ -488,7 +532,7 @@ class TestRuns:
 
     def test_a_pressure_without_bound_has_an_empty_cell(self, written, tmp_path):
         cone = METHODS.replace("[0.06, 0.05, 0.04]", "[0.06]") + "set: {indenter: {shape: cone, half_angle: 80}}\n"
-        study.carry_out(written(cone), output=tmp_path / "cone")
+        studies.carry_out(written(cone), output=tmp_path / "cone")
         assert all(
             (row["p_max"], row["p_error_vs"], row["status"]) == ("", "", "done") for row in rows_of(tmp_path / "cone")
         )
@@ -508,8 +552,9 @@ class TestRuns:
 
     def test_the_worker_is_gone_after_the_study(self, written, tmp_path):
         with Worker() as worker:
-            case = case_list.of(study.read(written(METHODS)))[0]
-            assert worker(case.config, tmp_path / "run") == (0, "")
+            case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
+            worker.begin(case.config, tmp_path / "run")
+            assert worker.end() == (0, "")
             pid = worker._process._child.pid
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
@@ -541,9 +586,9 @@ class TestComparison:
         if wanted.startswith("result"):
             assert CliRunner().invoke(commands.program, ["run", "scene.yaml", "--output", "result"]).exit_code == 0
         text = f"base: scene.yaml\ncompare_to: {wanted}\nvary: {{mesh.h_contact: [0.06, 0.05]}}\n"
-        rows = study.carry_out(written(text), output=tmp_path / "out").rows
+        rows = studies.carry_out(written(text), output=tmp_path / "out").rows
         force = [row["force"] for row in rows]
-        layer = case_list.of(study.read(tmp_path / "STUDY.yaml"))[0].scene  # of unit height and modulus
+        layer = case_list.asked_for(studies.read(tmp_path / "STUDY.yaml"))[0][0].scene  # of unit height and modulus
         theory = layer.plan.theory.at(0.01).force
         reference = {"theory": theory, "1.6e-3": 1.6e-3}.get(wanted, force[1])
         assert [row["force_error_vs"] for row in rows] == pytest.approx(
@@ -555,24 +600,26 @@ class TestComparison:
         (tmp_path / "known.csv").write_text("step,delta,force,a\n1,0.02,1,1\n")
         path = written("base: scene.yaml\ncompare_to: known.csv\nvary: {mesh.h_far: [0.4, 0.5]}\n")
         with pytest.raises(ConfigError, match=r"STUDY.yaml:2: compare_to: has no depth 0.01"):
-            study.carry_out(path, output=tmp_path / "out")
+            studies.carry_out(path, output=tmp_path / "out")
 
     def test_finest_of_each_problem(self, written, tmp_path):
         path = written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3], mesh.h_contact: [0.06, 0.05]}\n")
-        rows = study.carry_out(path, output=tmp_path / "out").rows
+        rows = studies.carry_out(path, output=tmp_path / "out").rows
         assert [row["force_error_vs"] == 0 for row in rows] == [False, True, False, True]
         assert all(abs(row["force_error_vs"]) < 0.01 for row in rows)
 
     def test_a_run_is_no_answer_to_itself(self, written, tmp_path):
         """Every nu asks another question: no error is known, and none is 0."""
-        done = study.carry_out(written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out")
+        done = studies.carry_out(
+            written("base: scene.yaml\nvary: {material.nu: [0.1, 0.3]}\n"), output=tmp_path / "out"
+        )
         errors = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
         assert [row[name] for row in done.rows for name in errors] == [None] * 8
         assert "compared with no other" in done.notes[0] and not done.recommendations
 
     def test_accuracy_is_one_more_way_to_solve_the_same_problem(self, written, tmp_path):
         (tmp_path / "scene.yaml").write_text(SCENE.replace("mesh: {h_contact: 0.05, h_far: 0.5}\n", ""))
-        done = study.carry_out(
+        done = studies.carry_out(
             written("base: scene.yaml\nvary: {accuracy: [fast, accurate]}\n"), output=tmp_path / "out"
         )
         assert 0 < abs(done.rows[0]["force_error_vs"]) < 0.05 and done.rows[1]["force_error_vs"] == 0
@@ -582,24 +629,24 @@ class TestComparison:
         path = written(
             "base: scene.yaml\nset: {body.sides: free}\ncompare_to: theory\nvary: {mesh.h_contact: [0.06]}\n"
         )
-        assert "not exact" in study.carry_out(path, output=tmp_path / "out").notes[0]
+        assert "not exact" in studies.carry_out(path, output=tmp_path / "out").notes[0]
 
     def test_no_peak_where_theory_has_none(self, written):
         text = "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: {mesh.h_far: [0.4]}\n"
-        from indent_sim.study.truth import of_theory
+        from indent_sim.studies.truth import of_theory
 
-        answer = of_theory(case_list.of(study.read(written(text)))[0])
+        answer = of_theory(case_list.asked_for(studies.read(written(text)))[0][0])
         assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs" / "studies").rglob("*.yaml")), ids=lambda path: path.name)
 def test_shipped_studies_can_be_run(path):
-    planned = study.read(path)
+    planned = studies.read(path)
     found, refused = case_list.sorted_out(planned)
     assert not refused or planned.tolerance
     assert len({case.id for case in found}) == len(found) > 1  # nothing in them is asked twice
     if planned.tolerance is None:  # theory at all points of a map takes a minute
-        answered = {Comparison(planned, found).answer(case) is not None for case in found}
+        answered = {Truth(planned, found).answer(case) is not None for case in found}
         assert len(answered) == 1  # a study of accuracy has an answer for each, one of a parameter for none
 
 
@@ -612,29 +659,29 @@ class TestAdvice:
 
     def test_the_front_is_what_nothing_beats(self):
         rows = self.rows(("a", 1, 10, 0.1), ("a", 2, 20, -0.01), ("b", 2.5, 10, 0.05), ("b", 3, 20, 0.001))
-        assert [row["run"] for row in table.pareto(rows)] == ["0", "1", "3"]
+        assert [row["run"] for row in study_table.pareto(rows)] == ["0", "1", "3"]
 
     def test_luck_does_not_count(self):
         """The coarse mesh hits 0.1 % where a finer one misses it."""
         rows = self.rows(("a", 1, 10, 1e-4), ("a", 2, 20, 0.005), ("a", 4, 40, 1e-4), ("b", 3, 10, 0.004))
-        assert [table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)] == ["0", "2"]
-        assert table.recommended(rows, ["method"], 1e-5) is None
+        assert [study_table.recommended(rows, ["method"], target)["run"] for target in (0.01, 0.001)] == ["0", "2"]
+        assert study_table.recommended(rows, ["method"], 1e-5) is None
 
     def test_a_run_of_unknown_cost_is_not_advised_but_tells_luck(self):
         rows = self.rows(("a", 1, 10, 1e-4), ("a", None, 20, 0.005), ("b", None, 10, 1e-5), ("b", 9, 20, 1e-5))
-        assert table.recommended(rows, ["method"], 0.001)["run"] == "3"
+        assert study_table.recommended(rows, ["method"], 0.001)["run"] == "3"
 
     def test_what_has_no_error_is_not_measured(self):
         rows = self.rows(("a", 1, 10, 0.0), ("a", 1, 10, None))
-        assert table.measured(rows) == [] and table.recommendations(rows, ["method"]) == []
+        assert study_table.measured(rows) == [] and study_table.recommendations(rows, ["method"]) == []
 
     def test_a_run_without_rows_has_no_numbers(self, written):
-        case = case_list.of(study.read(written(METHODS)))[0]
+        case = case_list.asked_for(studies.read(written(METHODS)))[0][0]
         report = {"status": "failed", "exit_code": 4, "reason": "no,\nmesh"}
         empty = {name: np.empty(0) for name in ("step", "newton_iterations")}
-        row = table._row(case, [], Results(Path(), empty, report), None)
+        row = study_table._row(case, [], Results(Path(), empty, report), None)
         assert row["force"] is None and row["steps_done"] == 0
-        assert '"no, mesh"' in table.write([row])
+        assert '"no, mesh"' in study_table.write([row])
 
 
 class TestVerdicts:
@@ -660,32 +707,32 @@ vary:
         ],
     )
     def test_of_a_row(self, row, expected):
-        empty = {"force_error_vs": None, "stated_error": None, "exit_code": None}
-        assert table.verdict(empty | row, 0.005, is_reference=False) == expected
+        empty = {"run": "", "force_error_vs": None, "stated_error": None, "exit_code": None}
+        assert study_table.verdict(empty | row, 0.005) == expected
 
     def test_a_study_with_a_tolerance_judges_every_point(self, written):
-        done = study.carry_out(written(self.MAP))
+        done = studies.carry_out(written(self.MAP))
         assert [row["verdict"] for row in done.rows] == ["right", "flagged", "refused"]
         soft, refused = done.rows[1:]
         assert abs(soft["force_error_vs"]) <= soft["stated_error"] and "too low" in soft["warnings"]
         assert refused["exit_code"] == 3 and "nitsche gives wrong forces" in refused["reason"]
         assert done.recommendations == ["1 right, 1 flagged, 1 refused, 0 wrong"]
         beyond = refused | {"reason": "scene.yaml:12: loading: depth 2 is beyond the body's thickness 1"}
-        assert table.impossible(done.rows) == 0 and table.impossible([*done.rows, beyond]) == 1
+        assert study_table.impossible(done.rows) == 0 and study_table.impossible([*done.rows, beyond]) == 1
         assert [row["verdict"] for row in rows_of(done.directory)] == ["right", "flagged", "refused"]
 
     def test_without_one_a_point_that_cannot_be_is_an_error(self, written):
         with pytest.raises(ConfigError, match="nitsche gives wrong forces"):
-            study.carry_out(written(self.MAP.replace("tolerance: 0.005\n", "")))
+            studies.carry_out(written(self.MAP.replace("tolerance: 0.005\n", "")))
 
     @pytest.mark.parametrize("given", ["0", "1.5", "true", "small"])
     def test_a_tolerance_is_a_part_of_the_force(self, written, given):
         with pytest.raises(ConfigError, match="between 0 and 1"):
-            study.read(written(self.MAP.replace("0.005", given)))
+            studies.read(written(self.MAP.replace("0.005", given)))
 
     def test_out_of_contact_the_truth_is_nothing(self, written):
         text = "base: scene.yaml\ncompare_to: theory\ntolerance: 0.005\nvary: {loading: [{deltas: [0.01, -0.01]}]}\n"
-        (row,) = study.carry_out(written(text)).rows
+        (row,) = studies.carry_out(written(text)).rows
         assert (row["force"], row["force_error_vs"], row["verdict"]) == (0.0, 0.0, "right")
 
 
@@ -696,16 +743,24 @@ class TestPicture:
     def drawn(self, tmp_path, monkeypatch):
         """Draw rows (method, h, seconds, error); returns the figure as it is saved, and its front as it is listed."""
         from indent_sim.results.pictures import canvas
-        from indent_sim.study import picture
+        from indent_sim.studies import picture
 
         figures = []
         monkeypatch.setattr(canvas, "save", lambda figure, path: figures.append(figure))
 
         def draw(rows):
             table = [
-                {"run": str(i), "status": "done", "contact.method": m, "method": m, "mesh.h_contact": h, "cpu_s": s,
-                 "force_error_vs": e} for i, (m, h, s, e) in enumerate(rows)
-            ]  # fmt: skip
+                {
+                    "run": str(i),
+                    "status": "done",
+                    "contact.method": m,
+                    "method": m,
+                    "mesh.h_contact": h,
+                    "cpu_s": s,
+                    "force_error_vs": e,
+                }
+                for i, (m, h, s, e) in enumerate(rows)
+            ]
             picture.draw(table, self.KEYS, "A title that is " + "very " * 40 + "long", "theory", tmp_path / "study.png")
             figures[-1].draw_without_rendering()
             return figures[-1], figures[-1].axes[-1].texts[0]
@@ -736,7 +791,7 @@ class TestPicture:
         assert figure.axes[1].lines[0].get_linestyle() == "None"
 
     def test_of_keys_that_go_together_the_first_is_named(self):
-        from indent_sim.study.table import telling
+        from indent_sim.studies.study_table import telling
 
         rows = [{"method": m, "h": h, "far": 10 * h, "nu": 0.3} for m in ("a", "b") for h in (0.1, 0.2)]
         assert telling(rows, ["method", "h", "far", "nu"]) == ["method", "h"]

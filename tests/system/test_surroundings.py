@@ -34,9 +34,15 @@ SAME = 1e-9  # round-off: another order of sums, seen through a matrix whose con
 def shell(place: Path, line: str, **variables: str | None) -> subprocess.CompletedProcess[str]:
     """A line of bash in which $indent_sim is the program; a variable that is None is not there."""
     known = environment() | {"indent_sim": PROGRAM} | variables
-    return subprocess.run(["bash", "-c", f"set -o pipefail; {line}"], cwd=place, capture_output=True, text=True,
-                          env={name: value for name, value in known.items() if value is not None},
-                          errors="surrogateescape", timeout=300)  # fmt: skip
+    return subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {line}"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        env={name: value for name, value in known.items() if value is not None},
+        errors="surrogateescape",
+        timeout=300,
+    )
 
 
 @pytest.fixture
@@ -167,6 +173,15 @@ class TestLimits:
         assert done.returncode == 7 and f"(ulimit {limit[:2]})" in done.stderr and "Traceback" not in done.stderr
         assert os.listdir(place) == ["scene.yaml"]
 
+    def test_too_few_processes(self, place):
+        """Of a user whom such a limit binds; Open MPI would end without a word of it."""
+        if os.geteuid() != 0 or shell(place, "setpriv --reuid=65534 true").returncode != 0:
+            pytest.skip("only root may become somebody else")
+        line = f"ulimit -u 6; exec {PROGRAM} run scene.yaml --output out"
+        done = shell(place, f"exec setpriv --reuid=65534 bash -c {shlex.quote(line)}")
+        assert done.returncode == 7 and "(ulimit -u)" in done.stderr and "Traceback" not in done.stderr, done.stderr
+        assert os.listdir(place) == ["scene.yaml"]
+
     def test_no_room_for_temporary_files(self, place):
         """A private /tmp of 16 kB, full."""
         fill = "mount -t tmpfs -o size=16k tmpfs /tmp; head -c 20k /dev/zero > /tmp/full; cd -P /proc/self/fd/9"
@@ -190,10 +205,21 @@ def test_two_runs_at_once_into_one_folder(place, plain):
     assert os.listdir(ROOT) and {entry.name for entry in place.iterdir()} == {"scene.yaml", "out"}
 
 
+def test_petsc_options_of_the_environment_are_the_users(place, plain):
+    said = "-ksp_monitor ascii:residuals.txt -log_view ascii:times.txt"
+    done = shell(place, "$indent_sim run scene.yaml --output out --set solver.method=newton", PETSC_OPTIONS=said)
+    assert done.returncode == 0 and done.stdout == "out\n", done.stderr
+    assert "KSP Residual norm" in (place / "residuals.txt").read_text()
+    assert "KSPSolve" in (place / "times.txt").read_text()
+    found = read(place / "out")
+    np.testing.assert_allclose(found["force"], plain["force"], rtol=1e-8)  # the residual of Newton's method: 1e-9
+    assert found.report["PETSC_OPTIONS"] == said and "PETSC_OPTIONS" not in plain.report
+
+
 def test_settings_that_lie_beside_a_scene_are_not_read(place, plain):
     """Whoever sends a folder with a scene could send these too: they would run commands at the first import."""
     for name in ("petscrc", ".petscrc"):
-        (place / name).write_text("-log_view ascii:x\n-indent_sim_ksp_type python\n")
+        (place / name).write_text("-log_view ascii:x\n-ksp_type python\n")
     wrapper = json.dumps({"cffi_extra_compile_args": ["-wrapper", "touch,PWNED"], "cache_dir": str(place / "cache")})
     for name in ("dolfinx_jit_parameters.json", "dolfinx_jit_options.json"):
         (place / name).write_text(wrapper)

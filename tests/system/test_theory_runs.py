@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from conftest import ROOT, Mpirun
 
-from indent_sim.config.file import from_mapping, to_yaml
+from indent_sim.config.scene_file import from_mapping, to_yaml
 from indent_sim.results.reader import read
 
 COATING = {
@@ -99,8 +99,10 @@ def test_in_vain_it_is_refused(config: Path, tmp_path: Path) -> None:
 def test_a_study_of_theories_and_meshes(config: Path, tmp_path: Path) -> None:
     """The finest of all is theory, which every mesh is compared with; it has no unknowns."""
     file = tmp_path / "study.yaml"
-    file.write_text("base: scene.yaml\nset: {loading.steps: 2}\ncompare_to: finest\n"
-                    "vary: {solver.method: [theory, condensed, newton]}\n")  # fmt: skip
+    file.write_text(
+        "base: scene.yaml\nset: {loading.steps: 2}\ncompare_to: finest\n"
+        "vary: {solver.method: [theory, condensed, newton]}\n"
+    )
     ran("study", file, "--output", tmp_path / "study")
     with open(tmp_path / "study" / "study.csv", newline="") as stream:
         rows = {row["solver.method"]: row for row in csv.DictReader(stream)}

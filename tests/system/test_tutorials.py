@@ -49,8 +49,9 @@ def test_a_tutorial_can_be_followed(page, tmp_path):
         else:
             python = python + text if kind == "python" else python
             command = [sys.executable, "-c", python] if kind == "python" else ["bash", "-euo", "pipefail", "-c", text]
-            done = subprocess.run(command, cwd=tmp_path, env=before, capture_output=True, text=True, timeout=600,
-                                  check=False)  # fmt: skip
+            done = subprocess.run(
+                command, cwd=tmp_path, env=before, capture_output=True, text=True, timeout=600, check=False
+            )
             printed = done.stdout + done.stderr
             assert done.returncode == 0, f"{text}\n{printed}"
     assert {kind for kind, _ in blocks} & {"sh", "python"}
@@ -70,8 +71,13 @@ def test_commands_of_the_pages_exist():
     docs = ROOT / "docs"
     pages = [ROOT / "README.md", *docs.glob("*.md"), *PAGES]
     said = [line for page in pages for line in COMMAND.findall(page.read_text())]
-    said += [line for page in pages for kind, text in BLOCK.findall(page.read_text()) if kind == "sh"
-             for line in re.findall(r"^(?:\.venv/bin/)?(indent-sim .*?)(?: +#.*)?$", text, re.MULTILINE)]  # fmt: skip
+    said += [
+        line
+        for page in pages
+        for kind, text in BLOCK.findall(page.read_text())
+        if kind == "sh"
+        for line in re.findall(r"^(?:\.venv/bin/)?(indent-sim .*?)(?: +#.*)?$", text, re.MULTILINE)
+    ]
     known = {name: CliRunner().invoke(commands.program, [name, "--help"]).output for name in commands.program.commands}
     wrong = []
     for line in said:
@@ -93,9 +99,10 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     "indent-sim plan scene.yaml     #": "tests/system/test_slurm.py",
     "export XDG_CACHE_HOME": "tests/system/test_slurm.py",
     "module load": "an installation on a cluster",
+    "   body = Body(scene": "tests/physics/test_terms.py, step by step, with the term that it describes",
     "docker build": "needs a Docker daemon",
     **{f"indent-sim init {kind}\n": "tests/system/test_journeys.py" for kind in ("cell", "film", "gel", "study")},
-    "eval \"$(_INDENT_SIM_COMPLETE=zsh": "test_tab_completion, as far as it needs no zsh",
+    'eval "$(_INDENT_SIM_COMPLETE=zsh': "test_tab_completion, as far as it needs no zsh",
     "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
 }
 INSTEAD = {  # the same with fewer runs
@@ -118,8 +125,11 @@ mesh: {h_contact: 0.5}
 
 def commands_of(page: Path) -> list[tuple[str, str]]:
     """The blocks of a page that somebody would type: kind and text."""
-    return [(kind, text) for kind, text in BLOCK.findall(page.read_text(encoding="utf-8"))
-            if kind in ("sh", "zsh", "fish", "python")]  # fmt: skip
+    return [
+        (kind, text)
+        for kind, text in BLOCK.findall(page.read_text(encoding="utf-8"))
+        if kind in ("sh", "zsh", "fish", "python")
+    ]
 
 
 def reason_of(text: str) -> str | None:
@@ -136,8 +146,15 @@ def shortened(text: str) -> str:
 def followed(commands: list[str], folder: Path) -> None:
     """Commands run one after the other in a folder."""
     for command in commands:
-        done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], cwd=folder, env=environment(folder),
-                              capture_output=True, text=True, timeout=600, check=False)  # fmt: skip
+        done = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", command],
+            cwd=folder,
+            env=environment(folder),
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
+        )
         assert done.returncode == (6 if command == DIFFERS else 0), f"{command}\n{done.stdout}{done.stderr}"
 
 
@@ -172,8 +189,13 @@ def test_the_answers_of_the_how_do_i_page_run(tmp_path):
     """Every command in its sentences, in their order, beside a scene, a study, a result and a measured curve."""
     (tmp_path / "scene.yaml").write_text(SCENE)
     (tmp_path / "study.yaml").write_text("base: scene.yaml\nvary: {material.nu: [0.3, 0.4]}\n")
-    followed(["indent-sim run scene.yaml --output results/gel --quiet",
-              "cut -d, -f2,3 results/gel/force_indentation.csv > measured.csv"], tmp_path)  # fmt: skip
+    followed(
+        [
+            "indent-sim run scene.yaml --output results/gel --quiet",
+            "cut -d, -f2,3 results/gel/force_indentation.csv > measured.csv",
+        ],
+        tmp_path,
+    )
     said = COMMAND.findall((ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8"))
     assert len(said) >= 11
     followed(list(dict.fromkeys(said)), tmp_path)
@@ -199,16 +221,24 @@ def test_every_make_of_the_pages_is_a_target():
     assert len(named) > 7 and named <= targets, named - targets
 
 
-@pytest.mark.parametrize(("shell", "says"), [
-    ("bash", "complete -o nosort -F"), ("zsh", "compdef "), ("fish", "complete --no-files --command indent-sim"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("shell", "says"),
+    [
+        ("bash", "complete -o nosort -F"),
+        ("zsh", "compdef "),
+        ("fish", "complete --no-files --command indent-sim"),
+    ],
+)
 def test_tab_completion(tmp_path, shell, says):
     """What the page tells a shell to evaluate defines a completion, and that completes commands."""
     variables = environment(tmp_path)
     source = variables | {"_INDENT_SIM_COMPLETE": f"{shell}_source"}
     script = subprocess.run(["indent-sim"], env=source, capture_output=True, text=True, check=True).stdout
     assert says in script
-    words = {"_INDENT_SIM_COMPLETE": f"{shell}_complete", "COMP_CWORD": "st" if shell == "fish" else "1",
-             "COMP_WORDS": "indent-sim" if shell == "fish" else "indent-sim st"}  # fmt: skip
+    words = {
+        "_INDENT_SIM_COMPLETE": f"{shell}_complete",
+        "COMP_CWORD": "st" if shell == "fish" else "1",
+        "COMP_WORDS": "indent-sim" if shell == "fish" else "indent-sim st",
+    }
     found = subprocess.run(["indent-sim"], env=variables | words, capture_output=True, text=True, check=True).stdout
     assert re.findall(r"study", found) and "plot" not in found

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from indent_sim.cli import commands
-from indent_sim.config.file import load
+from indent_sim.config.scene_file import load
 from indent_sim.scene.scene import resolve
 
 

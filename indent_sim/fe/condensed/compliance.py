@@ -12,23 +12,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from indent_sim.fe.body import Body
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.observe.surface import Trace
-from indent_sim.fe.terms.matter import matter, strains_of
+from indent_sim.fe.terms.scene_terms import matter_of
+from indent_sim.mesh.grid import lots
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.usage import machine_memory
 
 BLOCK = 128  # right-hand sides solved at once; MUMPS takes 32, a seventh slower, unless told
-PIVOTING = 200  # per cent more room than foreseen for pivots that wait: layers far apart in stiffness have many
 
 Own = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -40,16 +38,15 @@ class Compliance:
     whole (m n, m n): C, and with friction m - 1 horizontal axes after it; held (m - 1, nodes of the surface): where
     their displacements are held. trace: the facets between the candidates, with `nodes` numbering rows of C; surface:
     all facets of the contact surface, whose node places[i] is candidate i; support and stray (m n,): what a unit force
-    at a candidate makes the supports and the rigid-mode pins feel.
-    """
+    at a candidate makes the supports and the rigid-mode pins feel."""
 
     whole: np.ndarray
+    support: np.ndarray
+    stray: np.ndarray
     held: np.ndarray
     trace: Trace
     surface: Trace
     places: np.ndarray
-    support: np.ndarray
-    stray: np.ndarray
 
     @property
     def size(self) -> int:
@@ -63,53 +60,49 @@ class Compliance:
 
 
 class Condenser:
-    """Factors a linear body once and condenses it to as much of its surface as is asked for.
-
-    Of several ranks each factors the whole body and solves for its share of the unit forces; where there is no memory
-    for that, all ranks factor it together and solve for every one.
-    """
+    """Factors a linear body once and condenses it to as much of its surface as is asked for. Of several ranks each
+    factors the whole body and solves for its share of the unit forces; where there is no memory for that, all ranks
+    factor it together and solve for every one. rows (facets, nodes): of this rank's facets, in the surface's nodes."""
 
     def __init__(self, body: Body):
         self.body = body
-        terms = matter(body)
-        self.strains = strains_of(terms)
+        matter = matter_of(body)
+        self.strains = matter.strains
         self._is_whole = body.comm.size > 1 and _fits_every_rank(body)
         self._comm = MPI.COMM_SELF if self._is_whole else body.comm  # of the ranks that solve together
-        matrix = _stiffness(body, terms)
+        tangents = [term.tangent(body.now, body.now, body.dt) for term in matter]
+        matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, tangents)))
+        matrix.assemble()
         self._support_rows = self._row_sum(matrix, body.z_supports)
         self._pin_rows = [self._row_sum(matrix, np.array([pin])) for pin in self._all_pins()]
         matrix.zeroRowsColumnsLocal(body.constrained.astype(np.int32), diag=1.0)
         if self._is_whole:
-            matrix = _gathered(matrix)
+            everything = PETSc.IS().createStride(matrix.getSize()[0], 0, 1, MPI.COMM_SELF)
+            matrix = matrix.createSubMatrices([everything], [everything])[0]
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        if not body.pressures:
+        if body.unknowns.names == ("u",):
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(self._comm)
         self._pc.setOperators(matrix)
         self._pc.setType("cholesky")  # LDL^T when the matrix is symmetric but not positive definite (mixed)
         self._pc.setFactorSolverType("mumps")
         self._pc.setFactorSetUpSolverType()
-        for option, value in ((14, PIVOTING), (27, BLOCK)):
+        # layers far apart in stiffness have many pivots that wait: 200 per cent more room than foreseen
+        for option, value in ((14, 200), (27, BLOCK)):
             self._pc.getFactorMatrix().setMumpsIcntl(option, value)
         self._pc.setUp()
-        self._refuse_singular()
-        self._owned_nodes, self._owned_rows, self._rows = self._number_surface_nodes()
+        if failure := self._pc.getFactorMatrix().getMumpsInfog(1):  # MUMPS keeps it, and crashes at the first solve
+            why = "is singular to working precision" if failure == -10 else f"was not factored (MUMPS: {failure})"
+            raise NotConverged(f"the body's matrix {why}; with larger elements where they are smallest it may be")
+        self._owned_nodes, self._owned_rows, self.rows = self._number_surface_nodes()
         self._surface = self._whole_surface()
         self._last: Compliance | None = None
 
-    def _refuse_singular(self) -> None:
-        """NotConverged where the factorisation failed; MUMPS keeps that to itself, and crashes at the first solve."""
-        if failure := self._pc.getFactorMatrix().getMumpsInfog(1):
-            why = "is singular to working precision" if failure == -10 else f"was not factored (MUMPS: {failure})"
-            raise NotConverged(f"the body's matrix {why}; with larger elements where they are smallest it may be")
-
     def _all_pins(self) -> list[int]:
         """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
-        counts = self.body.comm.allgather(len(self.body.pinned))
-        mine = iter(self.body.pinned)
-        return [
-            int(next(mine)) if rank == self.body.comm.rank else -1 for rank, n in enumerate(counts) for _ in range(n)
-        ]
+        counts, mine = self.body.comm.allgather(len(self.body.pinned)), iter(self.body.pinned)
+        ranks = np.repeat(np.arange(len(counts)), counts)
+        return [int(next(mine)) if rank == self.body.comm.rank else -1 for rank in ranks]
 
     def _row_sum(self, matrix: PETSc.Mat, rows: np.ndarray) -> np.ndarray:
         """The sum of rows of a symmetric matrix, those columns that this rank solves for."""
@@ -119,10 +112,7 @@ class Condenser:
         return np.concatenate(self.body.comm.allgather(total.array)) if self._is_whole else total.array.copy()
 
     def _number_surface_nodes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """This rank's own surface nodes, their rows among those of all ranks, and the rows of its facets' nodes.
-
-        The rows are in an order given by the nodes' places.
-        """
+        """This rank's own surface nodes, their rows among all by their places, and the rows of its facets' nodes."""
         body, trace = self.body, self.body.trace
         space = body.unknowns.own_space("u")
         index_map = space.dofmap.index_map
@@ -141,7 +131,7 @@ class Condenser:
     def _whole_surface(self) -> Trace:
         """The contact surface of all ranks, its facets sorted by place and its nodes numbered by row."""
         trace = self.body.trace
-        parts = self.body.comm.allgather((self._rows, trace.X))
+        parts = self.body.comm.allgather((self.rows, trace.X))
         rows, X = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
         order = np.lexsort(np.round(X.mean(axis=1), 10)[:, ::-1].T)
         return Trace(rows[order], X[order], rows[order])
@@ -155,24 +145,17 @@ class Condenser:
         distance = np.linalg.norm(surface.X[..., :-1] - np.asarray(center)[: surface.dim - 1], axis=-1).min(axis=1)
         return np.asarray(distance <= reach)
 
-    def condense(self, reach: float, center: tuple[float, ...], *, shear: bool = False) -> Compliance:
-        """The compliance of all facets that come within `reach` [length] of the tip's axis, or of more of them; also
-        along the horizontal axes with `shear`."""
+    def condense(self, reach: float, center: tuple[float, ...], axes: Sequence[int]) -> Compliance:
+        """The compliance, along these axes, of the facets within `reach` [length] of the tip's axis, or of more."""
         surface, near = self._surface, self._near(reach, center)
         places, nodes = np.unique(surface.nodes[near], return_inverse=True)
-        axes = [surface.dim - 1, *range(surface.dim - 1)] if shear else [surface.dim - 1]
         if self._last is not None and len(self._last.held) != len(axes) - 1:
             self._last = None
         if self._last is None or not np.isin(places, self._last.places).all():
             nodes = nodes.reshape(surface.nodes[near].shape)
             trace, held = Trace(nodes, surface.X[near], nodes), self._held(axes[1:])
-            columns = self._columns(places, axes)
-            self._last = Compliance(held=held, trace=trace, surface=surface, places=places, **columns)
+            self._last = Compliance(*self._columns(places, axes), held, trace, surface, places)
         return self._last
-
-    def spread(self, nodal: np.ndarray) -> np.ndarray:
-        """Values at the nodes of the whole surface as (facets, nodes) of this rank's facets."""
-        return nodal[self._rows]
 
     def _held(self, axes: Sequence[int]) -> np.ndarray:
         """Whether the displacement along each axis is held (axes, nodes of the whole surface)."""
@@ -181,60 +164,45 @@ class Condenser:
         held[:, self._owned_rows] = np.isin(dofs, self.body.constrained).T
         return _summed(self.body.comm, held) > 0
 
-    def _columns(self, places: np.ndarray, axes: Sequence[int]) -> dict[str, np.ndarray]:
-        """C, and what unit forces make supports and pins feel: down, and along the horizontal axes that follow.
-
-        Nodes condensed to before are not solved for again.
-        """
+    def _columns(self, places: np.ndarray, axes: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """C, and what unit forces make supports and pins feel; nodes condensed to before are not solved for again."""
         n, known = len(places) * len(axes), self._last
         own, dofs, is_free = self._solved(places, axes)
         up = np.where(np.arange(n) < len(places), -1.0, 1.0)  # a force down is solved for as one that pulls up
         C, support, stray = np.zeros((n, n)), np.zeros(n), np.zeros(n)
-        old: np.ndarray = np.zeros(n, dtype=bool)
+        old = np.tile(np.isin(places, () if known is None else known.places), len(axes))
         if known is not None:
-            old = np.tile(np.isin(places, known.places), len(axes))
             there = np.tile(np.isin(known.places, places), len(axes))
             C[np.ix_(old, old)] = known.whole[np.ix_(there, there)]
             support[old], stray[old] = known.support[there], known.stray[there]
-        for block in _blocks(self._share(np.flatnonzero(~old))):
+        columns = np.flatnonzero(~old)
+        if self._is_whole:
+            columns = np.array_split(columns, self.body.comm.size)[self.body.comm.rank]
+        for block in (columns[some] for some in lots(len(columns), BLOCK)):
             found, support[block], stray[block] = self._block(own, dofs[block], is_free[block], n)
             C[:, block] = up[:, None] * found * up[block]
             support[block] = up[block] * support[block] + (up[block] < 0) * ~is_free[block]
         if self._is_whole:
-            C[:, ~old], support[~old], stray[~old] = (
-                _summed(self.body.comm, part) for part in (C[:, ~old], support[~old], stray[~old])
-            )
+            parts = C[:, ~old], support[~old], stray[~old]
+            C[:, ~old], support[~old], stray[~old] = (_summed(self.body.comm, part) for part in parts)
         C[np.ix_(~old, old)] = C[np.ix_(old, ~old)].T
-        return {"whole": (C + C.T) / 2, "support": support, "stray": stray}
-
-    def _share(self, columns: np.ndarray) -> np.ndarray:
-        """Those columns that this rank solves for."""
-        return np.array_split(columns, self.body.comm.size)[self.body.comm.rank] if self._is_whole else columns
+        return (C + C.T) / 2, support, stray
 
     def _solved(self, places: np.ndarray, axes: Sequence[int]) -> tuple[Own, np.ndarray, np.ndarray]:
-        """What this rank solves for at the candidates, as `_own`; the number and freedom of all of them."""
-        n, own = len(places) * len(axes), self._own(places, axes)
-        dofs, is_free = self._numbers(*own, n)
-        return ((dofs, np.arange(n), is_free) if self._is_whole else own), dofs, is_free
-
-    def _own(self, places: np.ndarray, axes: Sequence[int]) -> Own:
-        """This rank's own nodes among the candidates, one axis after the other: dofs in its local array, columns, which
-        are free."""
-        mine = np.isin(self._owned_rows, places)
+        """This rank's local dofs, columns and which are free, axis by axis; numbers among all unknowns, which free."""
+        mine, n = np.isin(self._owned_rows, places), len(places) * len(axes)
         here = np.searchsorted(places, self._owned_rows[mine])
         columns = np.concatenate([here + k * len(places) for k in range(len(axes))])
         local = self.body.unknowns.displacement_places(self._owned_nodes[mine])[..., list(axes)].T.reshape(-1)
-        return local, columns, ~np.isin(local, self.body.constrained)
-
-    def _numbers(self, local: np.ndarray, columns: np.ndarray, free: np.ndarray, n: int
-                 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-        """The number of each of n columns among the unknowns of all ranks, and whether it is free."""
+        free = ~np.isin(local, self.body.constrained)
         numbers, is_free = np.zeros((2, n), dtype=np.int32)
         numbers[columns], is_free[columns] = local + self.body.x.getOwnershipRange()[0], free
-        return _summed(self.body.comm, numbers), _summed(self.body.comm, is_free) > 0
+        dofs, all_free = _summed(self.body.comm, numbers), _summed(self.body.comm, is_free) > 0
+        return ((dofs, np.arange(n), all_free) if self._is_whole else (local, columns, free)), dofs, all_free
 
-    def _block(self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
-               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    def _block(
+        self, own: Own, dofs: np.ndarray, is_free: np.ndarray, n: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Displacements at n columns, z-reaction of the supports, largest one of the pins, for unit forces at dofs."""
         comm, (local, columns, _) = self._comm, own
         rows = self._pc.getOperators()[0].getLocalSize()[0]
@@ -262,35 +230,13 @@ class Condenser:
 
 
 def _fits_every_rank(body: Body) -> bool:
-    """Whether the machine has the memory for the whole body on every rank."""
     predicted = body.scene.plan.prediction.get("memory_MB", math.inf)
     smallest = body.comm.allreduce(machine_memory(), MPI.MIN)  # on several nodes
     return bool(predicted * 1e6 * body.comm.size <= smallest)
 
 
-def _gathered(matrix: PETSc.Mat) -> PETSc.Mat:
-    """The whole of a distributed matrix, on every rank."""
-    everything = PETSc.IS().createStride(matrix.getSize()[0], 0, 1, MPI.COMM_SELF)
-    return matrix.createSubMatrices([everything], [everything])[0]
-
-
-def _stiffness(body: Body, terms: list[Any]) -> PETSc.Mat:
-    """The tangent of the body's terms, constrained dofs included."""
-    test, trial = ufl.TestFunction(body.unknowns.space), ufl.TrialFunction(body.unknowns.space)
-    matrix = fem_petsc.assemble_matrix(fem.form(reduce(add, (term.work(test, trial)[1] for term in terms))))
-    matrix.assemble()
-    return matrix
-
-
-def _blocks(columns: np.ndarray) -> list[np.ndarray]:
-    return [columns[start : start + BLOCK] for start in range(0, len(columns), BLOCK)]
-
-
-def _unit_forces(comm: Any, dofs: np.ndarray, is_free: np.ndarray, total: int) -> PETSc.Mat:
-    """Unit forces at some dofs, a column each, and none where the body is held.
-
-    Sparse, as the transpose of rows that rank 0 has: MUMPS then leaves out the factors that they do not reach.
-    """
+def _unit_forces(comm: MPI.Comm, dofs: np.ndarray, is_free: np.ndarray, total: int) -> PETSc.Mat:
+    """Unit forces at some dofs, a column each; sparse, so that MUMPS leaves out the factors that they do not reach."""
     here = comm.rank == 0
     sizes = ((len(dofs) if here else 0, PETSc.DETERMINE), (total if here else 0, PETSc.DETERMINE))
     starts = np.concatenate([[0], np.cumsum(is_free)]) if here else np.zeros(1)
@@ -299,5 +245,5 @@ def _unit_forces(comm: Any, dofs: np.ndarray, is_free: np.ndarray, total: int) -
     return PETSc.Mat().createTranspose(rows)
 
 
-def _summed(comm: Any, values: np.ndarray) -> np.ndarray:
+def _summed(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
     return values if comm.size == 1 else comm.allreduce(values)

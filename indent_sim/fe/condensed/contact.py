@@ -20,49 +20,38 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csc_matrix, csr_matrix
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from indent_sim.fe.condensed.compliance import Compliance
-from indent_sim.fe.condensed.friction import CondensedFriction
-from indent_sim.fe.observe.surface import (
-    Trace,
-    contact_quadrature,
-    from_midpoints,
-    pressure_functions,
-    shapes,
-    split_quadrature,
-    undeformed,
-)
+from indent_sim.fe.condensed.friction import NODAL_FORCE_TOLERANCE, CondensedFriction
+from indent_sim.fe.observe import surface
+from indent_sim.fe.observe.surface import Trace, contact_quadrature, pressure_functions, shapes
 from indent_sim.fe.solve import uzawa
 from indent_sim.fe.solve.anchor import anchored
-from indent_sim.fe.solve.mixing import Mixing
 from indent_sim.fe.solve.newton import softening
 from indent_sim.scene.scene import Scene
 
-TOLERANCE = 1e-12  # of the residual, relative to the nodal forces; a dense solve leaves less
 NOTHING = 1e-20  # of the nodal forces of the states before: less is none, as under a punch back where it began
-ITERATIONS = 100
+MOST_CONTACT_ITERATIONS = 100
 
 
 class CondensedContact:
     """A tip on a condensed body: finds the nodal forces and pressures at any depth."""
 
     def __init__(self, compliance: Compliance, scene: Scene, iterations: int = 0):
-        self.compliance = compliance
-        self.law = scene.physics.contact
-        self.nodes = compliance.trace.nodes
-        self.places = compliance.places
+        self.compliance, self.scene, self.depth = compliance, scene, 0.0
+        self.law: Any = scene.physics.contact
+        self.nodes, self.places = compliance.trace.nodes, compliance.places
         self.iterations = iterations
         self.failure = ""  # why the last solve did not converge
         # nodal forces down and, with friction, along the horizontal axes
         self.forces: np.ndarray = np.zeros((1 + len(compliance.held), compliance.size))
         # multiplier at the nodes of the whole surface (active set: nodal pressures)
         self.lam: np.ndarray = np.zeros(1 + compliance.surface.nodes.max(initial=-1))
-        self.scene = scene
+        self._factored_mass: SuperLU | None = None
         self._recent = [self.F]  # nodal forces of the last equilibria
         self._expected: np.ndarray | None = None  # which points the next solve takes to be in contact at first
-        self.friction = CondensedFriction(self) if self.law.friction else None
-        self._solve: Callable[[float], bool] = ALGORITHMS[self.law.multiplier](self)
+        self.friction = None if self.law.is_conservative else CondensedFriction(self)
 
     @property
     def F(self) -> np.ndarray:
@@ -71,22 +60,31 @@ class CondensedContact:
 
     def solve(self, delta: float) -> bool:
         """Find the equilibrium at a depth from the present forces; on failure they are as they were."""
-        before = self.forces, self.lam
-        if self._solve(delta):
+        before, self.depth = (self.forces, self.lam, self.depth), delta
+        if CONDENSED_ALGORITHMS[self.law.multiplier](self):
             self._recent = [*self._recent[-1:], self.F]
             return True
-        self.forces, self.lam = before
+        self.forces, self.lam, self.depth = before
         return False
 
-    def trial(self, delta: float) -> np.ndarray:
+    def depart(self) -> None:
+        """Take the present equilibrium as the one that the next step sets out from."""
+        if self.friction:
+            self.friction.depart()
+
+    def dissipation(self) -> float:
+        """What is lost in the step to the present state [energy], of the modelled part."""
+        return self.friction.dissipation() if self.friction else 0.0
+
+    def trial(self) -> np.ndarray:
         """lam - epsilon_n g of the present forces, above zero in contact: at the points of the contact quadrature, and
         of nodal pressures at the nodes that carry one, with E*/h_contact [pressure]."""
         if self.law.multiplier == "nodal":
-            return self._nodal_trial(delta)
+            return self._nodal_trial()
         N, _, height = self.quadrature
-        epsilon_n: float = self.law.stiffness  # type: ignore[union-attr]
+        epsilon_n = self.law.stiffness
         nodal = self.lam[self.places] - epsilon_n * (self.compliance.C @ self.F)
-        return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - delta))
+        return np.asarray(nodal[self.nodes] @ N.T - epsilon_n * (height - self.depth))
 
     def expect(self, trial: np.ndarray) -> None:
         """Set out from what would be in contact with this trial pressure, in the next solve."""
@@ -97,24 +95,20 @@ class CondensedContact:
         expected, self._expected = self._expected, None
         return active if expected is None else expected
 
-    def nothing(self, size: Callable[[np.ndarray], Any]) -> float:
+    def nothing(self, size: Callable[[np.ndarray], np.floating]) -> float:
         """NOTHING of the largest size of the nodal forces in the last equilibria."""
         return NOTHING * max(float(size(F)) for F in self._recent)
-
-    # ---- the surface ---------------------------------------------------------------------------------------------
 
     def rule(self, points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted areas (facets, points) and the tip's height over the undeformed surface there."""
         trace, scene = self.compliance.trace, self.scene
-        x = np.moveaxis(undeformed(scene.physics.part, trace, points), -1, 0)
+        x = np.moveaxis(trace.positions(points), -1, 0)
         horizontal = scene.physics.part.kinematics.horizontal(x, scene.physics.center)
         return self._areas(trace, points, weights), scene.physics.indenter.height(*horizontal) - x[-1]
 
     def _areas(self, trace: Trace, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Areas (facets, points) of quadrature points, times the kinematics' weight."""
-        tangents = trace.tangents(trace.X, points)
-        area = np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
-        return area * weights * self.scene.physics.part.kinematics.weight(np.moveaxis(trace.positions(points), -1, 0))
+        x = np.moveaxis(trace.positions(points), -1, 0)
+        return trace.measures(points) * weights * self.scene.physics.part.kinematics.weight(x)
 
     @cached_property
     def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -123,64 +117,48 @@ class CondensedContact:
         return shapes(points), *self.rule(points, weights)
 
     @cached_property
-    def mass(self) -> Any:
+    def mass(self) -> csc_matrix:
         """The mass matrix M [area] of the whole contact surface."""
-        surface = self.compliance.surface
-        points, weights = contact_quadrature(surface.dim)
-        N, W, nodes = shapes(points), self._areas(surface, points, weights), surface.nodes
-        local = np.einsum("fp,pn,pm->fnm", W, N, N)
+        whole = self.compliance.surface
+        points, weights = contact_quadrature(whole.dim)
+        N, W, nodes = shapes(points), self._areas(whole, points, weights), whole.nodes
         rows, columns = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-        return csc_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2)
-
-    @cached_property
-    def _factored_mass(self) -> Any:
-        return splu(self.mass)
+        values = np.einsum("fp,pn,pm->fnm", W, N, N).ravel()
+        return csc_matrix((values, (rows.ravel(), columns.ravel())), shape=(len(self.lam),) * 2)
 
     def projected(self, F: np.ndarray) -> np.ndarray:
         """M^-1 F on the whole surface for forces (n,) or (n, columns) on the candidates."""
+        self._factored_mass = self._factored_mass or splu(self.mass)
         whole = np.zeros((len(self.lam), *F.shape[1:]))
         whole[self.places] = F
         return self._factored_mass.solve(whole)
 
     @cached_property
-    def _inverse_mass(self) -> np.ndarray:
+    def inverse_mass(self) -> np.ndarray:
         """M^-1 (n, n) [1/area] between the candidates: their lam = M^-1 F."""
         return self.projected(np.eye(self.compliance.size))[self.places]
-
-    def _matrix(self, local: np.ndarray) -> np.ndarray:
-        """Sum facet matrices (facets, n, n) into a dense one over the nodes."""
-        size, n = self.compliance.size, self.nodes.shape[1]
-        places = self.nodes[:, :, None] * size + self.nodes[:, None, :]
-        return np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size) if n else np.zeros((0, 0))
 
     def vector(self, local: np.ndarray) -> np.ndarray:
         """Facet vectors (facets, nodes) summed over the nodes of the candidates."""
         return np.bincount(self.nodes.ravel(), local.ravel(), self.compliance.size)
 
-    # ---- laws with a stiffness -----------------------------------------------------------------------------------
-
-    def newton(self, delta: float, *, with_multiplier: bool = False) -> bool:
-        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is.
-
+    def newton(self, inverse_mass: np.ndarray | float = 0.0) -> bool:
+        """Semismooth Newton on F = int <lam - epsilon_n g> N with lam = M^-1 F, or held as it is where M^-1 is none.
         From where it stands, with a multiplier through a stiffness of E*/h_contact, whose solution is nearly the law's
-        own; if that is too far, through softer contact to the law's own.
-        """
-        start, epsilon_n = self.forces, self.law.stiffness  # type: ignore[union-attr]
+        own; if that is too far, through softer contact to the law's own."""
+        start, epsilon_n = self.forces, self.law.stiffness
         unit = self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        is_other = with_multiplier and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
-        first = [unit / epsilon_n, 1.0] if is_other else [1.0]
-        for factors in (first, softening(self.law, self.scene)):
+        is_other = np.ndim(inverse_mass) and not isclose(epsilon_n, unit, rel_tol=1e-9)  # 1e-9: the same in all units
+        solve = self.friction.newton if self.friction else lambda factor: self._newton(factor * epsilon_n, inverse_mass)
+        for factors in ([unit / epsilon_n, 1.0] if is_other else [1.0], softening(self.law, self.scene)):
             self.forces = start
-            if self.friction:
-                found = all(self.friction.newton(delta, factor) for factor in factors)
-            else:
-                found = all(self._newton(delta, factor * epsilon_n, with_multiplier) for factor in factors)
-            if found:
+            if all(map(solve, factors)):
                 return True
-        self.failure = f"no equilibrium within {ITERATIONS} iterations, or the points in contact go round in a circle"
+        lost = "or the points in contact go round in a circle"
+        self.failure = f"no equilibrium within {MOST_CONTACT_ITERATIONS} iterations, {lost}"
         return False
 
-    def update(self, mixing: Mixing) -> float:
+    def update(self, mixing: uzawa.Mixing) -> float:
         """Change the multiplier; returns how far it was from its projection, relative to itself."""
         before, image = self.lam, self.projected(self.F)
         change, nothing = np.linalg.norm(image - before), self.nothing(lambda F: np.linalg.norm(self.projected(F)))
@@ -188,132 +166,120 @@ class CondensedContact:
         size = max(np.linalg.norm(before), np.linalg.norm(image))
         return float(change / size) if change > nothing else 0.0
 
-    def _newton(self, delta: float, epsilon_n: float, with_multiplier: bool) -> bool:
-        N, W, height = self.quadrature
-        C = self.compliance.C
-        D = (self._inverse_mass if with_multiplier else 0.0) - epsilon_n * C
-        offset = -epsilon_n * (height - delta)
-        if not with_multiplier:
+    def _newton(self, epsilon_n: float, inverse_mass: np.ndarray | float) -> bool:
+        N, _, height = self.quadrature
+        D = inverse_mass - epsilon_n * self.compliance.C
+        offset = -epsilon_n * (height - self.depth)
+        if not np.ndim(inverse_mass):
             offset = offset + self.lam[self.places][self.nodes] @ N.T
         F: np.ndarray = self.F.copy()
-        before: np.ndarray | None = None
-        nothing = self.nothing(lambda F: np.abs(F).max(initial=0.0))
-        seen: set[bytes] = set()
-        for _ in range(ITERATIONS):
+        before, seen, nothing = None, set(), self.nothing(lambda F: np.abs(F).max(initial=0.0))
+        for _ in range(MOST_CONTACT_ITERATIONS):
             p_hat = (D @ F)[self.nodes] @ N.T + offset
             active = p_hat > 0
             load = self._load(p_hat, active)
-            residual = F - load
+            allowed = NODAL_FORCE_TOLERANCE * np.abs(load).max(initial=0.0) + nothing
             # between two Newton steps with the same active points the problem is linear: the first was exact
             settled = before is not None and np.array_equal(active, before)
-            if settled or np.abs(residual).max(initial=0.0) <= TOLERANCE * np.abs(load).max(initial=0.0) + nothing:
+            if settled or np.abs(F - load).max(initial=0.0) <= allowed:
                 self.forces = load[None]
                 return True
             if active.tobytes() in seen:  # the active points alone say where the next step leads: it is a circle
                 return False
             before = active = self._set_out(active)
             seen.add(active.tobytes())
-            F = F + self._newton_step(F - self._load(p_hat, active), W * active, N, D)
+            F = F + self.newton_step(F - self._load(p_hat, active), active[None, None], D)
             self.iterations += 1
         return False
 
     def _load(self, p_hat: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """The nodal forces of a pressure at the points of the contact quadrature that are in contact."""
         N, W, _ = self.quadrature
         return self.vector((W * np.where(active, p_hat, 0.0)) @ N)
 
-    def _newton_step(self, residual: np.ndarray, weights: np.ndarray, N: np.ndarray, D: np.ndarray) -> np.ndarray:
-        """-(I - M_A D)^-1 residual; rows without an active point are those of the identity."""
-        touched = np.flatnonzero(weights.any(axis=1))
-        n = N.shape[1]
-        pairs = (N[:, :, None] * N[:, None, :]).reshape(len(N), n * n)
-        local = (weights[touched] @ pairs).reshape(-1, n, n)
-        rows = np.unique(self.nodes[touched])
-        place = np.zeros(self.compliance.size, dtype=np.int64)
+    def newton_step(self, residual: np.ndarray, slopes: np.ndarray, D: np.ndarray, held: Any = ()) -> np.ndarray:
+        """-(I - A D)^-1 residual, A = int slopes N N with `slopes` (m, m, facets, points) of the m tractions at points.
+        Rows without a point in contact, and those that are `held` (m - 1, nodes), are those of the identity."""
+        (N, W, _), size, m = self.quadrature, self.compliance.size, len(slopes)
+        touched = np.flatnonzero(slopes[0, 0].any(axis=1))
+        weights, pairs = (W * slopes)[:, :, touched], N[:, :, None] * N[:, None, :]
+        # of one traction by BLAS, which is faster and adds in another order
+        local = np.einsum("abfp,pij->abfij", weights, pairs) if m > 1 else weights @ pairs.reshape(len(N), -1)
+        at, block = self.nodes[touched], size * np.arange(m)
+        rows = np.setdiff1d((block[:, None] + np.unique(at)).ravel(), size + np.flatnonzero(held))
+        place = np.full(m * size, -1)
         place[rows] = np.arange(len(rows))
-        inner, m = place[self.nodes[touched]], len(rows)
-        i, j = np.broadcast_arrays(inner[:, :, None], inner[:, None, :])
-        M_A = csr_matrix((local.ravel(), (i.ravel(), j.ravel())), shape=(m, m))  # a node has few neighbours
+        i = place[block[:, None, None, None, None] + at[:, :, None]]
+        j = place[block[None, :, None, None, None] + at[:, None, :]]
+        i, j = (index.ravel() for index in np.broadcast_arrays(i, j))
+        kept = (i >= 0) & (j >= 0)
+        A = csr_matrix((local.ravel()[kept], (i[kept], j[kept])), shape=(len(rows),) * 2)  # a node has few neighbours
         among = D[np.ix_(rows, rows)]
         step = -residual
-        step[rows] += M_A @ (D[rows] @ step - among @ step[rows])
-        step[rows] = np.linalg.solve(np.eye(m) - M_A @ among, step[rows])
+        step[rows] += A @ (D[rows] @ step - among @ step[rows])
+        step[rows] = np.linalg.solve(np.eye(len(rows)) - A @ among, step[rows])
         return step
 
-    def stiffness(self, delta: float) -> float:
+    def stiffness(self) -> float:
         """d/ddelta of the sum of the nodal forces, by the tangent of the present equilibrium [pressure length].
 
         A multiplier moves with the depth, whether it is solved for or updated in a loop: F is the law's own either way.
         """
-        if self.law.multiplier == "nodal":
-            return self._nodal_stiffness()
+        if self.law.multiplier == "nodal":  # the punch on the nodes that carry a pressure
+            carriers, _, _, areas, A = self._weighted
+            on = np.flatnonzero(self.lam[self.places[carriers]] > 0)
+            return float(areas[on] @ np.linalg.solve(A[np.ix_(on, on)], areas[on])) if len(on) else 0.0
         N, W, height = self.quadrature
-        epsilon_n: float = self.law.stiffness  # type: ignore[union-attr]
-        D = (0.0 if self.law.multiplier == "none" else self._inverse_mass) - epsilon_n * self.compliance.C
-        active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - delta) > 0
+        epsilon_n = self.law.stiffness
+        D = (0.0 if self.law.multiplier == "none" else self.inverse_mass) - epsilon_n * self.compliance.C
+        active = (D @ self.F)[self.nodes] @ N.T - epsilon_n * (height - self.depth) > 0
         if not active.any():
             return 0.0
-        return float(self._newton_step(-self.vector((W * epsilon_n * active) @ N), W * active, N, D).sum())
-
-    def _nodal_stiffness(self) -> float:
-        """The same of nodal pressures: the punch on the nodes that carry one."""
-        _, _, areas, A = self._weighted
-        on = np.flatnonzero(self.lam[self.places] > 0)
-        return float(areas[on] @ np.linalg.solve(A[np.ix_(on, on)], areas[on])) if len(on) else 0.0
-
-    # ---- the active set ------------------------------------------------------------------------------------------
+        return float(self.newton_step(-self.vector((W * epsilon_n * active) @ N), active[None, None], D).sum())
 
     @cached_property
-    def _weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Forces per nodal pressure Q, weighted heights, node areas, and the compliance between weighted gaps.
-
-        Nodes that carry no pressure have no area.
-        """
-        points, weights = split_quadrature(self.compliance.trace.dim)
+    def _weighted(self) -> tuple[np.ndarray, ...]:
+        """Nodes with an area; forces per nodal pressure Q, weighted heights, areas, compliance of weighted gaps."""
+        points, weights = surface.split_quadrature(self.compliance.trace.dim)
         W, height = self.rule(points, weights)
         N, psi = shapes(points), pressure_functions(points)
-        Q = self._matrix(np.einsum("fp,pn,pm->fnm", W, N, psi))
+        local, size = np.einsum("fp,pn,pm->fnm", W, N, psi), self.compliance.size
+        places = self.nodes[:, :, None] * size + self.nodes[:, None, :]
+        Q = np.bincount(places.ravel(), local.ravel(), size * size).reshape(size, size)
         heights, areas = self.vector((W * height) @ psi), self.vector(W @ psi)
-        return Q, heights, areas, Q.T @ self.compliance.C @ Q
+        on = np.flatnonzero(areas > 0)
+        return on, Q[:, on], heights[on], areas[on], (Q.T @ self.compliance.C @ Q)[np.ix_(on, on)]
 
     @property
     def weighted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of the nodes that carry a pressure the places x (n, dim - 1) [length], weighted heights, areas, and the
         compliance A: gaps heights - delta areas + A p >= 0, and areas . p is the force of the modelled part."""
-        _, heights, areas, A = self._weighted
+        carriers, _, heights, areas, A = self._weighted
         trace = self.compliance.trace
         x = np.zeros((self.compliance.size, trace.dim - 1))
         x[trace.nodes] = trace.X[..., :-1]
-        carriers = np.flatnonzero(areas > 0)
-        return x[carriers], heights[carriers], areas[carriers], A[np.ix_(carriers, carriers)]
+        return x[carriers], heights, areas, A
 
-    def active_set(self, delta: float) -> bool:
+    def active_set(self) -> bool:
         """Pressures p >= 0 with weighted gaps G = heights - delta areas + A p >= 0 and p G = 0, exactly."""
-        Q, heights, areas, A = self._weighted
-        carriers = np.flatnonzero(areas > 0)
-        open_gap, A = (heights - delta * areas)[carriers], A[np.ix_(carriers, carriers)]
-        p, solves = complementary(A, open_gap, self._set_out(self._nodal_trial(delta) > 0))
+        carriers, Q, heights, areas, A = self._weighted
+        p, solves = complementary(A, heights - self.depth * areas, self._set_out(self._nodal_trial() > 0))
         self.iterations += solves
         self.lam = np.zeros(len(self.lam))
         self.lam[self.places[carriers]] = p
-        self.forces = (Q[:, carriers] @ p)[None]
+        self.forces = (Q @ p)[None]
         return True
 
-    def _nodal_trial(self, delta: float) -> np.ndarray:
-        _, heights, areas, A = self._weighted
-        on = np.flatnonzero(areas > 0)
-        p, scale = self.lam[self.places[on]], self.scene.physics.material.E_star / self.scene.sizes.h_contact
-        gaps = ((heights - delta * areas)[on] + A[np.ix_(on, on)] @ p) / areas[on]
-        return np.asarray(p - scale * gaps)
-
-    # ---- what is observed ----------------------------------------------------------------------------------------
+    def _nodal_trial(self) -> np.ndarray:
+        carriers, _, heights, areas, A = self._weighted
+        p, scale = self.lam[self.places[carriers]], self.scene.physics.material.E_star / self.scene.sizes.h_contact
+        return np.asarray(p - scale * ((heights - self.depth * areas + A @ p) / areas))
 
     @property
     def multiplier(self) -> np.ndarray:
         """lam at the nodes of the whole surface [pressure]; of a law without one the projection of its <p_hat>."""
         return self.projected(self.F) if self.law.multiplier == "none" else self.lam
 
-    def energy(self, delta: float) -> float:
+    def energy(self) -> float:
         """Strain plus contact energy of the modelled part."""
         X, whole = self.forces.ravel(), self.compliance.whole
         strain = 0.5 * float(X @ whole @ X)
@@ -321,16 +287,14 @@ class CondensedContact:
             return strain
         N, W, height = self.quadrature
         lam = self.lam[self.places][self.nodes] @ N.T
-        gap = height - delta + (whole @ X)[: len(self.F)][self.nodes] @ N.T
-        return strain + float((W * self.law.potential(gap, lam)).sum())  # type: ignore[union-attr]
+        gap = height - self.depth + (whole @ X)[: len(self.F)][self.nodes] @ N.T
+        return strain + float((W * self.law.potential(gap, lam)).sum())
 
 
 def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, int]:
     """p >= 0 with G = open_gap + A p >= 0 and p G = 0, A symmetric positive definite, and the number of solves.
-
     Primal-dual active sets, beginning with `active`; when a set comes back they go round in a circle, and the same
-    problem is solved as one of non-negative least squares, which cannot (Lawson & Hanson 1974).
-    """
+    problem is solved as one of non-negative least squares, which cannot (Lawson & Hanson 1974)."""
     seen: set[bytes] = set()
     while active.tobytes() not in seen:
         seen.add(active.tobytes())
@@ -347,42 +311,39 @@ def complementary(A: np.ndarray, open_gap: np.ndarray, active: np.ndarray) -> tu
     return p, len(seen) + 1
 
 
-def _augmented_lagrangian(contact: CondensedContact) -> Callable[[float], bool]:
-    friction = contact.friction
-
-    def once(delta: float) -> bool:
-        if not contact.newton(delta, with_multiplier=True):
+def _augmented_lagrangian(contact: CondensedContact) -> bool:
+    def once() -> bool:
+        if not contact.newton(contact.inverse_mass):
             return False
         contact.lam = contact.projected(contact.F)
         return True
 
-    if friction is None:
-        return once
-    return lambda delta: anchored(friction, contact.scene.physics.anchor, lambda: once(delta))
+    return anchored(contact.friction, contact.scene.physics.anchor, once)
 
 
-def _uzawa(contact: CondensedContact) -> Callable[[float], bool]:
-    def solve(delta: float) -> bool:
-        return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, lambda rtol: contact.newton(delta), contact.update)
-
-    return solve
+def _uzawa(contact: CondensedContact) -> bool:
+    return uzawa.settle(contact, contact.scene, MPI.COMM_SELF, lambda rtol: contact.newton(), contact.update)
 
 
-ALGORITHMS: dict[str, Callable[[CondensedContact], Callable[[float], bool]]] = {
-    "none": lambda contact: contact.newton,
+CONDENSED_ALGORITHMS: dict[str, Callable[[CondensedContact], bool]] = {
+    "none": CondensedContact.newton,
     "unknown": _augmented_lagrangian,
     "frozen": _uzawa,
-    "nodal": lambda contact: contact.active_set,
+    "nodal": CondensedContact.active_set,
 }
 
 
 class CondensedState:
     """The present state of a condensed contact, as `observe` wants to see it; the same on every rank."""
 
-    def __init__(self, contact: CondensedContact, scene: Scene, comm: Any, depth: float = 0.0):
-        self.contact, self.scene, self.comm = contact, scene, comm
-        self.trace = contact.compliance.trace
-        self.depth = depth
+    def __init__(self, contact: CondensedContact):
+        self.contact, self.scene, self.comm = contact, contact.scene, MPI.COMM_SELF
+        self.trace, self.friction = contact.compliance.trace, contact.friction
+
+    @property
+    def depth(self) -> float:
+        """delta [length]."""
+        return self.contact.depth
 
     def nodal_displacement(self) -> np.ndarray:
         """Displacement (facets, nodes, dim): u_z; the horizontal part has no say in a reference gap."""
@@ -395,21 +356,10 @@ class CondensedState:
         """lam (facets, points) [pressure]."""
         return self.contact.multiplier[self.contact.places][self.trace.nodes] @ self.basis(points).T
 
-    def room_at(self, points: np.ndarray) -> np.ndarray:
-        """friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks."""
-        assert self.contact.friction
-        return self.contact.friction.room_at(points, self.depth)
-
-    def shear_at(self, points: np.ndarray) -> np.ndarray:
-        """tau (facets, points, axes) [pressure]."""
-        assert self.contact.friction
-        nodal = self.contact.friction.tau()[:, self.contact.places].T
-        return self.trace.values(nodal[self.trace.nodes], points)
-
     def basis(self, points: np.ndarray) -> np.ndarray:
         """The multiplier's functions (points, nodes) on the reference facet."""
-        nodal = self.scene.physics.contact.multiplier == "nodal"
-        return pressure_functions(points) if nodal else shapes(points)
+        is_nodal = self.scene.physics.contact.multiplier == "nodal"
+        return pressure_functions(points) if is_nodal else shapes(points)
 
     def pressure_at(self, points: np.ndarray) -> np.ndarray:
         """lam (facets, points) as a pressure to be looked at: without its ripples at the vertices of triangles."""
@@ -421,5 +371,5 @@ class CondensedState:
         if self.scene.physics.contact.multiplier == "nodal" or not self.trace.ripples:
             return lam
         pressure = lam.copy()
-        pressure[nodes] = from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])
+        pressure[nodes] = surface.from_midpoints(lam[nodes], lambda v: np.bincount(nodes.ravel(), v.ravel())[nodes])
         return pressure

@@ -3,72 +3,80 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
-from indent_sim.fe.body import Body
 from indent_sim.fe.condensed.compliance import Condenser
 from indent_sim.fe.condensed.contact import CondensedContact, CondensedState
-from indent_sim.fe.condensed.punches import punches
+from indent_sim.fe.condensed.flat_punches import punches
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.observe import measure
+from indent_sim.fe.observe.fields import WholeBody
+from indent_sim.fe.path.equilibrium import Effort, Equilibrium
 from indent_sim.fe.solve.prediction import expected, shares
-from indent_sim.model.state import Surface
 from indent_sim.scene.cost import MOST_CANDIDATES
 from indent_sim.scene.scene import Scene
 
-MARGIN = 1.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
+CANDIDATE_MARGIN = 1.0  # elements between the fine patch and the candidates' rim, which the contact must not reach
 RIM = 3.5  # elements between the expected contact and that rim at first: a node costs a solution, now or later
-GROWTH = 1.3  # and this much further when the contact comes to their rim
-FORCE_TOLERANCE = 1e-10  # a dense solve leaves less
-
-# Nodal forces (axes, nodes) and multiplier (nodes,) at the nodes of the whole contact surface
-Forces = tuple[np.ndarray, np.ndarray]
+RIM_GROWTH = 1.3  # and this much further when the contact comes to their rim
 
 
-class CondensedEquilibrium:
-    """Contact on the compliance of the candidate surface; see `path.Equilibrium`."""
+@dataclass(frozen=True)
+class Forces:
+    """A state: nodal forces (axes, nodes) and multiplier (nodes,) at the nodes of the whole contact surface, which do
+    not know the candidates, and the depth [length]."""
 
-    krylov_iterations = None
-    force_tolerance = FORCE_TOLERANCE
+    nodal: np.ndarray
+    lam: np.ndarray
+    depth: float
+
+
+class CondensedEquilibrium(Equilibrium):
+    """Contact on the compliance of the candidate surface. No rest is looked for: a tip that adheres, which may snap, is
+    solved on the whole body. Nothing is kept in a checkpoint: a depth costs milliseconds."""
 
     def __init__(self, scene: Scene, body: Body, condenser: Condenser | None = None):
-        self.scene, self.body, self.dofs = scene, body, body.active_dofs
-        self.has_memory = scene.physics.has_memory
+        self.scene, self.body, self.has_memory = scene, body, scene.physics.contact.has_memory
         self.condenser = condenser or Condenser(body)
         sides = zip(scene.physics.part.extent[:-1], scene.physics.center, strict=False)
-        self._whole = max(abs(end - c) for ends, c in sides for end in ends)
-        self._whole *= 1.5  # the corners of a box
+        self._whole = 1.5 * max(abs(end - c) for ends, c in sides for end in ends)  # the corners of a box
         self._iterations, self._outgrown = 0, ""
-        self.observed = RecoveredBody(self)
-        self.depth = 0.0
-        self._departed: tuple[Forces, float] | None = None  # the equilibrium that the present step set out from
+        self._recovered = RecoveredBody(self)
+        self._accepted: Forces | None = None  # the equilibrium that the present step set out from
         self._condense(min(self._expected_reach(), self._whole))
 
     def _expected_reach(self) -> float:
-        """How far from the tip's axis [length] nodes are candidates at first: as far as contact is expected."""
         scene = self.scene
-        patch = scene.sizes.patch + MARGIN * scene.sizes.h_contact
+        patch = scene.sizes.patch + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
-        if scene.experiment is not None or a == 0:  # adhesion asks for contacts beyond the deepest one
+        if scene.experiment is not None or a == 0:  # an experiment may ask for contacts beyond the deepest one
             return patch
         return min(patch, a + RIM * scene.sizes.h_contact)
 
     def _condense(self, reach: float) -> None:
         self._reach = reach
-        compliance = self.condenser.condense(reach, self.scene.physics.center, shear=self.has_memory)
+        dim, law = self.scene.physics.part.dim, self.scene.physics.contact
+        axes = [dim - 1] if law.is_conservative else [dim - 1, *range(dim - 1)]
+        compliance = self.condenser.condense(reach, self.scene.physics.center, axes)
         self.contact = CondensedContact(compliance, self.scene, self._iterations)
-        self.view = CondensedState(self.contact, self.scene, MPI.COMM_SELF, self.depth)
+        self.view = CondensedState(self.contact)
+
+    @property
+    def depth(self) -> float:
+        """The present depth delta [length]."""
+        return self.contact.depth
 
     def under(self, scene: Scene) -> CondensedEquilibrium:
         """The same body under another tip, path or method: nothing is factored again."""
         return CondensedEquilibrium(scene, self.body, self.condenser)
 
     @property
-    def iterations(self) -> int:
+    def effort(self) -> Effort:
         """Dense linear solves so far."""
-        return self.contact.iterations
+        return Effort(self.contact.iterations)
 
     @property
     def failure(self) -> str:
@@ -80,47 +88,45 @@ class CondensedEquilibrium:
         """Force of the whole body on the tip [force]."""
         return self.scene.physics.part.copies * float(self.contact.F.sum())
 
-    def sharpen(self) -> None:
+    def sharpen(self) -> float:
         """A dense solve leaves nothing to sharpen."""
+        return 1e-10
 
-    def depart(self) -> None:
-        """Take the present equilibrium as the one that the next step sets out from."""
-        if self.contact.friction:
-            self.contact.friction.depart(self.depth)
-            self._departed = self.snapshot(), self.depth
+    def accept(self) -> float:
+        """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
+        lost = self.scene.physics.part.copies * self.contact.dissipation()
+        self._depart()
+        return lost
 
-    @property
-    def dissipation(self) -> float:
-        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
-        friction = self.contact.friction
-        return self.scene.physics.part.copies * friction.dissipation(self.depth) if friction else 0.0
+    def _depart(self) -> None:
+        self.contact.depart()
+        self._accepted = self.snapshot()
 
-    def solve(self, depth: float) -> bool:
+    def solve(self, depth: float, dt: float = 0.0) -> bool:
         """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
-        before, began = self.snapshot(), self.depth
+        assert dt == 0.0  # nothing of a condensed body takes time
+        before = self.snapshot()
         while self.contact.solve(depth):
             if self._is_inside():
-                self.depth = self.view.depth = depth
                 return True
             is_wider = self._widen()
-            self.restore(before, began)  # so that no number knows the candidates
+            self._guess(before)  # so that no number knows the candidates
             if not is_wider:
                 break
         return False
 
     def _widen(self) -> bool:
         """Condense to more of the surface; False where that is too much of it."""
-        wider = min(GROWTH * self._reach, self._whole)
+        wider = min(RIM_GROWTH * self._reach, self._whole)
         nodes = self.condenser.candidates(wider, self.scene.physics.center) * len(self.contact.forces)
         if nodes > MOST_CANDIDATES:
-            self._outgrown = (f"the contact outgrows the {self.contact.compliance.size} nodes that the body is "
-                              f"condensed to, and {nodes} are too many: use solver.method: newton")  # fmt: skip
+            why = f"the contact outgrows the {self.contact.compliance.size} nodes that the body is condensed to"
+            self._outgrown = f"{why}, and {nodes} are too many: use solver.method: newton"
             return False
-        self._iterations = self.iterations
+        self._iterations = self.contact.iterations
         self._condense(wider)
-        if self._departed:
-            self.restore(*self._departed)
-            self.depart()
+        if self._accepted:
+            self.restore(self._accepted)
         return True
 
     def _is_inside(self) -> bool:
@@ -136,88 +142,72 @@ class CondensedEquilibrium:
     @property
     def stiffness(self) -> float:
         """dF/ddelta of the whole body at the present equilibrium, by its tangent."""
-        return self.scene.physics.part.copies * self.contact.stiffness(self.depth)
+        return self.scene.physics.part.copies * self.contact.stiffness()
 
     def punches(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The flat punches of an axisymmetric body; see `condensed.punches`."""
+        """The flat punches of an axisymmetric body; see `condensed.flat_punches`."""
         return punches(self.contact)
 
-    # ---- the state -----------------------------------------------------------------------------------------------
-
     def snapshot(self) -> Forces:
-        """Nodal forces and multiplier at the nodes of the whole surface: they do not know the candidates."""
-        forces = np.zeros((len(self.contact.forces), len(self.contact.lam)))
-        forces[:, self.contact.places] = self.contact.forces
-        return forces, self.contact.lam
+        """A copy of the present state."""
+        nodal = np.zeros((len(self.contact.forces), len(self.contact.lam)))
+        nodal[:, self.contact.places] = self.contact.forces
+        return Forces(nodal, self.contact.lam, self.depth)
 
-    def restore(self, state: Forces, depth: float) -> None:
-        """Put a state back."""
-        forces, lam = state
-        self.contact.forces, self.contact.lam = forces[:, self.contact.places], lam
-        self.depth = self.view.depth = depth
+    def restore(self, state: Forces) -> None:
+        """Make a snapshot the present state, and the one that was accepted last."""
+        self._guess(state)
+        self._depart()
 
-    def pack(self, state: Forces) -> list[np.ndarray]:
-        """Nothing is kept in a checkpoint: a depth costs milliseconds."""
-        return []
+    def _guess(self, state: Forces) -> None:
+        """Take forces as the present ones; what was accepted last stays."""
+        self.contact.forces, self.contact.lam = state.nodal[:, self.contact.places], state.lam
+        self.contact.depth = state.depth
 
-    def unpack(self, arrays: Sequence[np.ndarray]) -> Forces:
-        """The state of packed arrays."""
-        forces, lam = arrays
-        return forces, lam
-
-    def predict(self, depth: float, earlier: Sequence[tuple[float, Forces]]) -> None:
-        """Take what the states at earlier depths lead to expect at this one as the present state."""
-        depths, states = zip(*earlier, strict=True)
-        if not self.contact.friction:
+    def predict(self, depth: float, earlier: Sequence[Forces]) -> None:
+        """Take the forces that earlier states lead to expect at a depth as the present ones."""
+        if self.contact.law.is_conservative:
             self.contact.expect(self._expected(earlier[-2:], depth))
-        forces, lam = (np.tensordot(shares(depths, depth), fields, axes=1) for fields in zip(*states, strict=True))
-        self.restore((forces, lam), depth)
+        weights = shares([state.depth for state in earlier], depth)
+        nodal = np.tensordot(weights, [state.nodal for state in earlier], axes=1)
+        lam = np.tensordot(weights, [state.lam for state in earlier], axes=1)
+        self._guess(Forces(nodal, lam, depth))
 
-    def _expected(self, earlier: Sequence[tuple[float, Forces]], depth: float) -> np.ndarray:
-        """The trial pressure to expect at a depth from those of two states."""
+    def _expected(self, earlier: Sequence[Forces], depth: float) -> np.ndarray:
         trials = []
-        for before, state in earlier:
-            self.restore(state, before)
-            trials.append(self.contact.trial(before))
-        return expected(trials, [before for before, _ in earlier], depth, max(t.max(initial=0.0) for t in trials))
-
-    # ---- what is observed ----------------------------------------------------------------------------------------
+        for state in earlier:
+            self._guess(state)
+            trials.append(self.contact.trial())
+        return expected(trials, [state.depth for state in earlier], depth, max(t.max(initial=0.0) for t in trials))
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
         contact, copies, compliance = self.contact, self.scene.physics.part.copies, self.contact.compliance
-        # 0.0 - 0.0 is no -0.0
-        sideways = {f"side_force_{name}": 0.0 - copies * float(contact.forces[1 + axis].sum())
-                    for name, axis in self.scene.physics.sideways.items()}  # fmt: skip
-        return {"force": self.force, "energy": copies * contact.energy(self.depth),
-                "reaction": copies * float(compliance.support @ contact.forces.ravel()),
-                "stray_reaction": copies * float(compliance.stray @ np.abs(contact.forces.ravel())),
-                **sideways, **measure.contact(self.view)}  # fmt: skip
+        X, observed = contact.forces.ravel(), self.observed
+        numbers = {"force": self.force, "energy": copies * contact.energy()}
+        numbers["reaction"] = copies * float(compliance.support @ X)
+        numbers["stray_reaction"] = copies * float(compliance.stray @ np.abs(X))
+        for name, k in self.scene.physics.sideways.items():
+            numbers[f"side_force_{name}"] = 0.0 - copies * float(contact.forces[1 + k].sum())  # no -0.0
+        beyond = ~np.isin(self.condenser.rows, compliance.places).all(axis=1)  # the candidates
+        skins = self.body.skin, self.body.trace.at(beyond)
+        numbers["intrusion"] = max(measure.intrusion(observed, skin) for skin in skins)
+        return numbers | measure.contact(self.view)
 
-    def surface(self) -> Surface | None:
-        """The surface table on rank 0, None on the others."""
-        self.recover()
-        return measure.surface(self.observed)
-
-    def crushed(self) -> None:
-        """A linear body has no volume ratio to speak of."""
-
-    def recover(self) -> None:
-        """Put the whole body's displacement of the present state into the body's solution."""
+    @property
+    def observed(self) -> RecoveredBody:
+        """The whole body, with the displacement of the present state (collective)."""
         self.condenser.recover(self.contact.compliance, self.contact.forces.ravel())
-
-    def refuse_unused_options(self) -> None:
-        """Nothing is passed to PETSc here."""
+        return self._recovered
 
 
-class RecoveredBody:
-    """The whole body at the present state, for the surface table and the fields; see `CondensedEquilibrium.recover`."""
+class RecoveredBody(WholeBody):
+    """The whole body at the state that was recovered last, for the surface table and the fields."""
 
     def __init__(self, equilibrium: CondensedEquilibrium):
-        body, self._equilibrium = equilibrium.body, equilibrium
-        self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
-        self.mesh, self.unknowns, self.strains = body.mesh, body.unknowns, equilibrium.condenser.strains
-        self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
+        self._equilibrium = equilibrium
+        is_conservative = equilibrium.scene.physics.contact.is_conservative  # see `CondensedState` for the stick radius
+        super().__init__(equilibrium.body, equilibrium.condenser.strains, None if is_conservative else self)
 
     @property
     def depth(self) -> float:
@@ -232,16 +222,10 @@ class RecoveredBody:
         """The same without its ripples at the vertices of triangles [pressure]."""
         return self._spread(self._equilibrium.view.nodal_pressure(), points)
 
-    def room_at(self, points: np.ndarray) -> np.ndarray:
-        """The stick radius is read off the candidates alone, see `CondensedState`."""
-        raise AssertionError
-
     def shear_at(self, points: np.ndarray) -> np.ndarray:
         """tau (facets, points, axes) on this rank's facets [pressure]."""
-        friction = self._equilibrium.contact.friction
-        assert friction
-        return np.stack([self._spread(tau, points) for tau in friction.tau()], axis=-1)
+        assert self._equilibrium.contact.friction
+        return np.stack([self._spread(tau, points) for tau in self._equilibrium.contact.friction.tau()], axis=-1)
 
     def _spread(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
-        values: Any = self._equilibrium.condenser.spread(nodal) @ self._equilibrium.view.basis(points).T
-        return values
+        return np.asarray(nodal[self._equilibrium.condenser.rows] @ self._equilibrium.view.basis(points).T)

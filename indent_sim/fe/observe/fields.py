@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import ufl
@@ -13,16 +14,20 @@ from indent_sim.fe import compat
 from indent_sim.fe.observe import measure
 
 
-class ObservedBody(measure.Observed, Protocol):
-    """A whole body whose fields can be read off."""
+class WholeBody:
+    """A whole body at the present state, whose fields can be read off.
+    strains: of each region stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank."""
 
-    mesh: Any
-    body_mesh: Any
-    unknowns: Any
-    strains: Any  # of each region: stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank
+    def __init__(self, body: Any, strains: Sequence[Any], friction: Any):
+        self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
+        self.mesh, self.unknowns, self.strains, self.friction = body.mesh, body.unknowns, strains, friction
+        self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
+        self.dofs = body.active_dofs
 
-    def local_array(self) -> np.ndarray:
-        """The solution's dofs on this rank, ghosts included."""
+    def crushed(self) -> Any:
+        """Where the body is compressed most, see `terms.strain.Crushed` (collective); None at small strain."""
+        found = [crushed for strain in self.strains if (crushed := strain.least_volume_ratio())]
+        return min(found, key=lambda crushed: crushed.J, default=None)
 
 
 class Fields:
@@ -31,17 +36,17 @@ class Fields:
     At the vertices displacement (points, dim) [length], pressure and with friction shear (points,), the mean of the
     facets that meet, as in the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises,
     principal_stresses (cells, 3) from the largest, energy_density per undeformed volume [pressure], and
-    J = det(I + grad u). A quadratic displacement is shown by its values at the vertices.
-    """
+    J = det(I + grad u). A quadratic displacement is shown by its values at the vertices."""
 
-    def __init__(self, body: ObservedBody):
+    def __init__(self, body: Any):
         self.body = body
 
     @cached_property
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
         centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
-        return [(fem.Expression(ufl.as_vector([*(s.stress[i, j] for i in range(3) for j in range(3)), s.J, s.psi]),
-                                centroid), s.cells) for s in self.body.strains]  # fmt: skip
+        parts = [[*(s.stress[i, j] for i, j in np.ndindex(3, 3)), s.J, s.psi] for s in self.body.strains]
+        expressions = [fem.Expression(ufl.as_vector(part), centroid) for part in parts]
+        return [(found, s.cells) for found, s in zip(expressions, self.body.strains, strict=True)]
 
     def gather(self) -> dict[str, np.ndarray] | None:
         """The fields on rank 0, None on the others."""
@@ -53,10 +58,15 @@ class Fields:
             return None
         nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
         stress, J, psi = np.split(_in_order(cells, inside), [9, 10], axis=1)
-        displacement = _in_order(nodes, u)
+        displacement = _in_order(nodes, u)[: mesh.topology.index_map(0).size_global]  # those of curved cells are last
         tractions = [_means(touched, column, len(displacement)) for column in acting.T]
-        return {"displacement": displacement, **dict(zip(("pressure", "shear"), tractions, strict=False)),
-                **_stresses(stress.reshape(-1, 3, 3)), "J": J[:, 0], "energy_density": psi[:, 0]}  # fmt: skip
+        return {
+            "displacement": displacement,
+            **dict(zip(("pressure", "shear"), tractions, strict=False)),
+            **_stresses(stress.reshape(-1, 3, 3)),
+            "J": J[:, 0],
+            "energy_density": psi[:, 0],
+        }
 
     @property
     def _vertices(self) -> np.ndarray:
@@ -65,24 +75,21 @@ class Fields:
         return dofs[:, : self.body.body_mesh.dim + 1]  # vertices come first in a cell
 
     def _displacement(self) -> np.ndarray:
-        """The displacement (nodes, dim) at the geometry nodes of this rank."""
         body = self.body
         values = np.zeros((len(body.mesh.geometry.x), body.body_mesh.dim))
         values[compat.geometry_dofs(body.mesh)] = body.local_array()[body.unknowns.displacement_places(self._vertices)]
         return values
 
     def _tractions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (n,) of the grid that are corners of this rank's contact facets, and what acts on each facet there:
-        pressure, with friction shear too (n, 1 or 2)."""
+        """The grid's points (n,) at corners of contact facets; the pressure, with friction shear, there (n, 1 or 2)."""
         body, dim = self.body, self.body.body_mesh.dim
         corners = body.trace.node_points()[:dim]
         node = np.zeros(self._vertices.max(initial=0) + 1, dtype=np.int64)
         node[self._vertices] = np.asarray(body.mesh.geometry.input_global_indices)[compat.geometry_dofs(body.mesh)]
-        acting = measure.tractions(body, corners)
+        acting = measure.tractions(body, measure.sample(body, corners), corners)
         return node[body.trace.nodes[:, :dim]].ravel(), acting.reshape(-1, acting.shape[-1])
 
     def _in_cells(self) -> np.ndarray:
-        """Stress, J and psi (cells, 11) of this rank's cells."""
         values = np.zeros((len(self.body.mesh.topology.original_cell_index), 11))
         for expression, cells in self._expressions:
             values[cells] = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, 11)
@@ -98,13 +105,11 @@ def _stresses(stress: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _in_order(places: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Rows of all ranks at their original places."""
     table = np.zeros((places.max() + 1, rows.shape[1]))
     table[places] = rows
     return table
 
 
 def _means(places: np.ndarray, values: np.ndarray, size: int) -> np.ndarray:
-    """The mean of the values that belong to each place, 0 where there are none."""
     count = np.bincount(places, minlength=size)
     return np.bincount(places, values, size) / np.maximum(count, 1)

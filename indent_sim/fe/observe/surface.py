@@ -9,15 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from dolfinx.mesh import Mesh
+from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.mesh.part import Part, on_dome
 
 QUADRATURE_DEGREE = {2: 20, 3: 10}  # by dimension: 11 points an edge, 25 a triangle, for the kink at the contact edge
+PAIRS = {2: ((0, 1),), 3: ((1, 2), (0, 2), (0, 1))}  # of a facet's vertices, between which its midpoints are
 SUBDIVISIONS = {2: 32, 3: 8}  # of a facet edge, to find the contact edge inside it
 
 
@@ -30,19 +31,7 @@ def shapes(points: np.ndarray) -> np.ndarray:
     """Quadratic shape functions (points, nodes) on a facet; vertices first, then edge midpoints opposite them."""
     bary = barycentric(points)
     vertices = bary * (2 * bary - 1)
-    pairs = [(0, 1)] if bary.shape[1] == 2 else [(1, 2), (0, 2), (0, 1)]
-    return np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in pairs)])
-
-
-def shape_gradients(points: np.ndarray) -> np.ndarray:
-    """Derivatives (points, nodes, facet dim) of `shapes` with respect to the facet's coordinates."""
-    step = 1e-3  # central differences are exact for quadratics
-    gradients = []
-    for axis in range(points.shape[1]):
-        shift = np.zeros(points.shape[1])
-        shift[axis] = step
-        gradients.append((shapes(points + shift) - shapes(points - shift)) / (2 * step))
-    return np.stack(gradients, axis=-1)
+    return np.column_stack([vertices, *(4 * bary[:, i] * bary[:, j] for i, j in PAIRS[bary.shape[1]])])
 
 
 def pressure_functions(points: np.ndarray) -> np.ndarray:
@@ -50,8 +39,7 @@ def pressure_functions(points: np.ndarray) -> np.ndarray:
 
     On an edge the hats of all its nodes, piecewise linear between them. On a triangle those of its vertices alone,
     zero for the midpoints: the integral of a quadratic displacement's vertex function is zero there, so that a
-    pressure at every node would be known only up to a ripple.
-    """
+    pressure at every node would be known only up to a ripple."""
     vertices = barycentric(points)
     if points.shape[1] == 2:
         return np.pad(vertices, ((0, 0), (0, 3)))
@@ -64,8 +52,7 @@ def from_midpoints(nodal: np.ndarray, gathered: Callable[[np.ndarray], np.ndarra
 
     The integral of a triangle's vertex function is zero, so a multiplier ripples there and is right at the midpoints.
     The mean of the midpoints on the edges that meet in a vertex is exact for a constant. `gathered` sums contributions
-    (facets, nodes) over the facets that share a node.
-    """
+    (facets, nodes) over the facets that share a node."""
     midpoints = nodal[:, 3:]
     means, ones = np.zeros_like(nodal), np.zeros_like(nodal)
     means[:, :3], ones[:, :3] = (midpoints.sum(axis=1, keepdims=True) - midpoints) / 2, 1.0
@@ -87,10 +74,7 @@ def lattice(dim: int) -> tuple[np.ndarray, np.ndarray]:
     n = SUBDIVISIONS[dim]
     if dim == 2:
         return np.linspace(0, 1, n + 1)[:, None], np.column_stack([np.arange(n), np.arange(1, n + 1)])
-    index: dict[tuple[int, int], int] = {}
-    for i in range(n + 1):
-        for j in range(n + 1 - i):
-            index[i, j] = len(index)
+    index = {place: k for k, place in enumerate((i, j) for i in range(n + 1) for j in range(n + 1 - i))}
     upward = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < n]
     downward = [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < n - 1]
     return np.array(list(index), dtype=float) / n, np.array(upward + downward)
@@ -102,18 +86,10 @@ def contact_quadrature(dim: int) -> tuple[np.ndarray, np.ndarray]:
     return compat.quadrature({2: "interval", 3: "triangle"}[dim], QUADRATURE_DEGREE[dim])
 
 
-def quadrature_points(dim: int) -> np.ndarray:
-    """The contact quadrature points on the reference facet."""
-    return contact_quadrature(dim)[0]
-
-
 @dataclass(frozen=True)
 class Trace:
-    """The facets of the contact surface on this rank and the dofs on them.
-
-    nodes (facets, n) block dofs, X (facets, n, dim) their coordinates [length], dofs (facets, n, dim) indices
-    into the solution's local array.
-    """
+    """The facets of the contact surface on this rank and the dofs on them. nodes (facets, n) block dofs, X (facets, n,
+    dim) their coordinates [length], dofs (facets, n, dim) indices into the solution's local array."""
 
     nodes: np.ndarray
     X: np.ndarray
@@ -123,6 +99,10 @@ class Trace:
     def dim(self) -> int:
         """Space dimension."""
         return self.X.shape[2]
+
+    def at(self, chosen: np.ndarray) -> Trace:
+        """Those of the facets that are chosen."""
+        return Trace(self.nodes[chosen], self.X[chosen], self.dofs[chosen])
 
     @property
     def ripples(self) -> bool:
@@ -146,22 +126,23 @@ class Trace:
 
     def tangents(self, nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Derivatives (facets, points, dim, facet dim) of a nodal field along the facet's coordinates."""
-        return np.einsum("pnk,fnd->fpdk", shape_gradients(points), nodal)
+        step = 1e-3  # central differences are exact for quadratics
+        shifts = step * np.eye(points.shape[1])
+        slopes = np.stack([(shapes(points + by) - shapes(points - by)) / (2 * step) for by in shifts], axis=-1)
+        return np.einsum("pnk,fnd->fpdk", slopes, nodal)
+
+    def measures(self, points: np.ndarray) -> np.ndarray:
+        """Length or area (facets, points) per length or area of the reference facet."""
+        tangents = self.tangents(self.X, points)
+        return np.sqrt(np.linalg.det(np.einsum("fpdi,fpdj->fpij", tangents, tangents)))
 
     def node_points(self) -> np.ndarray:
         """Reference-facet coordinates of the nodes themselves."""
         corners = np.vstack([np.zeros(self.dim - 1), np.eye(self.dim - 1)])
-        pairs = [(0, 1)] if self.dim == 2 else [(1, 2), (0, 2), (0, 1)]
-        return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in pairs)])
+        return np.vstack([corners, *((corners[i] + corners[j]) / 2 for i, j in PAIRS[self.dim])])
 
 
-def undeformed(part: Part, trace: Trace, points: np.ndarray) -> np.ndarray:
-    """Places (facets, points, dim) of the contact surface before it moved: on the sphere, not on a chord of it."""
-    X = trace.positions(points)
-    return X if part.dome is None else np.stack(on_dome(part.dome, X[..., 0], X[..., 1]), axis=-1)
-
-
-def adjacent_cells(mesh: Any, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def adjacent_cells(mesh: Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The cell behind each boundary facet, and the facet's local number in it."""
     dim = mesh.topology.dim
     to_cell, to_facet = mesh.topology.connectivity(dim - 1, dim), mesh.topology.connectivity(dim, dim - 1)
@@ -171,7 +152,7 @@ def adjacent_cells(mesh: Any, facets: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return cells, local
 
 
-def facet_nodes(mesh: Any, space: Any, facets: np.ndarray) -> np.ndarray:
+def facet_nodes(mesh: Mesh, space: fem.FunctionSpace, facets: np.ndarray) -> np.ndarray:
     """Block dofs (facets, n) of a Lagrange space on the closure of each facet, vertices first, then edges."""
     dim = mesh.topology.dim
     cells, local = adjacent_cells(mesh, facets)
@@ -180,22 +161,18 @@ def facet_nodes(mesh: Any, space: Any, facets: np.ndarray) -> np.ndarray:
     return compat.cell_dofs(space.dofmap)[cells[:, None], closure[local]].astype(np.int64)
 
 
-def facet_to_cell(points: np.ndarray, local: int, dim: int) -> np.ndarray:
-    """Points of the reference facet as points of the reference cell whose facet number `local` it is."""
-    corners = np.vstack([np.zeros(dim), np.eye(dim)])
-    return barycentric(points) @ np.delete(corners, local, axis=0)
-
-
 class FacetValues:
     """A UFL expression at points of the reference facet, on every one of this rank's facets."""
 
-    def __init__(self, mesh: Any, facets: np.ndarray, expression: Any, points: np.ndarray):
+    def __init__(self, mesh: Mesh, facets: np.ndarray, expression: Expr, points: np.ndarray):
         """Collective: all ranks compile what any of them needs, or those with few facets would leave others waiting."""
         self._mesh = mesh
         self._cells, self._local = adjacent_cells(mesh, facets)
         self._points = len(points)
         numbers = sorted(set().union(*mesh.comm.allgather(set(self._local.tolist()))))
-        self._compiled = {k: fem.Expression(expression, facet_to_cell(points, k, mesh.topology.dim)) for k in numbers}
+        corners = np.vstack([np.zeros(mesh.topology.dim), np.eye(mesh.topology.dim)])  # of the reference cell
+        places = {k: barycentric(points) @ np.delete(corners, k, axis=0) for k in numbers}  # on its facet k
+        self._compiled = {k: fem.Expression(expression, places[k]) for k in numbers}
         self._size = int(np.prod(expression.ufl_shape, dtype=int))
 
     def __call__(self) -> np.ndarray:

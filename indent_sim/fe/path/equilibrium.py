@@ -3,33 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
-from indent_sim.model.state import Surface
 from indent_sim.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from indent_sim.fe.terms.strain import Crushed
+
+@dataclass(frozen=True)
+class Effort:
+    """Linear solves, and iterations of these; None where none is iterative."""
+
+    newton: int
+    krylov: int | None = None
+
+    def __sub__(self, earlier: Effort) -> Effort:
+        krylov = None if self.krylov is None or earlier.krylov is None else self.krylov - earlier.krylov
+        return Effort(self.newton - earlier.newton, krylov)
 
 
 class Equilibrium(Protocol):
-    """A body under the tip at `depth`: the whole mesh, or condensed to its contact surface."""
+    """A body under the tip: the whole mesh, or condensed to its contact surface. A step is `solve`, after `predict` or
+    not, and `accept`; `restore` takes back what was not accepted."""
 
     scene: Scene
-    depth: float  # delta [length]
-    dofs: int  # unknowns of the body
-    observed: Any  # what `observe.Fields` and the surface table are read off
     has_memory: bool  # whether an equilibrium depends on the path to it
 
     @property
-    def iterations(self) -> int:
-        """Linear solves so far."""
+    def observed(self) -> Any:
+        """The body at the present state, whose fields, surface table and numbers can be read off."""
 
     @property
-    def krylov_iterations(self) -> int | None:
-        """Iterations of these linear solves so far; None where none is iterative."""
+    def effort(self) -> Effort:
+        """What was solved so far."""
 
     @property
     def failure(self) -> str:
@@ -39,53 +46,36 @@ class Equilibrium(Protocol):
     def force(self) -> float:
         """Force of the whole body on the tip [force]."""
 
-    @property
-    def force_tolerance(self) -> float:
-        """How well a force can be met, relative."""
+    def sharpen(self) -> float:
+        """Converge as far as round-off lets, and say how well a force can be met then, relative."""
 
-    @property
-    def stiffness(self) -> float:
-        """dF/ddelta of the whole body at the present equilibrium, by its tangent (collective)."""
+    def predict(self, depth: float, earlier: Sequence[Any]) -> None:
+        """Take the unknowns that earlier snapshots lead to expect at a depth as the present ones."""
 
-    def sharpen(self) -> None:
-        """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
+    def solve(self, depth: float, dt: float = 0.0) -> bool:
+        """Find the equilibrium at a depth, `dt` [time] after the last accepted one, from the present unknowns; where it
+        fails they are as they were."""
 
-    def depart(self) -> None:
-        """Take the present equilibrium as the one that the next step sets out from; nothing without memory."""
+    def settle(self, depth: float) -> bool:
+        """Find where a body that adheres comes to rest at a depth, let go of in the present state; else as `solve`."""
+        return False
 
-    @property
-    def dissipation(self) -> float:
-        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
-
-    def solve(self, depth: float) -> bool:
-        """Find the equilibrium at a depth from the present state; where it fails the state is as it was."""
+    def accept(self) -> float:
+        """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
 
     def snapshot(self) -> Any:
-        """A copy of the state, without its depth."""
+        """A copy of the state that was accepted last, with its depth."""
 
-    def restore(self, state: Any, depth: float) -> None:
-        """Put a state back."""
+    def restore(self, state: Any) -> None:
+        """Make a snapshot the present state, and the one that was accepted last."""
 
     def pack(self, state: Any) -> list[np.ndarray]:
-        """A state as arrays, for a checkpoint; none where it is not worth keeping."""
+        """A snapshot as arrays, for a checkpoint; none where it is not worth keeping."""
+        return []
 
-    def unpack(self, arrays: Sequence[np.ndarray]) -> Any:
-        """The state of packed arrays."""
-
-    def predict(self, depth: float, earlier: Sequence[tuple[float, Any]]) -> None:
-        """Take what the states at earlier depths lead to expect at this one as the present state."""
+    def unpack(self, depth: float, arrays: Sequence[np.ndarray]) -> Any:
+        """The snapshot of packed arrays; None where they are none of this body."""
+        return None
 
     def numbers(self) -> dict[str, Any]:
         """What a State says of the present equilibrium, by the names of its fields."""
-
-    def surface(self) -> Surface | None:
-        """The surface table on rank 0, None on the others."""
-
-    def crushed(self) -> Crushed | None:
-        """Where the body is compressed most; None at small strain."""
-
-    def recover(self) -> None:
-        """Make the fields of `observed` those of the present state."""
-
-    def refuse_unused_options(self) -> None:
-        """ConfigError for a `solver.petsc` option that PETSc never asked for."""

@@ -15,11 +15,8 @@ import math
 from bisect import bisect_left, insort
 from collections.abc import Callable, Sequence
 
-TOLERANCE = 1e-10  # of the force
-SLACK = 1e-8  # of the force, where round-off leaves no depth between two tries: that of the audit
+FORCE_SLACK = 1e-8  # of the force, where round-off leaves no depth between two tries: that of the audit
 TRIES = 60
-GROWTH = 4.0  # from the deepest try to the next one, at most
-EXPONENT = 2 / 3  # delta ~ force^(2/3) of a paraboloid, where only one point of the curve is known
 NEIGHBOURS = 3  # points of the curve taken on each side of a force
 
 Pair = tuple[float, float]  # force, depth
@@ -29,14 +26,13 @@ class LoadControl:
     """Finds depths of forces on a curve that `reach` follows: it goes to a depth, or as near as it can, and returns
     that depth and the force there."""
 
-    def __init__(self, reach: Callable[[float], Pair], deepest: float, tolerance: float = TOLERANCE,
-                 *, from_row: bool = False):  # fmt: skip
+    def __init__(self, reach: Callable[[float], Pair], deepest: float, *, from_row: bool = False):
         """reach: depth -> (force, depth) where it then stands; deepest: no depth beyond this is tried; from_row: it
         sets out from the last row each time, and what stops it once stops it again."""
         self.failure = ""  # why the last force was not found, "" when a depth was not reached
         self._reach = reach
         self._deepest, self._from_row = deepest, from_row
-        self._tolerance = tolerance
+        self.tolerance = 1e-10  # of the force, relative
         self._curve: list[Pair] = []  # in order of the force
         self._pull: float | None = None  # of a tip that adheres, at delta = 0
 
@@ -47,7 +43,8 @@ class LoadControl:
 
     def know(self, force: float, delta: float) -> None:
         """A point of the curve, from which others are predicted."""
-        if force > 0 and delta > 0 and not any(_is_near(point, force) for point in self._around(force)):
+        is_known = any(math.isclose(known, force, rel_tol=1e-6) for known, _ in self._around(force))
+        if force > 0 and delta > 0 and not is_known:
             insort(self._curve, (force, delta))
 
     def press(self, force: float, expected: float) -> bool:
@@ -62,22 +59,19 @@ class LoadControl:
         known, tried = self._around(force), list[Pair]()
         delta = min(predicted(force, known) or expected, self._deepest)
         for _ in range(TRIES):
-            tried.append(self._counted(delta))
-            found, reached = tried[-1]
-            if abs(found - force) <= self._tolerance * force:
+            found, reached = self._reach(delta)
+            found += self._pull or 0.0  # from where the curve begins
+            tried.append((found, reached))
+            if abs(found - force) <= self.tolerance * force:
                 self.know(found, reached)
                 return True
-            lower, upper = _bracket(force, tried)
+            lower = max((depth for push, depth in tried if push < force), default=0.0)  # the deepest that pushed less
+            upper = min((depth for push, depth in tried if push >= force), default=math.inf)
             if self._is_at_its_end(force, tried[-1], delta, lower, upper):
-                return abs(found - force) <= SLACK * force
+                return abs(found - force) <= FORCE_SLACK * force
             delta = min(_next(force, [*known, *tried], lower, upper, len(tried)), self._deepest)
         self.failure = f"{TRIES} depths gave other forces"
         return False
-
-    def _counted(self, delta: float) -> Pair:
-        """The force from where the curve begins, and the depth that was reached."""
-        force, reached = self._reach(delta)
-        return force + (self._pull or 0.0), reached
 
     def _around(self, force: float) -> list[Pair]:
         place = bisect_left(self._curve, (force, 0.0))
@@ -99,17 +93,15 @@ class LoadControl:
 
 
 def predicted(force: float, points: Sequence[Pair]) -> float | None:
-    """The depth of a force by inverse interpolation in logarithms of the nearest points; None without any.
-
-    Far outside of what is known by the power law of the nearest two.
-    """
+    """The depth of a force by inverse interpolation in logarithms of the nearest points; None without any. Far outside
+    of what is known by the power law of the nearest two."""
     near = sorted({f: d for f, d in points if f > 0 and d > 0}.items(), key=lambda p: abs(math.log(p[0] / force)))[:3]
     if not near:
         return None
     x, y = [math.log(f / force) for f, _ in near], [math.log(d) for _, d in near]
     span = max(x) - min(x)
     if len(near) == 1 or abs(x[0]) > span:
-        slope = (y[-1] - y[0]) / (x[-1] - x[0]) if len(near) > 1 else EXPONENT
+        slope = (y[-1] - y[0]) / (x[-1] - x[0]) if len(near) > 1 else 2 / 3  # delta ~ force^(2/3) of a paraboloid
         return math.exp(y[0] - min(max(slope, 0.0), 1.0) * x[0])
     return math.exp(_at_zero(x, y))
 
@@ -123,23 +115,12 @@ def _at_zero(x: Sequence[float], y: Sequence[float]) -> float:
     return values[0]
 
 
-def _bracket(force: float, tried: Sequence[Pair]) -> tuple[float, float]:
-    """The deepest depth that pushed less, 0 if there is none, and the shallowest one that pushed more, or infinity."""
-    lower = max((delta for found, delta in tried if found < force), default=0.0)
-    upper = min((delta for found, delta in tried if found >= force), default=math.inf)
-    return lower, upper
-
-
 def _next(force: float, points: Sequence[Pair], lower: float, upper: float, tries: int) -> float:
     """The next depth to try: what the points predict, or a middle of the bracket where that leads nowhere."""
     guess = predicted(force, points)
     stuck = tries > 10 and tries % 2 == 0
     if guess is not None and lower < guess < upper and not stuck:
-        return min(guess, GROWTH * lower) if lower > 0 and math.isinf(upper) else guess
+        return min(guess, 4 * lower) if lower > 0 and math.isinf(upper) else guess
     if math.isinf(upper):
         return 2 * lower
     return (lower + upper) / 2 if lower > upper / 4 else math.sqrt(lower * upper) if lower > 0 else upper / 4
-
-
-def _is_near(point: Pair, force: float) -> bool:
-    return math.isclose(point[0], force, rel_tol=1e-6)

@@ -1,38 +1,76 @@
-"""The step rule of a load path: how far the depth may go at once. It knows no solver."""
+"""The step rule of a load path: how far its coordinate may go at once. It knows no solver."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import ceil, inf
 
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
-PATIENCE = 10  # failures in a requested step: what still fails will
+MOST_FAILURES = 10  # failures in a requested step: what still fails will
+FUTILE = 600  # iterations in failures of a requested step: the costliest row that was found had 425
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place on the load path: depth [length] and time."""
+
+    delta: float
+    t: float = 0.0
+
+
+@dataclass(frozen=True)
+class Way:
+    """The straight way between two places; its coordinate is time where it passes, depth where it stands still."""
+
+    begin: Place
+    end: Place
+
+    @property
+    def takes_time(self) -> bool:
+        """Whether time passes."""
+        return self.end.t != self.begin.t
+
+    def coordinate(self, place: Place) -> float:
+        """Where a place of the way is."""
+        return place.t if self.takes_time else place.delta
+
+    def place(self, coordinate: float) -> Place:
+        """The place with a coordinate; the ends themselves at theirs."""
+        if coordinate == self.coordinate(self.end):
+            return self.end
+        if not self.takes_time:
+            return Place(coordinate, self.begin.t)
+        share = (coordinate - self.begin.t) / (self.end.t - self.begin.t)
+        return Place(self.begin.delta + share * (self.end.delta - self.begin.delta), coordinate)
+
+    def measured(self, length: float) -> float:
+        """A length of depth as one of the coordinate; without end where the depth stands still."""
+        if not self.takes_time:
+            return length
+        deep = abs(self.end.delta - self.begin.delta)
+        return length * abs(self.end.t - self.begin.t) / deep if deep else inf
 
 
 class StepRule:
     """Equal steps to a target, no longer than what works: half the length after a failure, twice after two successes.
-
-    The length is kept from one target to the next: where one has failed, the next target does not begin with it.
-    """
+    The length is kept from one target to the next: where one has failed, the next target does not begin with it."""
 
     def __init__(self, limit: float = inf, free: float = 0.0, fine: float = inf):
-        """limit: no step is longer; free: nothing is felt below this depth, and no step needed; fine: steps of this
-        length are tried, however long the requested one [length]."""
+        """limit: no step is longer; free: nothing is felt below this coordinate, no step is needed; fine: steps of this
+        length are tried, however long the requested one."""
         self._free, self._fine = free, fine
         self.limit = self.longest = limit  # that is tried now
         self._smallest = self._step = 0.0
-        self._failures = self._successes = 0  # successes at this length
+        self._failures = self._successes = self._futile = 0  # successes at this length
 
     def begin(self, distance: float) -> None:
-        """Set out for a target at this distance [length]."""
-        self._smallest, self._failures = min(SMALLEST_CUT * abs(distance), self._fine), 0
+        """Set out for a target at this distance."""
+        self._smallest, self._failures, self._futile = min(SMALLEST_CUT * abs(distance), self._fine), 0, 0
         self.longest = max(self.longest, self._smallest)
 
     def goal(self, at: float, target: float) -> float | None:
-        """The next depth on the way from `at` to `target` [length]; None where it is given up.
-
-        The part of the way out of contact, below the depth `free`, is gone at once.
-        """
-        if self._failures >= PATIENCE or self.longest <= self._smallest / 2:
+        """The next coordinate from `at` to `target`, what is below `free` at once; None where it is given up."""
+        if self._failures >= MOST_FAILURES or self._futile >= FUTILE or self.longest <= self._smallest / 2:
             return None
         start, end = max(at, self._free), max(target, self._free)
         parts = max(1, ceil(abs(end - start) / self.longest - 1e-9))
@@ -45,7 +83,7 @@ class StepRule:
         if self._successes == 2:
             self.longest, self._successes = min(2 * self.longest, self.limit), 0
 
-    def failed(self) -> None:
-        """The step did not work."""
-        self._failures, self._successes = self._failures + 1, 0
+    def failed(self, iterations: int = 0) -> None:
+        """The step did not work, after so many iterations."""
+        self._failures, self._successes, self._futile = self._failures + 1, 0, self._futile + iterations
         self.longest = self._step / 2

@@ -10,30 +10,34 @@ from typing import Any
 
 import numpy as np
 
+from indent_sim.fe.observe import measure
 from indent_sim.fe.path.equilibrium import Equilibrium
-from indent_sim.fe.path.failure import EVEN, failed_state
+from indent_sim.fe.path.failure import failed_state
 from indent_sim.fe.path.load_control import LoadControl, Pair
-from indent_sim.fe.path.steps import StepRule
+from indent_sim.fe.path.steps import Place, StepRule, Way
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
-from indent_sim.scene.scene import Scene
 
-NEAR = 0.13  # of the depth: over a step up to this the contact edge moves smoothly enough for a parabola, measured
+PARABOLA_STEP = 0.13  # of the depth: up to this the contact edge moves smoothly enough for a parabola, measured
 # Ranges of an attraction: how far away a tip that adheres sets out (6e-6 of what it feels at first touch); its longest
 # step; and the longest one over which it may snap in or let go. Over a longer one Newton may end in the other of two
 # stable states: measured at Maugis' lambda 2, it let go too early in a step of five ranges.
-FAR, LONG, JUMP = 12.0, 4.0, 0.25
-LONGEST = 0.25  # of the deepest contact's radius: a longer step into a gap at the deformed point may end elsewhere
+OUTSET_RANGES, LONG, JUMP = 12.0, 4.0, 0.25
 
 
 @dataclass(frozen=True)
 class Point:
     """An equilibrium on the path."""
 
-    delta: float
+    place: Place
     state: Any
     dissipated: float = 0.0  # on the path to it [energy]
     touches: bool = False  # asked for only where the tip adheres
+
+    @property
+    def delta(self) -> float:
+        """Depth [length]."""
+        return self.place.delta
 
 
 class Walk:
@@ -42,204 +46,193 @@ class Walk:
     def __init__(self, equilibrium: Equilibrium, started: float | None = None):
         self.equilibrium = equilibrium
         physics = equilibrium.scene.physics
-        self._adheres, self._drags = physics.adheres, physics.has_friction
-        self._range = (physics.contact.adhesion.range or 0.0) if physics.contact.adhesion else 0.0
+        self._has_memory = equilibrium.has_memory
+        self._range = physics.contact.reach  # of the tip's attraction; 0 without
         self.started = time.perf_counter() if started is None else started
-        outset = -FAR * self._range if self._adheres else 0.0
+        outset = Place(0.0 - OUTSET_RANGES * self._range)  # no -0.0
         self._points = [Point(outset, equilibrium.snapshot())]  # the untouched body at rest
         self._row = self._untouched = self._points[0]
         self._before = self._points  # the search for a force
+        self._found: Point | None = None  # and not accepted yet
         self._steps = self._step_rule()
         self._substeps = 0  # so far
-        self._control = LoadControl(self._go, equilibrium.scene.physics.body.height, equilibrium.force_tolerance,
-                                    from_row=equilibrium.has_memory)  # fmt: skip
+        self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
 
-    def _step_rule(self) -> StepRule:
-        """Of a path on which nothing has failed yet; a tip that adheres is felt before it touches."""
-        longest = _longest(self.equilibrium.scene)
-        if not self._adheres:
-            return StepRule(longest)
-        return StepRule(min(longest, LONG * self._range), self._untouched.delta, JUMP / 4 * self._range)
+    def _step_rule(self, way: Way | None = None) -> StepRule:
+        """Of a path without failures yet; on a way that takes time depths are measured in it, and nothing is free."""
+        scene, longest, fine = self.equilibrium.scene, inf, inf  # without limit where the gap is linear in u
+        if scene.physics.gap == "current":
+            # of the deepest contact's radius: a longer step into a gap at the deformed point may end elsewhere
+            longest = 0.25 * scene.plan.prediction["a"] / scene.physics.scales.length
+        if self._range:
+            longest, fine = min(longest, LONG * self._range), JUMP / 4 * self._range
+        if way and way.takes_time:
+            return StepRule(way.measured(longest), -inf, way.measured(fine))
+        return StepRule(longest, self._untouched.delta, fine)
 
     @property
     def _last(self) -> Point:
+        """The last accepted equilibrium: whoever asks for it has read off what the step to it has left."""
+        self._accept()
         return self._points[-1]
+
+    def _accept(self) -> None:
+        """Accept what was found last, if not done: what is remembered moves on, numbers of the step are read before."""
+        if (found := self._found) is None:
+            return
+        self._found, last = None, self._points[-1]
+        lost = self.equilibrium.accept()
+        before = [] if found.touches != last.touches else self._points[-2:]  # no prediction leads over a snap
+        found = replace(found, state=self.equilibrium.snapshot(), dissipated=last.dissipated + lost)
+        self._points = [*before, found]
 
     @property
     def points(self) -> list[tuple[float, list[np.ndarray]]]:
-        """The last equilibria, for `resume`: depth and arrays; with friction that of the last row, on its own path."""
-        points = [self._row] if self._drags else self._points
+        """The last equilibria, for `resume`: depth and arrays; with memory that of the last row, on its own path."""
+        points = [self._row] if self._has_memory and not self._range else self._points
         packed = [(point.delta, self.equilibrium.pack(point.state)) for point in points]
         return [(delta, arrays) for delta, arrays in packed if arrays]
 
     def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
         """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths passed since.
-
-        An equilibrium without memory does not depend on the path, so the way is straight to the last three depths,
-        from which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost.
-        """
-        kept = [Point(delta, state) for delta, arrays in points if (state := self.equilibrium.unpack(arrays))]
-        self._points = kept if kept and self._adheres else [*self._points, *kept][-3:]
+        An equilibrium without memory does not depend on the path, so the way is straight to the last three depths, from
+        which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost."""
+        unpacked = [(delta, self.equilibrium.unpack(delta, arrays)) for delta, arrays in points]
+        kept = [Point(Place(delta), state) for delta, state in unpacked if state is not None]
+        self._points = kept if kept and self._range else [*self._points, *kept][-3:]
         self.return_to_last()
         self._points[-1] = replace(self._last, touches=self._touches)
         self._control.know(*self._pair)
-        start, has_memory = self._points, self.equilibrium.has_memory
-        if not has_memory and all(self._reach(delta) for delta in deltas[-3:]):
+        start, places = self._points, [Place(delta) for delta in deltas]
+        if not self._has_memory and all(self._reach(place) for place in places[-3:]):
             return True
         self._points, self._steps = start, self._step_rule()
         self.return_to_last()
-        is_there = all(self._reach(delta) for delta in deltas)
+        is_there = all(self._reach(place) for place in places)
         self._row = self._last
         return is_there
 
     @property
     def failure(self) -> str:
         """Why the last value was not reached."""
-        return self._control.failure or f"{self.equilibrium.failure}, {EVEN}"
+        return self._control.failure or f"{self.equilibrium.failure}, in shorter and shorter substeps too"
 
     def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
         """One State per requested value after the first `done`; after one that is not converged there is no other."""
         body = self.equilibrium
         if path.control == "force":
-            body.sharpen()
-            if self._adheres:
+            self._control.tolerance = body.sharpen()
+            if self._range:
                 self._before = self._points
                 self._control.begin()
         for step, value in enumerate(path.values[done:], start=done + 1):
-            iterations, krylov = body.iterations, body.krylov_iterations
-            substeps = self._reach(value) if path.control == "depth" else self._press(value, step)
-            iterations = body.iterations - iterations
-            if krylov is not None and body.krylov_iterations is not None:
-                krylov = body.krylov_iterations - krylov
+            before = body.effort
+            substeps = self._reach(Place(value)) if path.control == "depth" else self._press(value, step)
+            effort = body.effort - before
             if not substeps:
-                yield failed_state(body.scene, step, value, iterations, self._pair, self.started, self.failure,
-                                   body.crushed())  # fmt: skip
+                spent, crushed = (effort.newton, time.perf_counter() - self.started), body.observed.crushed()
+                yield failed_state(body.scene, step, value, self._pair, self.failure, crushed, spent)
                 return
+            numbers = body.numbers() | {"substeps": substeps, "krylov_iterations": effort.krylov}
+            surface = measure.surface(body.observed) if wants_surface(step) else None
+            if path.control == "force":  # the tries between them are too close together to extrapolate from
+                self._points = [*self._before[-2:], self._last]
             dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
-            surface = body.surface() if wants_surface(step) else None
-            yield State(step=step, delta=self._last.delta, newton_iterations=iterations, krylov_iterations=krylov,
-                        substeps=substeps, dissipation=dissipated if self._drags else None,
-                        wall_s=time.perf_counter() - self.started, surface=surface, **body.numbers())  # fmt: skip
+            numbers["dissipation"] = dissipated if "dissipation" in body.scene.physics.columns else None
+            numbers |= {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
+            yield State(step=step, delta=self._last.delta, surface=surface, **numbers)
 
     def _press(self, force: float, step: int) -> int:
-        """Find the depth of a force; the number of steps to it, 0 when it is not found."""
+        self._accept()
         self._before, substeps = self._points, self._substeps
         expected = self.equilibrium.scene.physics.deltas[step - 1] or self._range
-        if not self._control.press(force, expected):
-            return 0
-        # the tries between them are too close together to extrapolate from
-        self._points = [*self._before[-2:], self._last]
-        return self._substeps - substeps
+        return self._substeps - substeps if self._control.press(force, expected) else 0
 
     def _go(self, delta: float) -> Pair:
         """Stand at a depth, or as near to it as there is an equilibrium; with memory on the way from the last row."""
-        if self.equilibrium.has_memory:
-            self._points = self._before
+        if self._has_memory:
+            self._points, self._found = self._before, None
             self.return_to_last()
-        self._substeps += self._reach(delta)
+        self._substeps += self._reach(Place(delta))
         return self._pair
 
     @property
     def _pair(self) -> Pair:
-        return self.equilibrium.force, self._last.delta
+        return self.equilibrium.force, (self._found or self._points[-1]).delta
 
     def return_to_last(self) -> None:
         """Put the last equilibrium back, after a step that failed."""
-        self.equilibrium.restore(self._last.state, self._last.delta)
+        self.equilibrium.restore(self._last.state)
 
-    def return_to_row(self) -> None:
-        """Put the equilibrium of the last row back: after a stop in mid-step the last one may be a substep's."""
-        self.equilibrium.restore(self._row.state, self._row.delta)
-        self.equilibrium.recover()
+    def return_to_row(self) -> Any:
+        """Put the last row's equilibrium back, after a stop in mid-step; the body that is observed then."""
+        self.equilibrium.restore(self._row.state)
+        return self.equilibrium.observed
 
-    def _reach(self, target: float) -> int:
-        """Step to the target; the number of steps, 0 when it cannot be reached.
-
-        With memory each row has steps of its own, whatever those before needed: a resumed path is the same path. And
-        the way in stops where it begins, for nothing sticks before; the way out of a tip that adheres where it ends.
-        """
-        if self.equilibrium.has_memory:
-            self._steps = self._step_rule()
-            felt = self._untouched.delta  # from here on inwards
-            if (target < felt < self._last.delta) if self._adheres else (self._last.delta < 0 < target):
-                return (first := self._reach(felt)) and (rest := self._reach(target)) and first + rest
-        substeps = 0
-        self._steps.begin(target - self._last.delta)
-        while (goal := self._steps.goal(self._last.delta, target)) is not None:
-            if self._attempt(goal):
+    def _reach(self, target: Place) -> int:
+        """Step to the target, by way of where the tip begins or ends to be felt; the number of steps, 0 when lost."""
+        way = Way(self._last.place, target)
+        if self._has_memory or way.takes_time:  # each row has steps of its own: a resumed path is the same path
+            self._steps = self._step_rule(way)
+            if (threshold := self._threshold(target)) is not None:
+                return (first := self._reach(threshold)) and (rest := self._reach(target)) and first + rest
+        substeps, end = 0, way.coordinate(target)
+        self._steps.begin(end - way.coordinate(self._last.place))
+        while (goal := self._steps.goal(way.coordinate(self._last.place), end)) is not None:
+            before = self.equilibrium.effort
+            if self._attempt(way.place(goal)):
                 substeps += 1
                 self._steps.succeeded()
-                if goal == target:
+                if goal == end:
                     return substeps
             else:
-                self._steps.failed()
+                self._steps.failed((self.equilibrium.effort - before).newton)
         return 0
 
-    def _attempt(self, delta: float) -> bool:
-        """Solve at delta, first from the predicted state, then from the last one, then as a tip that lets go.
+    def _threshold(self, target: Place) -> Place | None:
+        """The place on the way to a target, at which time stands still, where the tip begins to be felt, or ends."""
+        felt, last = self._untouched.delta, self._last.delta  # felt: from here on inwards
+        crosses = (target.delta < felt < last) if self._range else (last < 0 < target.delta)
+        return Place(felt, target.t) if crosses and target.t == self._last.place.t else None
 
-        Where it snaps in or lets go only a short step counts, and no prediction leads on from the states before.
-        """
-        self.equilibrium.depart()
-        found = self._solve(delta)
-        touches = found and self._touches
-        jumps = touches != self._last.touches
-        if not found or (jumps and self._is_long(delta)):
+    def _attempt(self, place: Place) -> bool:
+        """Solve at a place; where an adhering tip snaps or that fails, by a short step to where the body rests."""
+        found, delta = self._solve(place), place.delta
+        jumps = found and self._touches != self._last.touches
+        if self._range and (jumps or not found):
+            self.return_to_last()
+            found = not self._is_long(delta) and self.equilibrium.settle(delta)
+        if not found:
             self.return_to_last()
             return False
-        dissipated = self._last.dissipated + self.equilibrium.dissipation
-        before = [] if jumps else self._points[-2:]
-        self._points = [*before, Point(delta, self.equilibrium.snapshot(), dissipated, touches)]
+        self._found = Point(place, None, touches=self._touches)
         return True
 
-    def _solve(self, delta: float) -> bool:
-        is_led = self._extrapolate(delta)
-        if is_led and self.equilibrium.solve(delta):
-            return True
+    def _solve(self, place: Place) -> bool:
+        """Where time passes a step sets out from the last state: what is extrapolated through a hold leads nowhere."""
+        delta, dt = place.delta, place.t - self._last.place.t
+        leading = [] if dt else _leading(self._points, delta)
+        if is_led := len(leading) > 1:  # by the line or parabola through the last states
+            self.equilibrium.predict(delta, [point.state for point in leading])
+            if self.equilibrium.solve(delta):
+                return True
         self.return_to_last()
-        if is_led and self._adheres and self._is_long(delta):  # a shorter step costs less than another fifty iterations
+        if is_led and self._range and self._is_long(delta):  # a shorter step costs less than another fifty iterations
             return False
-        return self.equilibrium.solve(delta) or self._lets_go(delta)
-
-    def _lets_go(self, delta: float) -> bool:
-        """Solve at delta from the untouched body: where a contact that pulls has no equilibrium any more."""
-        if not self._last.touches or delta > self._last.delta or self._is_long(delta):
-            return False
-        self.equilibrium.restore(self._untouched.state, delta)
-        return self.equilibrium.solve(delta)
+        return self.equilibrium.solve(delta, dt)
 
     @property
     def _touches(self) -> bool:
-        """Whether a tip that adheres touches the body in the present state."""
-        return self._adheres and bool(self.equilibrium.numbers()["a"] > 0)
+        return self._range > 0 and bool(self.equilibrium.numbers()["a"] > 0)
 
     def _is_long(self, delta: float) -> bool:
-        """Whether the step to delta is longer than one over which a tip that adheres may snap in or let go."""
         return abs(delta - self._last.delta) > JUMP * self._range
-
-    def _extrapolate(self, delta: float) -> bool:
-        """Predict by the line or parabola through the last states; False where it leads nowhere."""
-        points = _leading(self._points, delta)
-        if len(points) < 2:
-            return False
-        self.equilibrium.predict(delta, [(point.delta, point.state) for point in points])
-        return True
-
-
-def _longest(scene: Scene) -> float:
-    """The longest step [length] that is tried: without limit where the gap is linear in what is sought."""
-    if scene.physics.gap == "reference":
-        return inf
-    return LONGEST * scene.plan.prediction["a"] / scene.physics.scales.length
 
 
 def _leading(points: list[Point], delta: float) -> list[Point]:
-    """The last points from which the path leads straight on to delta; one alone where nothing is predicted.
-
-    Three if the step is small beside the depth; two otherwise, since the contact edge leaves kinks in the states.
-    """
-    step = delta - points[-1].delta
-    most = 3 if abs(step) <= NEAR * abs(delta) else 2
+    """The last points from which the path leads straight on to delta; one alone where nothing is predicted."""
+    step = delta - points[-1].delta  # not a small one: the contact edge leaves kinks in the states
+    most = 3 if abs(step) <= PARABOLA_STEP * abs(delta) else 2
     leading = points[-1:]
     for before, after in zip(points[-2::-1], points[:0:-1], strict=True):
         behind = after.delta - before.delta

@@ -1,88 +1,137 @@
 """The contact algorithms: how each method finds the equilibrium at one depth.
 
-A method is one function from a Newton solver to success; what they share is `Newton` and the terms of `Problem`.
-Adding one is a function and an entry in ALGORITHMS.
+A method is one function from a Newton solver and the tip's terms to success; what they share is `Newton` and the terms
+of `Problem`. Adding one is a function and an entry in ALGORITHMS. Where they find nothing a body that adheres comes to
+rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+from mpi4py import MPI
+
+from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve import uzawa
-from indent_sim.fe.solve.anchor import anchored
+from indent_sim.fe.solve.anchor import Anchored, anchored
 from indent_sim.fe.solve.newton import Newton, finest, stages
-from indent_sim.fe.terms.traction import Traction
+from indent_sim.fe.terms.contact.drag import Drag
+from indent_sim.fe.terms.contact.traction import Traction
+from indent_sim.fe.terms.scene_terms import Touch
 
 # Times Newton's tolerance: so well is the first pass of a step found, which says where new contact sticks. The force
-# feels a few hundredths of what it is off, and Newton's last step leaves less than it is asked to. At most ROUGH.
-LOOSELY, ROUGH = 1e3, 1e-6
+# feels a few hundredths of what it is off, and Newton's last step leaves less than asked. At most LOOSEST_TOLERANCE.
+LOOSELY, LOOSEST_TOLERANCE = 1e3, 1e-6
+# Of a body that comes to rest:
+FIRST_DRAG, LIGHTER, HEAVIER = 2.0, 0.5, 3.0  # drag, of work/range^2; at least, and at most, of the step before
+SAFE = 3.0  # times the curvature by which a body runs away: the step has its minimum nearby, for the next one has more
+STEPS, MOST_STEP_ITERATIONS = 60, 12  # found or not, and of one; snaps took 15 to 40 steps of 1 to 8 iterations
 
 
-def _approaching(newton: Newton) -> Callable[[], bool]:
-    """Penalty, augmented Lagrangian: one semismooth Newton, which comes to a stiff contact through softer ones.
-
-    Or at once where those mislead. A second try without them would be the first: of a tip that adheres many fail.
-    """
-    if newton.problem.law.adhesion and not stages(newton.problem.law, newton.problem.scene):
+def _approaching(newton: Newton, touch: Touch) -> Callable[[], bool]:
+    """Penalty, augmented Lagrangian: one Newton, through softer contacts to a stiff one, or at once if they mislead."""
+    if newton.problem.law.may_snap and not stages(newton.problem.law, newton.problem.scene):
         return newton.solve
 
-    def solve() -> bool:
-        before = newton.problem.snapshot()
-        if newton.approach() and newton.solve():
-            return True
-        newton.problem.restore(before)
-        return newton.solve()
-
-    return solve
+    softer_first = _or_as_before(newton.problem, lambda: newton.approach() and newton.solve())
+    return lambda: softer_first() or newton.solve()
 
 
-def with_friction(newton: Newton, algorithm: Callable[[], bool]) -> Callable[[], bool]:
-    """The algorithm with what friction remembers; itself where there is none."""
-    problem, friction = newton.problem, newton.problem.friction
-    if friction is None:
-        return algorithm
+def algorithm_of(newton: Newton, touch: Touch) -> Callable[[], bool]:
+    """The algorithm of a scene's tip, from success to success."""
+    algorithm = ALGORITHMS[newton.problem.law.multiplier](newton, touch)
+    return algorithm if newton.problem.law.is_conservative else _with_friction(newton, touch.friction, algorithm)
 
+
+def _with_friction(newton: Newton, friction: Anchored | None, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    """The algorithm in as many passes as the anchor of new contact takes."""
+    problem = newton.problem
     loosely = 1.0 if problem.scene.physics.path.control == "force" else LOOSELY  # forces are found by their differences
 
     def find() -> bool:
         exact = newton.rtol
-        newton.rtol = max(exact, min(loosely * exact, ROUGH))
+        newton.rtol = max(exact, min(loosely * exact, LOOSEST_TOLERANCE))
         found = algorithm()
         newton.rtol = exact
         return found
 
+    return _or_as_before(problem, lambda: anchored(friction, problem.scene.physics.anchor, algorithm, find))
+
+
+def _or_as_before(problem: Problem, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+    """An algorithm that leaves the problem as it was where it fails."""
+
     def solve() -> bool:
-        before = problem.snapshot()
-        if anchored(friction, problem.scene.physics.anchor, algorithm, find):
+        before = problem.guess()
+        if algorithm():
             return True
-        problem.restore(before)
+        problem.take(before)
         return False
 
     return solve
 
 
-def _uzawa(newton: Newton) -> Callable[[], bool]:
+def _uzawa(newton: Newton, touch: Touch) -> Callable[[], bool]:
     """Newton with lam held, in Uzawa's loop; on the way to its own stiffness lam is updated too."""
-    problem, contact = newton.problem, newton.problem.contact
+    problem, contact = newton.problem, touch.pressure
     assert isinstance(contact, Traction)
-    newton.rtol = min(newton.rtol, finest(problem))
+    newton.rtol, update = min(newton.rtol, finest(problem)), contact.projection.update
+    approach = _or_as_before(problem, lambda: newton.approach(update))
 
-    def solve() -> bool:
-        before = problem.snapshot()
-        if not newton.approach(contact.projection.update):
-            problem.restore(before)
-        if uzawa.settle(newton, problem.scene, problem.comm, newton.solve, contact.projection.update):
-            return True
-        problem.restore(before)
-        return False
+    def settle() -> bool:
+        approach()
+        return uzawa.settle(newton, problem.scene, problem.comm, newton.solve, update)
 
-    return solve
+    return _or_as_before(problem, settle)
 
 
-ALGORITHMS: dict[str, Callable[[Newton], Callable[[], bool]]] = {
+ALGORITHMS: dict[str, Callable[[Newton, Touch], Callable[[], bool]]] = {
     "none": _approaching,
     "unknown": _approaching,
-    "stress": lambda newton: newton.solve,
+    "stress": lambda newton, touch: newton.solve,
     "frozen": _uzawa,
-    "nodal": lambda newton: newton.solve,
+    "nodal": lambda newton, touch: newton.solve,
 }
+
+
+def come_to_rest(newton: Newton, surface: Drag) -> bool:
+    """Let go of a body that adheres at the problem's delta; False where it finds no rest, and its state is as it was.
+
+    Its surface moves against a drag, by implicit steps
+
+        u_k+1 = the minimum next to u_k of  Pi(u; delta) + drag/2 int |u - u_k|^2 dGamma .
+
+    The energy falls in each, as it does after a snap: they lead to the stable state in whose valley the body was. The
+    drag begins above the curvature work/range^2 of an attraction, where a step has one minimum. A step leaves the
+    traction drag x way to the next: how the way answers says with which curvature the body runs away, below zero on
+    the way to its rest. There the drag is left out as soon as the body is stiffer."""
+    problem, law = newton.problem, newton.problem.law.adhesion
+    assert law and law.range
+    before, drag, traction = problem.guess(), FIRST_DRAG * law.work / law.range**2, 0.0
+    for _ in range(STEPS):
+        moved = _step(newton, surface, drag, 1e-4)  # relative residual: on the way
+        if moved is None:
+            drag, traction = HEAVIER * drag, 0.0
+            continue
+        runaway = drag - traction / moved if traction and moved else 0.0
+        if -runaway > drag and _step(newton, surface, 0.0, 0.0) is not None:
+            return True
+        traction = drag * moved
+        drag = min(max(LIGHTER * drag, SAFE * runaway), HEAVIER * drag)
+    problem.take(before)
+    return False
+
+
+def _step(newton: Newton, surface: Drag, drag: float, rtol: float) -> float | None:
+    """How far the minimum under this drag is [length]; None where none is found, and the solution is as it was."""
+    problem, start = newton.problem, newton.problem.x.copy()
+    surface.hold(drag)
+    found = newton.solve(rtol, MOST_STEP_ITERATIONS) and newton.is_stable
+    surface.hold(0.0)
+    if not found:
+        problem.body.set_solution(start)
+        return None
+    places = problem.unknowns.places("u")
+    way = (problem.x - start).array[places[places < problem.unknowns.owned]]
+    return float(problem.comm.allreduce(np.abs(way).max(initial=0.0), op=MPI.MAX))

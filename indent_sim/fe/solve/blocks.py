@@ -10,7 +10,8 @@ Rows and columns of the fields are scaled so that every residual is a force: lam
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
+from dataclasses import replace
+from functools import partial, reduce
 from operator import add
 from typing import Any
 
@@ -19,39 +20,37 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
-from indent_sim.fe.body import held, zero
+from indent_sim.fe.discrete_body import held, zero
 from indent_sim.fe.problem import Problem
+from indent_sim.fe.terms.term import Term
 
-SURFACE = 10.0  # E*/h_contact: stiffness of the body to the shortest waves of its surface; 6 and 30 are worse, measured
+SURFACE_STIFFNESS = 10.0  # E*/h_contact: of the body to its surface's shortest waves; 6 and 30 are worse, measured
 
 
 class Stiffness:
     """The tangent over the displacements of a space: of matter once where it is linear, of contact every time."""
 
-    def __init__(self, problem: Problem, space: Any, kind: str):
+    def __init__(self, problem: Problem, space: fem.FunctionSpace, kind: str):
         """kind: PETSc's type of matrix; of `sbaij` the upper half is kept: multiplying takes as long as reading it."""
         self._bcs = _bcs(problem, space)
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         dofs = np.concatenate([bc.dof_indices()[0] for bc in self._bcs])
         self.held = dofs[dofs < owned]
         test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
-        matter = [term for term in problem.terms if term is not problem.contact]
-        self._matter, self._contact = (_form(problem, terms, ("u", test), ("u", trial))
-                                       for terms in (matter, [problem.contact]))  # fmt: skip
+        matter = [term for term in problem.terms if term.is_matter]
+        touch = [term for term in problem.terms if not term.is_matter]
+        self._matter, self._contact = (_form(problem, terms, ("u", test), ("u", trial)) for terms in (matter, touch))
         self.matrix = fem_petsc.create_matrix(self._matter, kind.removeprefix("s"))
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self._assemble_matter()
         if kind == "sbaij":
-            self._halve()
-        self._constant = self.matrix.copy() if problem.scene.physics.small_strain else None
-
-    def _halve(self) -> None:
-        """Keep the upper half; of what is assembled from now on, too."""
-        whole, self.matrix = self.matrix, self.matrix.convert("sbaij", PETSc.Mat())
-        self.matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
-        _discard(whole)
+            whole, self.matrix = self.matrix, self.matrix.convert("sbaij", PETSc.Mat())
+            self.matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)  # of what is assembled from now on
+            _discard(whole)
+        self._constant = self.matrix.copy() if all(term.is_constant for term in matter) else None
 
     def assemble(self) -> None:
         """Fill `matrix` at the present solution; rows and columns of what is held are those of the identity."""
@@ -68,7 +67,7 @@ class Stiffness:
         self.matrix.assemble()
 
 
-class Beside:
+class FieldBlocks:
     """A field beside the displacement: its free dofs, its blocks B and C, and S that stands for C - B' A^-1 B.
 
     With the mass M of the field, a pressure has S = C - M/(2 mu).
@@ -77,45 +76,45 @@ class Beside:
     S = C - M_A (K + eps M_A)^-1 M_A with the stiffness K = E* |k|/2 that a half-space shows to waves k of its surface.
     In place of 1/(eps + E* |k|/2) there is
 
-        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE E*/h_contact,
+        (alpha + (1 - alpha)/(1 + gamma k^2))/eps,   alpha = eps/(eps + s),   s = SURFACE_STIFFNESS E*/h_contact,
 
-    right for long waves and half way to those with K = s. A constant instead takes half as many iterations again.
-    """
+    right for long waves and half way to those with K = s. A constant instead takes half as many iterations again."""
 
     def __init__(self, problem: Problem, name: str):
         self.problem, self.name = problem, name
-        self._term, self._over = _origin(problem, name)
         unknowns = problem.unknowns
+        self._term: Any = next(term for term in problem.terms if name in term.fields)
+        self._over = partial(problem.body.over, unknowns.kinds[name])
         space, displacements = unknowns.own_space(name), unknowns.own_space("u")
         first, last = space.dofmap.index_map.local_range
         places = unknowns.places(name)[: last - first]
         is_free = ~np.isin(places, problem.body.constrained)
         self.places = places[is_free]
-        self.weight = problem.weights[name]
+        self.weight = unknowns.kinds[name].weight
         self._free = PETSc.IS().createGeneral((first + np.flatnonzero(is_free)).astype(np.int32), problem.comm)
         u, test, trial = ufl.TestFunction(displacements), ufl.TestFunction(space), ufl.TrialFunction(space)
         self._bcs = _bcs(problem, displacements)
-        self._forms = [_form(problem, [self._term], *way) for way in
-                       ((("u", u), (name, trial)), ((name, test), (name, trial)))]  # fmt: skip
+        ways = (("u", u), (name, trial)), ((name, test), (name, trial))
+        self._forms = [_form(problem, [self._term], *way) for way in ways]
         self._whole = [fem_petsc.create_matrix(form) for form in self._forms]
         self._M = self._product(test * trial)
         self._L = self._product(ufl.dot(self._slope(test), self._slope(trial))) if name == "lam" else None
         low, high = self._whole[0].getOwnershipRange()
         self._all = PETSc.IS().createStride(high - low, low, 1, problem.comm)
-        self.B: Any = None
-        self.C: Any = None
+        self.B: PETSc.Mat = None
+        self.C: PETSc.Mat = None
         self.assemble()
         self._S = self._schur()
-        self._ksp = _factorisation(problem.comm)
+        self._ksp = PETSc.KSP().create(problem.comm)
+        by_factors(self._ksp)
         self._known, self._found = self._S.createVecs()
         self._known.set(0.0)
 
-    def _slope(self, field: Any) -> Any:
-        """The gradient along the surface."""
+    def _slope(self, field: Expr) -> Expr:
         slope, n = ufl.grad(field), ufl.FacetNormal(self.problem.mesh)
         return slope - ufl.dot(slope, n) * n
 
-    def _product(self, density: Any) -> PETSc.Mat:
+    def _product(self, density: Expr) -> PETSc.Mat:
         """The integral of a density, in units of the scaled rows, between the free dofs."""
         matrix = fem_petsc.assemble_matrix(fem.form(self._over(density)))
         matrix.assemble()
@@ -149,26 +148,21 @@ class Beside:
         found.array[:] = self._found.array_r[: len(self.places)]
 
     def _schur(self) -> PETSc.Mat:
-        S = self._of_multiplier() if self._L else self._of_pressure()
+        if self._L:
+            S = self._of_multiplier()
+        else:
+            E, nu = self._term.region.material.constants
+            S = self._M.copy()
+            S.scale(-(1 + nu) / E)
+            S.axpy(1.0, self.C, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         S.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return S
 
-    def _of_pressure(self) -> PETSc.Mat:
-        E, nu = self._term.region.material.constants
-        S = self._M.copy()
-        S.scale(-(1 + nu) / E)
-        S.axpy(1.0, self.C, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        return S
-
     def _of_multiplier(self) -> PETSc.Mat:
-        """S as the Schur complement of two sparse blocks in
-
-            | C - alpha M_A/eps    M_A                           |
-            | M_A                  eps/(1 - alpha) (M + gamma L) |   with the surface's own stiffness L.
-        """
+        """S as the Schur complement in [[C - alpha M_A/eps, M_A], [M_A, eps/(1 - alpha) (M + gamma L)]]."""
         eps, scene = self._term.stiffness, self.problem.scene
         E_star = scene.physics.material.E_star
-        s = SURFACE * E_star / scene.sizes.h_contact
+        s = SURFACE_STIFFNESS * E_star / scene.sizes.h_contact
         q, same = np.sqrt(1 + s / eps), PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
         gamma = q * (q + 1) ** 2 * (E_star / (2 * s)) ** 2
         M_A, own, waves = self._M.copy(), self._M.copy(), self._M.copy()
@@ -190,31 +184,19 @@ def _discard(*matrices: PETSc.Mat) -> None:
         matrix.destroy()
 
 
-def _factorisation(comm: Any) -> PETSc.KSP:
-    """A factorisation of a small symmetric matrix."""
-    ksp = PETSc.KSP().create(comm)
+def by_factors(ksp: PETSc.KSP, kind: str = "cholesky") -> None:
+    """Factor a solver's systems by MUMPS: `cholesky` (L D L^T) is half the work of `lu`, for symmetric ones."""
     ksp.setType("preonly")
-    ksp.getPC().setType("cholesky")
+    ksp.getPC().setType(kind)
     ksp.getPC().setFactorSolverType("mumps")
-    return ksp
 
 
-def _origin(problem: Problem, name: str) -> tuple[Any, Any]:
-    """The term that couples a field to the displacement, and the integral of a density over where the field lives."""
-    body = problem.body
-    if name == "lam":
-        return problem.contact, body.over_contact
-    strain = next(strain for strain in problem.strains if body.pressures.get(strain.region) == name)
-    return strain, lambda density: body.over_region(density, strain.region)
-
-
-def _bcs(problem: Problem, space: Any) -> list[Any]:
-    """What holds the displacements of a space at zero."""
-    supports, pins = held(space, problem.body_mesh)
+def _bcs(problem: Problem, space: fem.FunctionSpace) -> list[fem.DirichletBC]:
+    supports, pins = held(space, problem.body.body_mesh)
     return [zero(space.sub(c), dofs) for c, dofs in supports + pins]
 
 
-def _form(problem: Problem, terms: Sequence[Any], test: tuple[str, Any], trial: tuple[str, Any]) -> Any:
-    """The tangent of some terms between two fields."""
-    ways = (problem.unknowns.variation(*test), problem.unknowns.variation(*trial))
-    return fem.form(compat.differentiated(reduce(add, (term.work(*ways)[1] for term in terms))))
+def _form(problem: Problem, terms: Sequence[Term], test: tuple[str, Expr], trial: tuple[str, Expr]) -> fem.Form:
+    unknowns, body = problem.unknowns, problem.body
+    now = replace(body.now, test=unknowns.variation(*test), trial=unknowns.variation(*trial))
+    return fem.form(compat.differentiated(reduce(add, (term.tangent(now, now, body.dt) for term in terms))))

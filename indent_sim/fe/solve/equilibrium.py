@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from indent_sim.fe.discrete_body import Body
 from indent_sim.fe.observe import measure
-from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve import linear
-from indent_sim.fe.solve.algorithms import ALGORITHMS, with_friction
+from indent_sim.fe.observe.fields import WholeBody
+from indent_sim.fe.path.equilibrium import Effort
+from indent_sim.fe.problem import Problem, Snapshot
+from indent_sim.fe.solve.algorithms import algorithm_of, come_to_rest
 from indent_sim.fe.solve.newton import Newton, finest, stages
 from indent_sim.fe.solve.numbering import Numbering
 from indent_sim.fe.solve.prediction import expected, shares
-from indent_sim.fe.terms.strain import Crushed
-from indent_sim.fe.terms.traction import Traction
-from indent_sim.model.state import Surface
+from indent_sim.fe.terms.contact.multiplier import stiffness_scale
+from indent_sim.fe.terms.contact.traction import Traction
+from indent_sim.fe.terms.scene_terms import Matter, Touch, matter_of, touch_of
 from indent_sim.model.tips import deepest_inside
 
 INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
@@ -28,36 +30,25 @@ INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 
 class BodyEquilibrium:
     """A problem on the whole mesh and the algorithm that solves it; see `path.Equilibrium`."""
 
-    def __init__(self, problem: Problem):
-        self.problem = self.observed = problem
-        self.scene, self.dofs = problem.scene, problem.body.active_dofs
-        self.has_memory = problem.scene.physics.has_memory
+    def __init__(self, body: Body):
+        matter = matter_of(body)
+        self.touch = touch = touch_of(body, matter.strains[0])
+        self.problem = problem = Problem(body, [*matter, *touch])
+        self.observed = SolvedBody(body, matter, touch)
+        self.scene = scene = body.scene
+        self.has_memory = problem.has_memory
         self.newton = Newton(problem)
-        self._algorithm = with_friction(self.newton, ALGORITHMS[problem.law.multiplier](self.newton))
-        scene = problem.scene
+        self._algorithm = algorithm_of(self.newton, touch)
+        self.snapshot, self.restore = problem.snapshot, problem.restore
         self._largest_inside_out = INSIDE_OUT * scene.plan.prediction["a"] / scene.physics.scales.length
         self._deepest = deepest_inside(scene.physics.indenter)
         if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
             self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
 
     @property
-    def depth(self) -> float:
-        """delta [length]."""
-        return self.problem.depth
-
-    @depth.setter
-    def depth(self, delta: float) -> None:
-        self.problem.delta.value = delta
-
-    @property
-    def iterations(self) -> int:
-        """Linear solves so far."""
-        return self.newton.iterations
-
-    @property
-    def krylov_iterations(self) -> int | None:
-        """Iterations of these linear solves so far; None where systems are factored."""
-        return self.newton.krylov_iterations
+    def effort(self) -> Effort:
+        """Linear solves so far, and their iterations; None of these where systems are factored."""
+        return Effort(self.newton.iterations, self.newton.krylov_iterations)
 
     @property
     def failure(self) -> str:
@@ -74,146 +65,141 @@ class BodyEquilibrium:
         """dF/ddelta of the whole body at the present equilibrium, by its tangent (collective)."""
         return self.newton.stiffness()
 
-    @property
-    def force_tolerance(self) -> float:
-        """How well a force can be met, relative."""
+    def sharpen(self) -> float:
+        """Converge as far as round-off lets, and say how well a force can be met then, relative."""
+        self.newton.rtol = min(self.newton.rtol, finest(self.problem))
         return 10 * finest(self.problem)
 
-    def sharpen(self) -> None:
-        """Converge as far as round-off lets, so that a force can be met to `force_tolerance`."""
-        self.newton.rtol = min(self.newton.rtol, finest(self.problem))
+    def accept(self) -> float:
+        """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
+        lost = self.problem.dissipation()
+        self.problem.accept()
+        return lost
 
-    def depart(self) -> None:
-        """Take the present equilibrium as the one that the next step sets out from."""
-        self.problem.depart()
+    def solve(self, depth: float, dt: float = 0.0) -> bool:
+        """True when converged to a state that a body can have, in every stage; else the unknowns are as they were."""
+        began, before = self.problem.body.before_depth, self.problem.guess()
+        for stage in self.problem.stages(dt):
+            self.problem.begin(stage)
+            if not self._find(began + stage.end * (depth - began) if stage.end < 1.0 else depth, self._algorithm):
+                self.problem.take(before)
+                return False
+            self.problem.end(stage)
+        return True
 
-    @property
-    def dissipation(self) -> float:
-        """What friction dissipates on the way to the present equilibrium from the one before [energy]."""
-        return self.problem.dissipation()
+    def settle(self, depth: float) -> bool:
+        """True when found where the body comes to rest at a depth, let go of in the present state; else as `solve`."""
+        drag = self.touch.drag
+        assert drag
+        return self._find(depth, lambda: come_to_rest(self.newton, drag))
 
-    def solve(self, depth: float) -> bool:
-        """True when converged to a state that a body can have; else the problem's state is as it was."""
-        before, self.depth = self.snapshot(), depth
-        if not self._algorithm():
+    def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
+        before, self.problem.delta.value = self.problem.guess(), depth
+        if not algorithm():
             return False
-        self.newton.failure = self._why_impossible()
-        if self.newton.failure:
-            self.problem.restore(before)
-        return not self.newton.failure
+        if why := self._why_impossible():
+            self.newton.failure = why
+            self.problem.take(before)
+        return not why
 
     def _why_impossible(self) -> str:
-        """Why a body cannot have the present state; "" when it can."""
         if not self.problem.is_admissible():
             return "Newton ends in a state with J <= 0, or beyond the law's limit"
+        if self.problem.law.may_snap and not self.newton.is_stable:
+            return "Newton ends in a state that is not stable"
         if self.scene.physics.gap == "reference":
             return ""
-        if measure.penetration(self.problem) > self._deepest:
+        if measure.penetration(self.observed) > self._deepest:
             return "Newton ends where the tip has passed through the surface"
-        if self.scene.physics.small_strain and self.problem.inside_out() > self._largest_inside_out:
+        if self.scene.physics.small_strain and self.observed.inside_out() > self._largest_inside_out:
             return "the linear body turns inside out (J < 0), and only a hyperelastic one has a deformed surface then"
         return ""
 
-    def snapshot(self) -> list[PETSc.Vec]:
-        """Copies of everything that makes a state."""
-        return self.problem.snapshot()
-
-    def restore(self, state: Sequence[PETSc.Vec], depth: float) -> None:
-        """Put a state back."""
-        self.depth = depth
-        self.problem.restore(list(state))
-
     @cached_property
     def _numbering(self) -> list[list[Numbering]]:
-        """For each vector of a state the numbering of each of its fields."""
-        unknowns, contact = self.problem.unknowns, self.problem.contact
+        """For each array of a state the numbering of each of its fields: the unknowns, what is frozen, the history."""
+        unknowns, problem = self.problem.unknowns, self.problem
         whole = [Numbering(unknowns.own_space(name), unknowns.places(name)) for name in unknowns.names]
-        if not contact.vectors:
-            return [whole]
-        assert isinstance(contact, Traction)
-        frozen = contact.field.lam
-        return [whole, [Numbering(frozen.function_space, np.arange(len(frozen.x.array)))]]
+        beside = [*problem.frozen, *problem.histories]
+        return [whole, *([Numbering(f.function_space, np.arange(len(f.x.array)))] for f in beside)]
 
-    def pack(self, state: Sequence[PETSc.Vec]) -> list[np.ndarray]:
+    def pack(self, state: Snapshot) -> list[np.ndarray]:
         """A state as arrays on rank 0, for a checkpoint, in an order that does not know the ranks (collective)."""
-        return [field.gathered(vector.array_r) for vector, fields in zip(state, self._numbering, strict=True)
-                for field in fields]  # fmt: skip
+        arrays = [*(vector.array_r for vector in state.unknowns), *state.history]
+        pairs = zip(arrays, self._numbering, strict=True)
+        return [field.gathered(values) for values, fields in pairs for field in fields]
 
-    def unpack(self, arrays: Sequence[np.ndarray]) -> list[PETSc.Vec]:
-        """The state of packed arrays, which all ranks have (collective).
-
-        Empty when they are none of this problem, whatever they say of themselves.
-        """
-        state, numbering = self.snapshot(), self._numbering
+    def unpack(self, depth: float, arrays: Sequence[np.ndarray]) -> Snapshot | None:
+        """The state of packed arrays, which all ranks have (collective); None when they are none of this problem."""
+        state, numbering = replace(self.snapshot(), depth=depth), self._numbering
         if [np.shape(values) for values in arrays] != [field.shape for fields in numbering for field in fields]:
-            return []
+            return None
         rest = iter(arrays)
-        for vector, fields in zip(state, numbering, strict=True):
+        for values, fields in zip([*(v.array for v in state.unknowns), *state.history], numbering, strict=True):
             for field in fields:
-                field.scatter(next(rest), vector.array)
+                field.scatter(next(rest), values)
         return state
 
-    def predict(self, depth: float, earlier: Sequence[tuple[float, Sequence[PETSc.Vec]]]) -> None:
-        """Take what the states at earlier depths lead to expect at this one as the present state."""
-        depths, states = zip(*earlier, strict=True)
+    def predict(self, depth: float, earlier: Sequence[Snapshot]) -> None:
+        """Take the unknowns that earlier states lead to expect at a depth as the present ones."""
+        depths = [state.depth for state in earlier]
         trial = self._expected(earlier[-2:], depth) if self._foresees else None
-        guess = [vector.duplicate() for vector in states[-1]]
+        guess = [vector.duplicate() for vector in earlier[-1].unknowns]
         for k, vector in enumerate(guess):
             vector.set(0.0)
-            vector.maxpy(shares(depths, depth), [state[k] for state in states])
-        self.restore(guess, depth)
-        if trial is not None:
-            self._correct_edge(trial)
-
-    def _correct_edge(self, trial: np.ndarray) -> None:
-        """Change the multiplier where the present state is in contact and a trial pressure is not, or the reverse."""
-        contact, stiffness = self.problem.contact, self.problem.stiffness_scale
-        assert isinstance(contact, Traction)
-        lam, gap = self._contact_at_nodes()
-        agrees = (lam > stiffness * gap) == (trial > 0)
-        contact.field.fill(np.where(agrees, lam, trial + stiffness * gap))
+            vector.maxpy(shares(depths, depth), [state.unknowns[k] for state in earlier])
+        self.problem.delta.value = depth
+        self.problem.take(guess)
+        if trial is not None:  # the multiplier changes where the guess is in contact and this is not, or the reverse
+            assert isinstance(self.touch.pressure, Traction)
+            (lam, gap), stiffness = self._contact_at_nodes(), stiffness_scale(self.scene)
+            agrees = (lam > stiffness * gap) == (trial > 0)
+            self.touch.pressure.field.fill(np.where(agrees, lam, trial + stiffness * gap))
 
     @cached_property
     def _foresees(self) -> bool:
-        """Whether the multiplier of the next solve can say what is in contact: not where that begins with another
-        stiffness, nor where a tip's attraction acts in the gap."""
+        """Whether lam can say what is in contact next: not by another stiffness, nor with attraction in the gap."""
         law = self.scene.physics.contact
-        return law.multiplier == "unknown" and not law.adhesion and not stages(law, self.scene)
+        return law.multiplier == "unknown" and not law.may_snap and not stages(law, self.scene)
 
-    def _expected(self, earlier: Sequence[tuple[float, Sequence[PETSc.Vec]]], depth: float) -> np.ndarray:
-        """The trial pressure to expect at a depth from those of two states (facets, nodes)."""
+    def _expected(self, earlier: Sequence[Snapshot], depth: float) -> np.ndarray:
         trials = []
-        for before, state in earlier:
-            self.restore(state, before)
+        for state in earlier:
+            self.problem.delta.value = state.depth
+            self.problem.take(state.unknowns)
             lam, gap = self._contact_at_nodes()
-            trials.append(lam - self.problem.stiffness_scale * gap)
+            trials.append(lam - stiffness_scale(self.scene) * gap)
         largest = self.problem.comm.allreduce(max(trial.max(initial=0.0) for trial in trials), op=MPI.MAX)
-        return expected(trials, [before for before, _ in earlier], depth, largest)
+        return expected(trials, [state.depth for state in earlier], depth, largest)
 
     def _contact_at_nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """lam [pressure] and gap [length] at the nodes of the contact surface's facets (facets, nodes)."""
-        points = self.problem.trace.node_points()
-        return self.problem.multiplier_at(points), measure.gap(self.problem, points)
+        points = self.observed.trace.node_points()
+        return self.touch.pressure.multiplier_at(points), measure.gap(self.observed, points)
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
-        reaction, stray = self.problem.reactions()
-        axes = self.scene.physics.sideways  # 0.0 + -0.0 is 0.0
-        sideways = {f"side_force_{name}": 0.0 + float(self.problem.thrust()[axis]) for name, axis in axes.items()}
-        return {"force": self.force, "energy": self.problem.energy(), "reaction": reaction, "stray_reaction": stray,
-                **sideways, **measure.contact(self.problem)}  # fmt: skip
+        numbers: dict[str, Any] = {"force": self.force, "energy": self.problem.energy()}
+        numbers["reaction"], numbers["stray_reaction"] = self.problem.reactions()
+        for name, axis in self.scene.physics.sideways.items():
+            numbers[f"side_force_{name}"] = self.problem.side_force(axis)
+        numbers["intrusion"] = measure.intrusion(self.observed, self.problem.body.skin)
+        return numbers | measure.contact(self.observed)
 
-    def surface(self) -> Surface | None:
-        """The surface table on rank 0, None on the others."""
-        return measure.surface(self.problem)
 
-    def crushed(self) -> Crushed | None:
-        """Where the body is compressed most; None at small strain."""
-        return self.problem.least_volume_ratio()
+class SolvedBody(WholeBody):
+    """The whole body at the present solution, for measurements, the surface table and the fields."""
 
-    def recover(self) -> None:
-        """The fields are the state's own."""
+    def __init__(self, body: Body, matter: Matter, touch: Touch):
+        super().__init__(body, matter.strains, touch.friction)
+        self.multiplier_at, self.pressure_at = touch.pressure.multiplier_at, touch.pressure.pressure_at
+        self._delta = body.now.delta
 
-    def refuse_unused_options(self) -> None:
-        """ConfigError for a `solver.petsc` option that PETSc never asked for: a typing error, or no effect here."""
-        linear.refuse_unused(self.scene.solver.petsc)
+    @property
+    def depth(self) -> float:
+        """delta [length]."""
+        return float(self._delta.value)
+
+    def inside_out(self) -> float:
+        """Size [length] of the region in which J < 0 (collective)."""
+        return max(strain.inside_out() for strain in self.strains)

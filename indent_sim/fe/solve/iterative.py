@@ -7,37 +7,31 @@ one is worth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import inf, log10
-from typing import Any
 from weakref import WeakMethod
 
 import numpy as np
 from petsc4py import PETSc
 
 from indent_sim.fe.problem import Problem
-from indent_sim.fe.solve.blocks import Beside, Stiffness
+from indent_sim.fe.solve.blocks import FieldBlocks, Stiffness
 from indent_sim.fe.solve.multigrid import Multigrid
 
-RESTART = 40
-MOST = 200  # iterations of one system
-LEAST = 1e-2  # of a residual is left at most by an inexact step: asked for more, Newton needs no fewer steps
-RENEWAL = 20.0  # iterations that a new preconditioner costs: it is built where the old one has cost as many more
+MOST_KRYLOV_ITERATIONS = 200  # iterations of one system
+INEXACT_REDUCTION = 1e-2  # what an inexact step leaves of a residual: asked for more, Newton needs no fewer steps
 
 
 class Iterative:
     """Solves one system after another: `assemble`, then `apply` as the preconditioner of PETSc's SNES."""
 
     def __init__(self, problem: Problem):
-        self.iterations = 0
-        self.rtol = 0.0
-        self.failed = False
-        unknowns = problem.unknowns
-        space = unknowns.own_space("u")
+        self.iterations, self.rtol, self.failed = 0, 0.0, False
+        unknowns, space = problem.unknowns, problem.unknowns.own_space("u")
         owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
         self._problem = problem
         self._A = Stiffness(problem, space, "sbaij")
-        self._beside = [Beside(problem, name) for name in unknowns.names[1:]]
+        self._beside = [FieldBlocks(problem, name) for name in unknowns.names[1:]]
         self._places = [unknowns.places("u")[:owned], *(field.places for field in self._beside)]
         self._weights = [1.0, *(field.weight for field in self._beside)]
         self._multigrid = Multigrid(problem, self._A)
@@ -46,23 +40,29 @@ class Iterative:
         self.tangent = PETSc.Mat().createPython((problem.x.getSizes(),) * 2, comm=problem.comm)
 
     def attach(self, ksp: PETSc.KSP) -> None:
-        """Solve the systems of Newton's method."""
+        """Solve the systems of Newton's method; options of the environment without a prefix are the solver's own."""
+        ksp.setOptionsPrefix("newton_")
         ksp.setType("preonly")
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(_Weakly(self.apply))
 
     def _create(self) -> PETSc.KSP:
-        tangent = _nested(self._A.matrix, self._beside)
+        rows = [[self._A.matrix, *(field.B for field in self._beside)]]
+        for k, field in enumerate(self._beside):
+            own = [field.C if k == other else None for other in range(len(self._beside))]
+            rows.append([PETSc.Mat().createTranspose(field.B), *own])
+        tangent = PETSc.Mat().createNest(rows, comm=self._A.matrix.comm)
         blocks = [self._A.matrix, *(field.C for field in self._beside)]
-        self._b, self._x = (PETSc.Vec().createNest([block.createVecLeft() for block in blocks], comm=tangent.comm)
-                            for _ in range(2))  # fmt: skip
+        vectors = ([block.createVecLeft() for block in blocks] for _ in range(2))
+        self._b, self._x = (PETSc.Vec().createNest(parts, comm=tangent.comm) for parts in vectors)
         self._work = self._A.matrix.createVecLeft(), self._A.matrix.createVecLeft()
         ksp = PETSc.KSP().create(self._problem.comm)
         ksp.setOperators(tangent)
         ksp.setType("fgmres")
-        ksp.setGMRESRestart(RESTART)
+        ksp.setGMRESRestart(40)
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(_Weakly(self.precondition))
+        ksp.setFromOptions()
         return ksp
 
     def assemble(self, rtol: float) -> None:
@@ -73,23 +73,24 @@ class Iterative:
             field.assemble()
             field.factor()
         self._ksp.getOperators()[0].assemble()
-        if self._wear >= RENEWAL:
+        if self._wear >= 20:  # iterations: what a new one costs
             self._renew()
 
     def _renew(self) -> None:
-        """Build the preconditioner for the tangent as it is."""
         self._multigrid.renew()
         self._wear, self._solves = 0.0, 0
 
     def apply(self, residual: PETSc.Vec, step: PETSc.Vec) -> None:
         """Solve for a step to the tolerance; what is held and idle stays."""
         self._take(residual)
-        self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST)
+        self._ksp.setTolerances(rtol=self.rtol, atol=0.0, max_it=MOST_KRYLOV_ITERATIONS)
         self._solve()
         if self.failed and self._solves > 1:
             self._renew()
             self._solve()
-        self._give(step)
+        step.set(0.0)
+        for block, places, weight in zip(self._x.getNestSubVecs(), self._places, self._weights, strict=True):
+            step.array[places] = weight * block.array_r
         if self.failed:
             step.set(np.nan)  # a system that was not solved makes the step no number
 
@@ -101,21 +102,14 @@ class Iterative:
         return float(sum(abs(known.dot(found)) for known, found in pairs))
 
     def _take(self, residual: PETSc.Vec) -> None:
-        """Fill the blocks of the right-hand side."""
         for block, places, weight in zip(self._b.getNestSubVecs(), self._places, self._weights, strict=True):
             block.array[:] = weight * residual.array_r[places]
-
-    def _give(self, step: PETSc.Vec) -> None:
-        """Fill a step of the blocks of the solution."""
-        step.set(0.0)
-        for block, places, weight in zip(self._x.getNestSubVecs(), self._places, self._weights, strict=True):
-            step.array[places] = weight * block.array_r
 
     def _solve(self) -> None:
         """Solve for the blocks; count the iterations, and those beyond the fewest that a digit has ever cost."""
         self._ksp.solve(self._b, self._x)
         iterations = self._ksp.getIterationNumber()
-        digits = -log10(min(self.rtol, LEAST))  # of few digits the first costs most
+        digits = -log10(min(self.rtol, INEXACT_REDUCTION))  # of few digits the first costs most
         self.iterations += iterations
         self._solves += 1
         self.failed = self._ksp.getConvergedReason() < 0
@@ -148,12 +142,3 @@ class _Weakly:
         """Apply it to a residual."""
         if method := self._method():
             method(residual, step)
-
-
-def _nested(A: PETSc.Mat, beside: Sequence[Beside]) -> PETSc.Mat:
-    """The whole tangent of its blocks."""
-    rows: list[list[Any]] = [[A, *(field.B for field in beside)]]
-    for k, field in enumerate(beside):
-        own = [field.C if k == other else None for other in range(len(beside))]
-        rows.append([PETSc.Mat().createTranspose(field.B), *own])
-    return PETSc.Mat().createNest(rows, comm=A.comm)

@@ -9,36 +9,25 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from petsc4py import PETSc
 
 from indent_sim.fe import compat
 from indent_sim.fe.problem import Problem
 from indent_sim.fe.solve.blocks import Stiffness
+from indent_sim.fe.solve.options import defaults
 
 PREFIX = "pmultigrid_"
 FACTORED = 20_000  # unknowns of the linear elements, up to which they are factored: on several ranks that gains little
-SMOOTHER = {
-    "ksp_type": "chebyshev",
-    "ksp_max_it": 3,
-    "ksp_chebyshev_esteig": "0,0.1,0,1.1",
-    "ksp_chebyshev_esteig_steps": 12,
-    "esteig_ksp_type": "cg",
-    "pc_type": "jacobi",  # PETSc 3.22 keeps the inverses of the nodes' blocks when the matrix is filled anew
-}
-FACTOR = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
-AGGREGATION = {
-    "ksp_type": "preonly",
-    "pc_type": "gamg",
-    "pc_gamg_agg_nsmooths": 1,
-    "pc_gamg_threshold": 0,
-    "pc_gamg_aggressive_coarsening": 1,  # the finest level alone
-    "pc_gamg_esteig_ksp_type": "cg",
-    "pc_gamg_coarse_eq_limit": 1000,
-    "pc_mg_cycle_type": "w",
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_ksp_max_it": 2,
-    "mg_levels_pc_type": "jacobi",  # aggregates of one node leave zero rows, which only jacobi takes
-}
+# by the diagonal alone: PETSc 3.22 keeps inverses of the nodes' blocks from matrix to matrix
+SMOOTHER: dict[str, Any] = {"ksp_type": "chebyshev", "ksp_max_it": 3, "pc_type": "jacobi", "esteig_ksp_type": "cg"}
+SMOOTHER |= {"ksp_chebyshev_esteig": "0,0.1,0,1.1", "ksp_chebyshev_esteig_steps": 12}
+FACTORISATION = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+# aggressive on the finest level alone; aggregates of one node leave zero rows, which only jacobi takes
+AGGREGATION: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "gamg", "pc_mg_cycle_type": "w"}
+AGGREGATION |= {"pc_gamg_agg_nsmooths": 1, "pc_gamg_threshold": 0, "pc_gamg_aggressive_coarsening": 1}
+AGGREGATION |= {"pc_gamg_coarse_eq_limit": 1000, "pc_gamg_esteig_ksp_type": "cg"}
+AGGREGATION |= {"mg_levels_ksp_type": "chebyshev", "mg_levels_ksp_max_it": 2, "mg_levels_pc_type": "jacobi"}
 
 
 class Multigrid:
@@ -54,53 +43,37 @@ class Multigrid:
         self._pc.setOperators(fine.matrix)
         self._pc.setType("mg")
         self._pc.setMGLevels(2)
-        self._pc.setMGInterpolation(1, _interpolation(self._coarse, linear, space))
+        interpolation, free = compat.interpolation_matrix(linear, space), self._coarse.matrix.createVecRight()
+        free.set(1.0)
+        free.array[self._coarse.held] = 0.0  # a held dof would move those beside it by a force over 1
+        interpolation.diagonalScale(R=free)
+        self._pc.setMGInterpolation(1, interpolation)
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)
         self._pc.getMGSmoother(1).setOperators(fine.matrix)
-        _install(self._coarse.matrix.getSize()[0])
-        self._pc.setFromOptions()
+        coarsest = FACTORISATION if self._coarse.matrix.getSize()[0] <= FACTORED else AGGREGATION
+        levels = {"mg_levels_": SMOOTHER, "mg_coarse_": coarsest}
+        self._options = {level + name: value for level, options in levels.items() for name, value in options.items()}
+        with defaults(self._options, PREFIX):
+            self._pc.setFromOptions()
 
     def renew(self) -> None:
         """Build the levels for the present solution."""
         self._coarse.assemble()
         self._pc.getMGCoarseSolve().setOperators(self._coarse.matrix)  # or it is not factored again
-        self._keep(False)
-        self._pc.setUp()
-        self._keep(True)
-
-    def _keep(self, is_kept: bool) -> None:
-        """Keep the levels and the factor of the coarse one; the diagonal is always that of the matrix."""
-        self._pc.setReusePreconditioner(is_kept)
-        self._pc.getMGCoarseSolve().getPC().setReusePreconditioner(is_kept)
+        levels = self._pc, self._pc.getMGCoarseSolve().getPC()  # kept with their factors; the diagonal is the matrix's
+        for pc in levels:
+            pc.setReusePreconditioner(False)
+        with defaults(self._options, PREFIX):
+            self._pc.setUp()
+        for pc in levels:
+            pc.setReusePreconditioner(True)
 
     def apply(self, residual: PETSc.Vec, correction: PETSc.Vec) -> None:
         """One cycle from zero."""
         self._pc.apply(residual, correction)
 
 
-def _install(coarse: int) -> None:
-    """PETSc's options of the levels; all that stands under the prefix."""
-    database = PETSc.Options(PREFIX)
-    for name in list(database.getAll()):
-        database.delValue(name)
-    levels = {"mg_levels_": SMOOTHER, "mg_coarse_": FACTOR if coarse <= FACTORED else AGGREGATION}
-    for prefix, options in levels.items():
-        for name, value in options.items():
-            database.setValue(prefix + name, value)
-
-
-def _interpolation(coarse: Stiffness, linear: Any, space: Any) -> PETSc.Mat:
-    """From linear to quadratic elements, of what is free: a held dof, whose row is the identity's, would move those
-    beside it by a force over 1 instead of one over their stiffness."""
-    matrix, free = compat.interpolation_matrix(linear, space), coarse.matrix.createVecRight()
-    free.set(1.0)
-    free.array[coarse.held] = 0.0
-    matrix.diagonalScale(R=free)
-    return matrix
-
-
-def _rigid_modes(space: Any) -> PETSc.NullSpace:
-    """The rigid-body modes of a space of displacements, orthonormal."""
+def _rigid_modes(space: fem.FunctionSpace) -> PETSc.NullSpace:
     X = space.tabulate_dof_coordinates()
     dim, owned = space.dofmap.index_map_bs, space.dofmap.index_map.size_local
     turns = [(i, j) for i in range(dim) for j in range(i)]

@@ -5,19 +5,18 @@ A node of a Lagrange space is a point of the grid or the middle of two; sorted b
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import combinations
 
 import numpy as np
+from dolfinx import fem
 
 from indent_sim.fe import compat
-
-EDGES = {3: ((1, 2), (0, 2), (0, 1)), 4: ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))}  # of a cell, by its corners
 
 
 class Numbering:
     """Where the values of a field on this rank stand among those of all ranks (collective)."""
 
-    def __init__(self, space: Any, places: np.ndarray):
+    def __init__(self, space: fem.FunctionSpace, places: np.ndarray):
         """places: of the space's dofs in the local array of the vector that holds them."""
         owned, width = space.dofmap.index_map.size_local, space.dofmap.index_map_bs
         self._comm = space.mesh.comm
@@ -40,12 +39,13 @@ class Numbering:
         local[self._own] = whole[self._rows]
 
 
-def _keys(space: Any) -> np.ndarray:
+def _keys(space: fem.FunctionSpace) -> np.ndarray:
     """A number for every local node: of its point in the grid, or of the two that it lies between."""
     mesh, dofs = space.mesh, compat.cell_dofs(space.dofmap)
     corners = np.asarray(mesh.geometry.input_global_indices, dtype=np.int64)[compat.geometry_dofs(mesh)]
     n = corners.shape[1]
-    pairs = [(k, k) for k in range(n)] + list(EDGES[n] if dofs.shape[1] > n else ())
+    edges = reversed([*combinations(range(n), 2)]) if dofs.shape[1] > n else ()
+    pairs = [*((k, k) for k in range(n)), *edges]
     total = mesh.geometry.index_map().size_global
     keys = np.zeros(dofs.max(initial=-1) + 1, dtype=np.int64)
     for node, (a, b) in zip(dofs.T, pairs, strict=True):

@@ -12,7 +12,7 @@ from math import prod
 
 import numpy as np
 
-BLUNT = 0.01  # of the largest pressure: a trial pressure below it is that of elements cut by the edge, linear in depth
+CUT_ELEMENT_PRESSURE = 0.01  # of the largest: a trial below it is of elements cut by the edge, linear in depth
 
 
 def shares(depths: Sequence[float], depth: float) -> list[float]:
@@ -22,9 +22,7 @@ def shares(depths: Sequence[float], depth: float) -> list[float]:
 
 def expected(trials: Sequence[np.ndarray], depths: Sequence[float], depth: float, largest: float) -> np.ndarray:
     """The trial pressure [pressure] at a depth from those at two others, by the line of what is linear in the depth.
-
-    trials: lam - epsilon_n g at the same points, above zero in contact; largest: of all of them on all ranks.
-    """
+    trials: lam - epsilon_n g at the same points, above zero in contact; largest: of all of them on all ranks."""
     if largest <= 0:
         return np.asarray(trials[-1])
     parts = zip(shares(depths, depth), trials, strict=True)
@@ -34,10 +32,9 @@ def expected(trials: Sequence[np.ndarray], depths: Sequence[float], depth: float
 def _distance(trial: np.ndarray) -> np.ndarray:
     """The distance from the edge, in some unit, of what is above zero inside."""
     inside, outside = np.maximum(trial, 0.0), np.maximum(-trial, 0.0)
-    return np.asarray(inside**2 - ((outside + BLUNT) ** (2 / 3) - BLUNT ** (2 / 3)))
+    return np.asarray(inside**2 - ((outside + CUT_ELEMENT_PRESSURE) ** (2 / 3) - CUT_ELEMENT_PRESSURE ** (2 / 3)))
 
 
 def _pressure(distance: np.ndarray) -> np.ndarray:
-    """The inverse of `_distance`."""
     inside, outside = np.maximum(distance, 0.0), np.maximum(-distance, 0.0)
-    return np.asarray(np.sqrt(inside) - ((outside + BLUNT ** (2 / 3)) ** 1.5 - BLUNT))
+    return np.asarray(np.sqrt(inside) - ((outside + CUT_ELEMENT_PRESSURE ** (2 / 3)) ** 1.5 - CUT_ELEMENT_PRESSURE))

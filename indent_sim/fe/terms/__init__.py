@@ -1,1 +1,1 @@
-"""Parts of the virtual work: strain, wall, contact."""
+"""Parts of the virtual work: strain, wall, and those of the tip in `contact`."""

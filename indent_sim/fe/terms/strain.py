@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
@@ -12,9 +11,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from indent_sim.fe import compat
-from indent_sim.fe.body import DEGREE, Body, symbolic
+from indent_sim.fe.discrete_body import ORDER, VOLUME_DEGREE, Body, Field, Moment, symbolic
+from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.variation import variations
-from indent_sim.mesh.part import Region
+from indent_sim.mesh.modelled_part import Region
 from indent_sim.scene.scene import Scene
 
 
@@ -31,19 +31,29 @@ class Crushed:
         return f", where J is smallest, {self.J:.3g}, at ({', '.join(scene.physics.part.kinematics.axes)}) = ({place})"
 
 
-class Strain:
-    """int psi dOmega of a region's material.
+def pressures(scene: Scene) -> list[Field]:
+    """The pressure q of each mixed region, one each because they jump between materials. A volume that an
+    incompressible region lacks pushes what is around it: it is worth the stiffest region's E."""
+    regions = scene.physics.part.regions
+    E = max(region.material.constants.E for region in regions)
+    mixed = [(f"q{k}", region) for k, region in enumerate(regions) if region.formulation == "mixed"]
+    return [Field(name, ORDER - 1, where=(region,), weight=E) for name, region in mixed]
 
-    nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small strain) are UFL tensors (3, 3) [pressure],
-    psi [pressure] and J = det F UFL scalars.
-    """
+
+class Strain(Term):
+    """int psi dOmega of a region's material. nominal_stress P = dpsi/dH and stress (Cauchy, P F^T/J; P itself at small
+    strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J = det F UFL scalars."""
+
+    is_matter = True
 
     def __init__(self, body: Body, region: Region):
         self.body, self.region = body, region
-        scene, fields = body.scene, body.unknowns.fields
+        scene, fields = body.scene, body.now.fields
+        self.is_constant = region.material.small_strain
+        self.fields = tuple(field.name for field in pressures(scene) if field.where == (region,))
         material = symbolic(region.material, body.mesh)
         H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
-        q = fields[body.pressures[region]] if region in body.pressures else None
+        q = fields[self.fields[0]] if self.fields else None
         self.psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
         F = ufl.Identity(3) + H
         self.nominal_stress = self.stress = ufl.diff(self.psi, H)
@@ -55,12 +65,17 @@ class Strain:
     @cached_property
     def cells(self) -> np.ndarray:
         """This rank's own cells in the region (n,)."""
-        return self.body.cells_of(self.region)
+        body, number = self.body, self.body.scene.physics.part.regions.index(self.region)
+        owned = body.mesh.topology.index_map(body.body_mesh.dim).size_local
+        return np.flatnonzero(body.body_mesh.regions[:owned] == number).astype(np.int32)
 
-    def work(self, test: Any, trial: Any) -> tuple[Any, Any]:
-        """First and second variation of the energy, as UFL forms."""
-        first, second = variations(self.psi, self.body.unknowns.solution, test, trial)
-        return self.body.over_region(first, self.region), self.body.over_region(second, self.region)
+    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+        """First variation of the energy, as a UFL form."""
+        return self.body.over_region(variations(self.psi, now)[0], self.region)
+
+    def tangent(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+        """Its second variation."""
+        return self.body.over_region(variations(self.psi, now)[1], self.region)
 
     def least_volume_ratio(self) -> Crushed | None:
         """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""
@@ -68,16 +83,15 @@ class Strain:
         if self.region.material.small_strain:
             return None
         dim = body.body_mesh.dim
-        points, _ = compat.quadrature(compat.CELLS[dim], DEGREE[dim])
+        points, _ = compat.quadrature(compat.CELL_NAMES[dim], VOLUME_DEGREE[dim])
         values = ufl.as_vector([self.J, *(body.X[k] for k in range(dim))])
-        cells = self.cells
-        table = compat.evaluate(fem.Expression(values, points), body.mesh, cells).reshape(-1, 1 + dim)
+        table = compat.evaluate(fem.Expression(values, points), body.mesh, self.cells).reshape(-1, 1 + dim)
         least = tuple(map(float, table[np.argmin(table[:, 0])])) if len(table) else (np.inf,) * (1 + dim)
         J, *X = min(body.comm.allgather(least))
         return Crushed(J, tuple(X))
 
     @cached_property
-    def _inverted(self) -> Any:
+    def _inverted(self) -> fem.Form:
         inverted = ufl.conditional(ufl.lt(self.J, 0.0), 1.0, 0.0)
         return fem.form(inverted * self.body.section(self.region))
 

@@ -10,15 +10,15 @@ every one of its terms is varied.
 
 from __future__ import annotations
 
-from typing import Any
-
 import ufl
-from ufl.classes import Coefficient, Variable
+from ufl.classes import Coefficient, Expr, Variable
+
+from indent_sim.fe.discrete_body import Moment
 
 
-def variations(psi: Any, solution: Any, test: Any, trial: Any) -> tuple[Any, Any]:
-    """The first variation of psi along `test`, and the second one along `test` and `trial`, of a solution."""
-    scalars = _scalars(psi)
+def variations(psi: Expr, now: Moment) -> tuple[Expr, Expr]:
+    """The first variation of psi along now.test, and the second one along now.test and now.trial."""
+    scalars, solution, test, trial = _scalars(psi), now.function, now.test, now.trial
     if scalars is None:
         first = ufl.derivative(psi, solution, test)
         return first, ufl.derivative(first, solution, trial)
@@ -31,9 +31,9 @@ def variations(psi: Any, solution: Any, test: Any, trial: Any) -> tuple[Any, Any
     return first, second
 
 
-def _scalars(psi: Any) -> list[Any] | None:
+def _scalars(psi: Expr) -> list[Expr] | None:
     """The scalar variables that psi is written in; None if it depends on an unknown in another way."""
-    found: dict[Any, Any] = {}
+    found: dict[Expr, Expr] = {}
     rest, seen = [psi], set()
     while rest:
         part = rest.pop()

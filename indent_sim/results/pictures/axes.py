@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from indent_sim.process.errors import UsageError, printable
-
-if TYPE_CHECKING:
-    from indent_sim.results.reader import Results
-
+from indent_sim.results.folder import Report
+from indent_sim.results.reader import Results
 
 PREFIXES = {"p": -12, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "": 0, "k": 3, "M": 6, "G": 9}
-BASES = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
-SHOWN = "shown_units"  # entry of a report: units asked for in a picture, by kind
+KIND_EXAMPLES = {"length": "nm, um, mm", "force": "pN, nN, mN", "pressure": "Pa, kPa, MPa", "line": "mN/m, N/m"}
+BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
+SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
 NAMES = {"delta": ("depth δ", "length"), "force": ("force F", "force"), "a": ("contact radius a", "length")}
 FLAT_NAMES = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}
 
@@ -34,7 +33,7 @@ class Axis:
         """The text along the axis."""
         return f"{self.name} [{in_print(self.unit)}]" if self.unit else self.name
 
-    def __call__(self, values: Any) -> np.ndarray:
+    def __call__(self, values: ArrayLike) -> np.ndarray:
         """Values as they are shown."""
         return np.asarray(values, dtype=float) * self.factor
 
@@ -57,7 +56,7 @@ def in_picture(text: str, most: int = 60) -> str:
     return f" {text}" if text.startswith("_") else text  # what begins with _ is left out of a legend
 
 
-def choice(report: Mapping[str, Any], key: str) -> str | None:
+def choice(report: Report, key: str) -> str | None:
     """What a run decided for a key of its plan, None where it says nothing."""
     choices = report.get("plan", {}).get("choices", [])
     return next((str(choice["value"]) for choice in choices if choice.get("key") == key), None)
@@ -89,26 +88,33 @@ def axis(column: str, runs: Sequence[Results]) -> Axis:
     return scaled(kind, runs, np.concatenate([run[column] for run in runs]), name)
 
 
-def scaled(kind: str, runs: Sequence[Results], values: Any, name: str) -> Axis:
+def scaled(kind: str, runs: Sequence[Results], values: ArrayLike, name: str) -> Axis:
     """An axis in the common unit of the runs.
 
     A length or force in m or N, and every pressure of an SI length and force, gets the prefix that makes its largest
     number readable; a length in mm stays one. What the picture was asked to show comes before that.
     """
-    units = {unit_of(kind, run.report.get("units") or {}) for run in runs}
-    unit = units.pop() if len(units) == 1 else ""
-    asked = {(run.report.get(SHOWN) or {}).get(kind, "") for run in runs}
-    wanted = asked.pop() if len(asked) == 1 else ""
+    unit = _common(unit_of(kind, run.report.get("units") or {}) for run in runs)
+    wanted = _common((run.report.get(SHOWN_UNITS) or {}).get(kind, "") for run in runs)
     power = _power(kind, unit)
     if power is None:
         if wanted:
-            raise UsageError(f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}: "
-                             f"it cannot be shown in {wanted}; say units: {{length, force}} in the scene")  # fmt: skip
+            problem = f"the {kind} of these results has {'the unit ' + unit if unit else 'no unit'}"
+            raise UsageError(f"{problem}: it cannot be shown in {wanted}; say units: {{length, force}} in the scene")
         return Axis(name, 1.0, unit)
     if wanted:
-        return Axis(name, 10.0 ** (power - _asked_power(kind, wanted)), wanted)
-    is_chosen = unit not in BASES.values() and kind in ("length", "force")
+        asked = _prefix(wanted, BASE_UNITS[kind])
+        if asked is None:
+            raise UsageError(f"{wanted} is no unit of {kind}: for example {KIND_EXAMPLES[kind]}")
+        return Axis(name, 10.0 ** (power - asked), wanted)
+    is_chosen = unit not in BASE_UNITS.values() and kind in ("length", "force")
     return Axis(name, 1.0, unit) if is_chosen else _prefixed(kind, power, np.asarray(values, dtype=float), name)
+
+
+def _common(units: Iterable[str]) -> str:
+    """The unit that all have, "" where they differ."""
+    found = set(units)
+    return found.pop() if len(found) == 1 else ""
 
 
 def _prefixed(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
@@ -117,7 +123,7 @@ def _prefixed(kind: str, power: int, values: np.ndarray, name: str) -> Axis:
     size = power + (np.log10(largest) - 0.3 if largest > 0 else 0)
     wanted = int(np.clip(3 * np.floor(size / 3 + 1e-9), -12, 9))
     prefix = next(prefix for prefix, of in PREFIXES.items() if of == wanted)
-    return Axis(name, 10.0 ** (power - wanted), prefix + BASES[kind])
+    return Axis(name, 10.0 ** (power - wanted), prefix + BASE_UNITS[kind])
 
 
 def unit_of(kind: str, units: Mapping[str, str]) -> str:
@@ -131,7 +137,7 @@ def unit_of(kind: str, units: Mapping[str, str]) -> str:
 def _power(kind: str, unit: str) -> int | None:
     """The power of ten of the SI unit that a label of `unit_of` stands for; None for any other."""
     if kind in ("length", "force"):
-        return _prefix(unit, BASES[kind])
+        return _prefix(unit, BASE_UNITS[kind])
     force, _, length = unit.rstrip("²").partition("/")
     of_force, of_length = _prefix(force, "N"), _prefix(length, "m")
     if of_force is None or of_length is None:
@@ -141,16 +147,3 @@ def _power(kind: str, unit: str) -> int | None:
 
 def _prefix(unit: str, base: str) -> int | None:
     return PREFIXES.get(unit[: -len(base)]) if unit.endswith(base) else None
-
-
-def _asked_power(kind: str, wanted: str) -> int:
-    power = _prefix(wanted, BASES[kind])
-    if power is None:
-        example = {"length": "nm, um, mm", "force": "pN, nN, mN", "pressure": "Pa, kPa, MPa", "line": "mN/m, N/m"}[kind]
-        raise UsageError(f"{wanted} is no unit of {kind}: for example {example}")
-    return power
-
-
-def shown_in(run: Results, units: Mapping[str, str]) -> Results:
-    """The same result, to be drawn in these units, by kind."""
-    return replace(run, report=run.report | {SHOWN: dict(units)}) if units else run

@@ -17,49 +17,41 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.folder import content, read_report
+from indent_sim.results.folder import is_own_file
 from indent_sim.results.pictures.axes import in_picture
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
+    from matplotlib.figure import SubFigure as SubFigure
+else:
+    Axes = Figure = SubFigure = object  # matplotlib is loaded where something is drawn
 
 INK, GREY = "#222222", "#6e6e6e"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-PICTURE = "force_indentation.png"
+FORCE_PICTURE = "force_indentation.png"
 FONT = 10.0  # points
-SOFTWARE, HEAD = b"Software\0indent-sim", 1000  # in the first bytes of a PNG of ours
-FORMATS = (".png", ".svg", ".pdf")
+PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
-MOST_TICKS, APART = 6, 3.0  # bins of an axis, and pixels between its numbers
+MOST_TICKS, TICK_LABEL_GAP = 6, 3.0  # bins of an axis, and pixels between its numbers
 MANY = 40  # points from which a line carries no markers
 LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
-HANDLE, FEWEST = 0.45, 12  # inches: width of what stands before a name there; letters of a line at least
+HANDLE, FEWEST_LETTERS = 0.45, 12  # inches: width of what stands before a name there; letters of a line at least
 LETTERS = 9.0  # of a title to the inch
-SUBTITLE, LABEL = 200, 120  # most letters
-THEORY: dict[str, Any] = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
-STYLE: dict[str, Any] = {
-    "axes.titlesize": "medium",
+SUBTITLE, LABEL_LETTERS = 200, 120  # most letters
+Look = dict[str, Any]  # matplotlib's words for how something is drawn
+THEORY_STYLE: Look = {"color": "#D55E00", "ls": "--", "lw": 1.4, "zorder": 3}
+STYLE: Look = {
     "figure.dpi": 100,  # in which labels are measured
-    "legend.fontsize": "small",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": GREY,
-    "axes.labelcolor": INK,
-    "text.color": INK,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "legend.fancybox": False,
-    "legend.edgecolor": "none",
     "legend.framealpha": 0.85,  # a long line of text may cross a steep curve
-    "lines.linewidth": 1.6,
-    "axes.formatter.limits": (-3, 4),
     "text.usetex": False,  # titles are text, and LaTeX is a program
     "svg.hashsalt": "indent-sim",  # the same results give the same file
+    **{"axes.titlesize": "medium", "axes.formatter.limits": (-3, 4), "lines.linewidth": 1.6},
+    **{"legend.fontsize": "small", "legend.edgecolor": "none"},
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right", "legend.fancybox"), False),
+    **dict.fromkeys(("axes.edgecolor", "xtick.color", "ytick.color"), GREY),
+    **dict.fromkeys(("axes.labelcolor", "text.color", "xtick.labelcolor", "ytick.labelcolor"), INK),
 }
 
 
@@ -74,30 +66,12 @@ def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterat
         yield Figure(figsize=size, layout="constrained")
 
 
-def from_zero(axes: Axes, *curves: Any) -> None:
+def from_zero(axes: Axes, *curves: np.ndarray) -> None:
     """Show from 0, or a little below the lowest point where one is negative, to a little above the highest one."""
-    known = [curve for curve in curves if np.size(curve) and np.isfinite(curve).any()]
-    highest = max((np.nanmax(curve) for curve in known), default=0)
-    lowest = min((np.nanmin(curve) for curve in known), default=0)
-    axes.set_ylim(1.08 * min(lowest, 0), 1.08 * highest if highest > 0 else 1)
-
-
-def hollow(marker: str, colour: str) -> dict[str, Any]:
-    """The look of a marker without a filling."""
-    return {"marker": marker, "mfc": "none", "mec": colour, "ls": "", "ms": 6, "zorder": 2}
-
-
-def name_axes(axes: Axes, x: str, y: str) -> None:
-    """Label both axes."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-
-
-def legend_above(figure: Figure, handles: Sequence[Any], names: Sequence[str], title: str | None = None) -> None:
-    """One legend above all panels, which make room for it (matplotlib 3.6 knows no place outside of them)."""
-    room = (0.62 if title else 0.38) / figure.get_figheight()  # inches
-    figure.get_layout_engine().set(rect=(0, 0, 1, 1 - room))  # type: ignore[union-attr, call-arg]
-    figure.legend(handles, names, loc="upper center", ncol=len(names), fontsize=9, title=title)
+    known = np.concatenate([np.ravel(curve) for curve in curves])
+    known = known[np.isfinite(known)]
+    lowest, highest = known.min(initial=0), known.max(initial=-np.inf)
+    axes.set_ylim(1.08 * lowest, 1.08 * highest if highest > 0 else 1)
 
 
 def legend_in(axes: Axes, named: Axes, columns: int = 1, wide: float = np.inf) -> None:
@@ -108,16 +82,11 @@ def legend_in(axes: Axes, named: Axes, columns: int = 1, wide: float = np.inf) -
     axes.legend(handles, names, loc="upper left", ncol=columns, borderaxespad=0, borderpad=0.2)
 
 
-def lines_of(axes: Axes) -> int:
-    """Lines of text in the legend of a panel."""
-    legend = axes.get_legend()
-    return sum(text.get_text().count("\n") + 1 for text in legend.get_texts()) if legend else 0
-
-
 def broken(names: Sequence[str], wide: float) -> list[str]:
     """Names of a legend in lines that fit into so many inches with their handles."""
     most = (wide / (figure_font() / FONT) - HANDLE) / LETTER
-    return ["\n".join(textwrap.wrap(name, max(FEWEST, int(most)))) if len(name) > most else name for name in names]
+    room = max(FEWEST_LETTERS, most)
+    return ["\n".join(textwrap.wrap(name, int(room))) if len(name) > most else name for name in names]
 
 
 def legend_below(figure: Figure, axes: Axes, named: Axes) -> None:
@@ -151,23 +120,14 @@ def head(figure: Figure, title: str, subtitle: str) -> None:
 
 def refuse_foreign(path: Path) -> None:
     """UsageError when a picture with a name that nobody chose would replace a file that this program did not make."""
-    is_result = path.name == PICTURE and bool(read_report(path.parent))
-    if os.path.lexists(path) and not is_result and not _is_own(path):
+    if os.path.lexists(path) and not is_own_file(path):
         raise UsageError(f"{path} is there already and no picture of indent-sim; choose another name with --output")
-
-
-def _is_own(path: Path) -> bool:
-    """Whether a PNG names this program in its metadata, which stand before the picture."""
-    try:
-        return not path.is_symlink() and SOFTWARE in content(path)[:HEAD]
-    except OSError:
-        return False
 
 
 def format_of(path: Path) -> str:
     """png, svg or pdf after the suffix; UsageError for any other."""
-    if path.suffix.lower() not in FORMATS:
-        raise UsageError(f"{path}: a picture ends in {', '.join(FORMATS)}")
+    if path.suffix.lower() not in PICTURE_FORMATS:
+        raise UsageError(f"{path}: a picture ends in {', '.join(PICTURE_FORMATS)}")
     return path.suffix.lower()[1:]
 
 
@@ -220,34 +180,28 @@ def _touch(along: Any) -> bool:
     boxes = [label.get_window_extent() for label in along.get_ticklabels() if label.get_text() and label.get_visible()]
     side = 0 if along.axis_name == "x" else 1
     ends = sorted((box.min[side], box.max[side]) for box in boxes)
-    return any(after[0] - before[1] < APART for before, after in pairwise(ends))
+    return any(after[0] - before[1] < TICK_LABEL_GAP for before, after in pairwise(ends))
 
 
 def save(figure: Figure, path: Path | str) -> None:
     """Write PNG, SVG or PDF after the suffix, all at once."""
     path = Path(path)
-    suffix = f".{format_of(path)}"
+    kind = format_of(path)
     with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         keep_ticks_apart(figure)
-        _write(figure, path, suffix)
+        _write(figure, path, kind)
 
 
-def _write(figure: Figure, path: Path, suffix: str) -> None:
-    metadata: dict[str, Any] = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    descriptor, temporary = tempfile.mkstemp(suffix, f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
+def _write(figure: Figure, path: Path, kind: str) -> None:
+    metadata: Look = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    descriptor, temporary = tempfile.mkstemp(f".{kind}", f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
     try:
         with open(descriptor, "wb") as file:
-            figure.savefig(file, format=suffix[1:], dpi=DPI[suffix[1:]], metadata=metadata[suffix[1:]])
-            os.fchmod(file.fileno(), 0o666 & ~_umask())
+            figure.savefig(file, format=kind, dpi=DPI[kind], metadata=metadata[kind])
+            os.umask(mask := os.umask(0o077))  # what new files do not get; there is no other way to ask
+            os.fchmod(file.fileno(), 0o666 & ~mask)
         os.replace(temporary, path)
     finally:
         with suppress(FileNotFoundError):
             os.unlink(temporary)
-
-
-def _umask() -> int:
-    """The permissions that new files do not get; there is no other way to ask."""
-    mask = os.umask(0o077)
-    os.umask(mask)
-    return mask

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from indent_sim.results.pictures.canvas import COLOURS, MANY, MARKERS
+from indent_sim.results.pictures.canvas import COLOURS, MANY, MARKERS, Axes, Look
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-
-FINE = 20  # points of a drawn curve between two rows
-MANY_RUNS = 10  # from which their colours are those of a map, in their order
+POINTS_BETWEEN_ROWS = 20  # points of a drawn curve between two rows
 MOST_POWER = 3.0  # of a power law that a curve may follow, and one over it the least
-UNLOADING = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
-Look = Mapping[str, Any]
+UNLOADING_STYLE = {"ls": (0, (4, 2)), "mfc": "white"}  # dashed, its marks hollow
+Points = tuple[np.ndarray, np.ndarray]  # x and y
+Rows = tuple[np.ndarray, np.ndarray, np.ndarray]  # depths, x and y
+Joined = Callable[[np.ndarray, np.ndarray], Points]  # the line through points
+Colour = Any  # as matplotlib takes it
 
 
-def look(i: int, of: int) -> dict[str, Any]:
+def look(i: int, of: int) -> Look:
     """Colour and mark of the i-th of so many curves; of many, colours of a map from dark to light, without marks."""
-    if of <= MANY_RUNS:
+    if of <= 10:
         return {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
     return {"color": shade(i, of), "marker": ""}
 
 
-def shade(i: int, of: int) -> Any:
+def shade(i: int, of: int) -> Colour:
     """The i-th of so many colours of a map, from dark to light."""
     from matplotlib import colormaps
 
@@ -45,14 +43,13 @@ def branches(delta: np.ndarray) -> list[tuple[slice, bool]]:
     return [(slice(first, last + 1), bool(delta[last] < delta[first])) for first, last in ends]
 
 
-def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+def smooth(x: np.ndarray, y: np.ndarray) -> Points:
     """A smooth curve through points in order of x, up or down, that rises and falls only where they do.
 
     Piecewise cubic in y^(1/n), n from the first and last point: a power law from first touch on, as the force and the
     radius of a contact nearly are, is drawn exactly. Slopes limited as in Hyman, SIAM J. Sci. Stat. Comput. 4 (1983)
     645: no overshoot. Points that do not go on in x, and forces that pull, which may jump, are joined by chords.
     """
-    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     h = np.diff(x)
     goes_on = (h > 0).all() or (h < 0).all()
     if len(x) < 3 or not goes_on or not np.isfinite(np.append(x, y)).all() or y.min() < 0:
@@ -60,7 +57,7 @@ def smooth(x: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
     n = _power(x, y)
     fine_x, straightened = _cubic(x, y ** (1 / n), h)
     fine_y = np.maximum(straightened, 0.0) ** n if n != 1 else straightened
-    fine_y[::FINE] = y  # not to rounding only
+    fine_y[::POINTS_BETWEEN_ROWS] = y  # not to rounding only
     return fine_x, fine_y
 
 
@@ -73,11 +70,11 @@ def _power(x: np.ndarray, y: np.ndarray) -> float:
     return float(np.clip(np.log(high / low) / np.log(far / near), 1 / MOST_POWER, MOST_POWER))
 
 
-def _cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _cubic(x: np.ndarray, y: np.ndarray, h: np.ndarray) -> Points:
     """The piecewise cubic of limited slopes through points whose x differ by h."""
     secant = np.diff(y) / h
     slope = _slopes(h, secant)
-    t = np.linspace(0, 1, FINE, endpoint=False)
+    t = np.linspace(0, 1, POINTS_BETWEEN_ROWS, endpoint=False)
     rise = (h * (slope[:-1] + slope[1:]) - 2 * np.diff(y))[:, None]
     bend = (h * (3 * secant - 2 * slope[:-1] - slope[1:]))[:, None]
     fine_y = y[:-1, None] + t * (h * slope[:-1])[:, None] + t**2 * bend + t**3 * rise
@@ -97,22 +94,30 @@ def _slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
     return rises * np.minimum(np.abs(slopes), most)
 
 
-def draw(axes: Axes, delta: np.ndarray, x: np.ndarray, y: np.ndarray, look: Look, label: str | None = None, *,
-         from_origin: bool = False, straight: bool = False) -> None:  # fmt: skip
-    """Draw rows (x, y) of a path of depths: smooth lines, and marks where the rows are unless there are very many.
+def chords(x: np.ndarray, y: np.ndarray) -> Points:
+    """The points themselves: between two of them the curve may jump."""
+    return x, y
 
-    Unloading is dashed and its marks are hollow. from_origin: the first branch begins at (0, 0), where no row is.
-    straight: rows are joined by lines, between which the curve may jump.
+
+def draw(
+    axes: Axes, rows: Rows, look: Look, label: str | None = None, begin: Sequence[float] = (), joined: Joined = smooth
+) -> None:
+    """Draw rows (delta, x, y) of a path of depths: lines, and marks where the rows are unless there are very many.
+
+    Unloading is dashed and its marks are hollow. begin: x = y of points before the rows of the first branch, if it goes
+    in; joined: the line through points, `smooth` or `chords`.
     """
-    marks, colour = look["marker"] if len(x) <= MANY else "", look["color"]
-    for rows, goes_out in branches(delta):
-        begin = [0.0] if from_origin and rows.start == 0 and not goes_out else []
-        line = {"ls": UNLOADING["ls"]} if goes_out else {}
-        joined = np.array([[*begin, *x[rows]], [*begin, *y[rows]]])
-        axes.plot(*(joined if straight else smooth(*joined)), color=colour, lw=1.2 if marks else 1.6, zorder=2,
-                  label=None if marks else label, **line)  # fmt: skip
+    (delta, x, y), colour = rows, look["color"]
+    marks = look["marker"] if len(x) <= MANY else ""
+    for part, goes_out in branches(delta):
+        before = [] if part.start or goes_out else begin
+        curve = joined(np.array([*before, *x[part]]), np.array([*before, *y[part]]))
+        line = {"ls": UNLOADING_STYLE["ls"] if goes_out else "-", "lw": 1.2 if marks else 1.6}
+        axes.plot(*curve, color=colour, zorder=2, label=None if marks else label, **line)
         if marks:
-            own = slice(rows.start + goes_out, rows.stop)  # the turning point is one of loading
-            ink = {"mec": colour, "mew": 1.0, "mfc": UNLOADING["mfc"]} if goes_out else {"mec": "white", "mew": 0.6}
+            own = slice(part.start + goes_out, part.stop)  # the turning point is one of loading
+            ink = {"mec": "white", "mew": 0.6}
+            if goes_out:
+                ink = {"mec": colour, "mew": 1.0, "mfc": UNLOADING_STYLE["mfc"]}
             axes.plot(x[own], y[own], ls="", marker=marks, ms=5.5, color=colour, label=label, zorder=4, **ink)
         label = None

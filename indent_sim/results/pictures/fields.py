@@ -5,34 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, choice, first_axis, middle_of, scaled
-from indent_sim.results.pictures.canvas import GREY, name_axes
-from indent_sim.results.pictures.pressure import depth_text
+from indent_sim.results.pictures.canvas import GREY, Axes
+from indent_sim.results.pictures.pressure import titled
 from indent_sim.results.pictures.profile import draw_tip
+from indent_sim.results.reader import Results
 from indent_sim.results.xdmf import read_fields
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from indent_sim.results.reader import Results
-
-
-VIEW, NEAR = 3.0, 1.5  # contact radii or depths around the tip that are shown, and of a thin body at least
+# Contact radii or depths around the tip that are shown, and of a thin body at least
+FIELD_VIEW, THIN_BODY_VIEW = 3.0, 1.5
 THIN = 4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
 ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
-WHOLE = 1.6  # times that a body may be wider or deeper to be shown whole
-SHOWN = 99.8  # per cent of the shown area inside the colours: at an edge a stress is infinite
+WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
+COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
+Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
 
 
 @dataclass(frozen=True)
-class Field:
+class ShownField:
     """What a picture can show on the body: its name in words, its kind of number, and how it is made of the arrays.
 
     {r} and {t} in the name stand for the first two axes: r and theta where the body is of revolution, else x and y.
@@ -46,17 +43,17 @@ class Field:
 
 
 FIELDS = {
-    "von_mises": Field("von Mises stress", "pressure", lambda f: f["von_mises"]),
-    "principal_1": Field("principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0),
-    "principal_2": Field("principal stress σ₂", "pressure", lambda f: f["principal_stresses"][:, 1], 0.0),
-    "principal_3": Field("principal stress σ₃", "pressure", lambda f: f["principal_stresses"][:, 2], 0.0),
-    "sigma_xx": Field(r"stress $\sigma_{{{r}{r}}}$", "pressure", lambda f: f["stress"][:, 0], 0.0),
-    "sigma_yy": Field(r"stress $\sigma_{{{t}{t}}}$", "pressure", lambda f: f["stress"][:, 4], 0.0),
-    "sigma_zz": Field(r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0),
-    "sigma_xz": Field(r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0),
-    "J": Field("volume ratio J", "1", lambda f: f["J"], 1.0),
-    "energy_density": Field("energy density ψ", "pressure", lambda f: f["energy_density"]),
-    "displacement": Field("displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)),
+    "von_mises": ShownField("von Mises stress", "pressure", lambda f: f["von_mises"]),
+    "principal_1": ShownField("principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0),
+    "principal_2": ShownField("principal stress σ₂", "pressure", lambda f: f["principal_stresses"][:, 1], 0.0),
+    "principal_3": ShownField("principal stress σ₃", "pressure", lambda f: f["principal_stresses"][:, 2], 0.0),
+    "sigma_xx": ShownField(r"stress $\sigma_{{{r}{r}}}$", "pressure", lambda f: f["stress"][:, 0], 0.0),
+    "sigma_yy": ShownField(r"stress $\sigma_{{{t}{t}}}$", "pressure", lambda f: f["stress"][:, 4], 0.0),
+    "sigma_zz": ShownField(r"stress $\sigma_{{zz}}$", "pressure", lambda f: f["stress"][:, 8], 0.0),
+    "sigma_xz": ShownField(r"stress $\sigma_{{{r}z}}$", "pressure", lambda f: f["stress"][:, 2], 0.0),
+    "J": ShownField("volume ratio J", "1", lambda f: f["J"], 1.0),
+    "energy_density": ShownField("energy density ψ", "pressure", lambda f: f["energy_density"]),
+    "displacement": ShownField("displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)),
 }
 
 
@@ -94,14 +91,14 @@ class Section:
         return self.values[shown], area[shown]
 
 
-def field_of(name: str) -> Field:
+def field_of(name: str) -> ShownField:
     """The field of a name; UsageError for any other."""
     if name not in FIELDS:
         raise UsageError(f"there is no field {name}; choose among {', '.join(FIELDS)}")
     return FIELDS[name]
 
 
-def section_of(results: Results, step: float, field: Field) -> Section:
+def section_of(results: Results, step: float, field: ShownField) -> Section:
     """The deformed section of a step in the plane through the tip's axis, its other half mirrored where it is one."""
     fields = read_fields(results.path, int(step))
     values = field.values(fields)
@@ -111,14 +108,13 @@ def section_of(results: Results, step: float, field: Field) -> Section:
         y = fields["points"][:, 1]
         inside = np.clip(center[1], y.min() + 1e-6 * np.ptp(y), y.max() - 1e-6 * np.ptp(y))
         parts = [_cut(*part, inside) for part in parts]
-    points, triangles, shown = _joined(parts)
+    starts = np.cumsum([0, *(len(moved) for _, moved, *_ in parts[:-1])])
+    triangles = np.concatenate([cells + start for (_, _, cells, _), start in zip(parts, starts, strict=True)])
+    points, shown = np.concatenate([part[1] for part in parts]), np.concatenate([part[3] for part in parts])
     section = Section(points[:, [0, 2]], triangles, shown)
     left = fields["points"][:, 0].min()
     is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(fields["points"][:, 0])
     return section.mirrored(center[0]) if is_half else section
-
-
-Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
 
 
 def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) -> Part:
@@ -126,10 +122,8 @@ def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) ->
     used, cells = np.unique(fields["cells"][own], return_inverse=True)
     cells = cells.reshape(-1, fields["cells"].shape[1])
     points = fields["points"][used]
-    if len(values) == len(fields["points"]) and len(values) != len(fields["cells"]):
-        nodal = values[used]
-    else:
-        nodal = _at_vertices(points, cells, values[own])
+    is_nodal = len(values) == len(fields["points"]) and len(values) != len(fields["cells"])
+    nodal = values[used] if is_nodal else _at_vertices(points, cells, values[own])
     return points, points + fields["displacement"][used], cells, nodal
 
 
@@ -158,19 +152,12 @@ def _cut(points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.nd
     return found[:, :3], found[:, 3:6], np.arange(len(found)).reshape(-1, 3), found[:, 6]
 
 
-def _joined(parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Deformed points, triangles and values of several parts."""
-    starts = np.cumsum([0, *(len(part[1]) for part in parts[:-1])])
-    triangles = [part[2] + start for part, start in zip(parts, starts, strict=True)]
-    return np.concatenate([part[1] for part in parts]), np.concatenate(triangles), np.concatenate([p[3] for p in parts])
-
-
 @dataclass(frozen=True)
 class FieldRow:
     """A field of several results or steps, each with its words, side by side in one frame and with the same colours."""
 
     shown: Sequence[tuple[Results, float, str]]
-    field: Field
+    field: ShownField
 
     @cached_property
     def sections(self) -> list[Section]:
@@ -183,38 +170,35 @@ class FieldRow:
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
         size = max(max(_at(run, step, "a"), abs(_at(run, step, "delta"))) for run, step, _ in self.shown)
-        reach, middle = size * np.clip(THIN * (top - bottom) / size, NEAR, VIEW), middle_of([self.shown[0][0]])[0]
-        sides = (left, right) if right - left <= 2 * WHOLE * reach else (middle - reach, middle + reach)
-        return np.array([*sides, bottom if -bottom <= WHOLE * reach else -reach, top + ABOVE * size])
-
-    @property
-    def aspect(self) -> float:
-        """Height over width of a panel."""
-        left, right, bottom, top = self.frame
-        return float((top - bottom) / (right - left))
+        reach = size * np.clip(THIN * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW)
+        middle, _ = middle_of([self.shown[0][0]])
+        sides = (left, right) if right - left <= 2 * WHOLE_BODY_RATIO * reach else (middle - reach, middle + reach)
+        return np.array([*sides, bottom if -bottom <= WHOLE_BODY_RATIO * reach else -reach, top + ABOVE * size])
 
     def draw(self, panels: Sequence[Axes]) -> None:
         """Draw into as many panels, with one bar for the colours of all."""
         runs, frame = [run for run, *_ in self.shown], self.frame
-        length = scaled("length", runs, np.ptp(frame[:2]) / 2 * np.ones(1), first_axis(runs[0]))
+        length = scaled("length", runs, np.ptp(frame[:2]) / 2, first_axis(runs[0]))
         inside, areas = map(np.concatenate, zip(*(section.inside(frame) for section in self.sections), strict=True))
-        axis = self._axis(runs, inside)
+        first, kind = first_axis(runs[0]), self.field.kind
+        name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
+        axis = Axis(name) if kind == "1" else scaled(kind, runs, inside, name)
         low, high, colours = _colours(axis(inside), areas, self.field.middle)
         for axes, (run, step, words), section in zip(panels, self.shown, self.sections, strict=True):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
             drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
-            _finish(axes, run, step, words, frame, length)
+            if (scene := scene_of(run.path)) is not None:
+                draw_tip(axes, scene, _at(run, step, "delta"), middle_of([run])[0], float(np.ptp(frame[:2])), length)
+            axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
+            axes.locator_params(nbins=5)
+            axes.set_title(titled(run, step, words), loc="left", fontsize="small", color=GREY)
+            axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         ends = [axis(inside).min() < low, axis(inside).max() > high]
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
         bar = panels[0].figure.colorbar(drawn, ax=list(panels), label=axis.label, extend=beyond, aspect=25)
         bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
         for axes in panels:
             axes.label_outer()
-
-    def _axis(self, runs: Sequence[Results], values: np.ndarray) -> Axis:
-        first = first_axis(runs[0])
-        name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
-        return Axis(name) if self.field.kind == "1" else scaled(self.field.kind, runs, values, name)
 
 
 def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least: float, look: dict[str, Any]) -> Any:
@@ -227,29 +211,14 @@ def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least:
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
 
-def _finish(axes: Axes, results: Results, step: float, words: str, frame: np.ndarray, length: Axis) -> None:
-    """The tip, the frame and the words of one panel."""
-    if (scene := scene_of(results.path)) is not None:
-        draw_tip(axes, scene, _at(results, step, "delta"), middle_of([results])[0], float(np.ptp(frame[:2])), length)
-    axes.set_aspect("equal")
-    axes.set(xlim=length(frame[:2]), ylim=length(frame[2:]))
-    axes.locator_params(nbins=5)
-    said = ", ".join(filter(None, [words, f"δ = {depth_text(results, step)}"]))
-    axes.set_title(said, loc="left", fontsize="small", color=GREY)
-    name_axes(axes, length.label, Axis("z", unit=length.unit).label)
-
-
 def _at(results: Results, step: float, column: str) -> float:
     return float(results[column][results["step"] == step][0])
 
 
 def _colours(values: np.ndarray, areas: np.ndarray, middle: float | None) -> tuple[float, float, Any]:
-    """The limits of the colours and their map: from 0 up, or as far to both sides of the middle.
-
-    A share of the area is beyond them, not of the points: at an edge, where a stress is infinite, these are many.
-    """
+    """The limits of the colours and their map: from 0 up, or as far to both sides of the middle."""
     away = np.abs(values - (middle or 0.0))
     order = np.argsort(away)
     covered = np.cumsum(areas[order])
-    high = float(away[order[np.searchsorted(covered, SHOWN / 100 * covered[-1])]]) or 1.0
+    high = float(away[order[np.searchsorted(covered, COLOURED_PERCENT / 100 * covered[-1])]]) or 1.0
     return (0.0, high, "viridis") if middle is None else (middle - high, middle + high, "RdBu_r")

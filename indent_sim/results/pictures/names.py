@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
+from indent_sim.config import strict_yaml
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.folder import CONFIG, content
+from indent_sim.results.folder import CONFIG, Report, content
+from indent_sim.results.reader import Results
 
-if TYPE_CHECKING:
-    from indent_sim.results.reader import Results
-
-
-SILENT = ("title", "units", "output")  # sections that say nothing of the physics
-MOST_LETTERS = 48  # of a name
+MOST_NAME_LETTERS = 48  # of a name
 
 
 def in_order(name: str) -> list[tuple[float, str]]:
@@ -32,8 +28,7 @@ def names_of(runs: Sequence[Results]) -> list[str]:
     settings = _differences(runs)
     if all(settings) and len(set(settings)) == len(settings):
         return settings
-    folders = [run.path.resolve() for run in runs]
-    names = [folder.name for folder in folders]
+    names = [run.path.resolve().name for run in runs]
     return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
 
 
@@ -44,15 +39,15 @@ def _differences(runs: Sequence[Results]) -> list[str]:
         return [""] * len(runs)
     chosen = {key for run in runs for key in run.report.get("plan", {}).get("auto", [])}
     keys = list(dict.fromkeys(key for config in configs for key in config))
-    keys = [key for key in keys if key not in chosen and key.split(".")[0] not in SILENT]
+    keys = [key for key in keys if key not in chosen and key.split(".")[0] not in ("title", "units", "output")]
     told = [key for key in keys if len({str(config.get(key)) for config in configs}) > 1]
-    return [_setting(config, told) for config in configs]
+    settings = [[(key.rpartition(".")[2], config.get(key)) for key in told] for config in configs]
+    words = [", ".join(f"{name} {_short(value)}" for name, value in one if value is not None) for one in settings]
+    return [text if len(text) <= MOST_NAME_LETTERS else f"{text[: MOST_NAME_LETTERS - 1]}…" for text in words]
 
 
-def config_of(folder: Path) -> dict[str, Any]:
+def config_of(folder: Path) -> Report:
     """The resolved config of a result folder by dotted key; empty where there is none to read."""
-    from indent_sim.config import strict_yaml
-
     try:
         sections, _ = strict_yaml.parse(content(folder / CONFIG).decode("utf-8"))
     except (OSError, ValueError, ConfigError):
@@ -60,7 +55,7 @@ def config_of(folder: Path) -> dict[str, Any]:
     return dict(_flat(sections)) if isinstance(sections, dict) else {}
 
 
-def _flat(section: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+def _flat(section: Report, above: str = "") -> Iterator[tuple[str, object]]:
     for key, value in section.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{above}{key}.")
@@ -68,11 +63,5 @@ def _flat(section: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
             yield f"{above}{key}", value
 
 
-def _setting(config: Mapping[str, Any], keys: Sequence[str]) -> str:
-    parts = []
-    for key in keys:
-        value, name = config.get(key), key.rpartition(".")[2]
-        if value is not None:
-            parts.append(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}")
-    text = ", ".join(parts)
-    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -6,38 +6,33 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import canvas, curves
-from indent_sim.results.pictures.axes import BASES, shown_in
+from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
+from indent_sim.results.pictures.canvas import Axes, SubFigure
 from indent_sim.results.pictures.fields import FieldRow, field_of
 from indent_sim.results.pictures.forces import draw_forces, named_apart
-from indent_sim.results.pictures.pressure import contact_of, depth_text, draw_map, strongest_step
-from indent_sim.results.pictures.pressure import draw_profiles as draw_pressures
+from indent_sim.results.pictures.pressure import contact_of, draw_map, draw_pressures, strongest_step, titled
 from indent_sim.results.pictures.profile import draw_profiles
+from indent_sim.results.reader import Results
 from indent_sim.results.xdmf import kept_steps
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import SubFigure
-
-    from indent_sim.results.reader import Results
-
 
 WHAT = ("force", "pressure", "profile", "fields")
 OF_STEPS = ("pressure", "profile", "fields")
 MM = 1 / 25.4  # inches
-PANEL = 4.4  # inches: width of a panel where no width is asked for
+PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
 LINE_ASPECT, MAP_ASPECT = 0.72, 0.85  # height over width of panels
-WORDS, NUMBERS, BESIDE_BAR = 0.75, 0.4, 0.85  # inches around a field for words and numbers, and what its bar leaves
+# Inches around a field for words and numbers, and what its bar leaves
+WORDS_HEIGHT, NUMBERS_WIDTH, BESIDE_BAR = 0.75, 0.4, 0.85
 LOWEST = 1.2  # inches: of a bar with its words
-BESIDE_PANEL = 0.5  # inches to the left of a panel, for its words and numbers
 MOST_IN_ROW, MOST_WIDE, MOST_PANELS = 4, 3, 40
+T = TypeVar("T")
 NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
-Shown = tuple["Results", float, str]  # a result, a step, and what tells them from the others in words
+Shown = tuple[Results, float, str]  # a result, a step, and what tells them from the others in words
 
 
 @dataclass(frozen=True)
@@ -73,8 +68,8 @@ def wish(given: Mapping[str, Any]) -> Wish:
         raise UsageError(f"--steps belongs to --what {' or '.join(OF_STEPS)}: the force is drawn at every step")
     if wrong := [word for word in found.steps if not (word in ("last", "all") or word.isdecimal())]:
         raise UsageError(f"--steps {wrong[0]} is neither a step nor last nor all")
-    if wrong := [kind for kind in found.units if kind not in BASES]:
-        raise UsageError(f"--units {wrong[0]}: there are {', '.join(BASES)}")
+    if wrong := [kind for kind in found.units if kind not in BASE_UNITS]:
+        raise UsageError(f"--units {wrong[0]}: there are {', '.join(BASE_UNITS)}")
     for name in found.fields:
         field_of(name)
     return found
@@ -92,12 +87,13 @@ class _Row:
 def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
     """Draw what was wished for; UsageError for steps, fields and panels that the results do not have."""
     canvas.format_of(Path(path))
-    runs = [shown_in(run, wish.units) for run in runs]
+    if wish.units:
+        runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
     lines = _line_panels(runs, names, wish)
     rows = [_line_row(part, len(runs)) for part in _in_rows(lines, wish.side_by_side(NARROWEST_LINES, MOST_WIDE))]
     rows += _map_rows(runs, names, wish)
-    width = wish.width * MM if wish.width else PANEL * min(MOST_WIDE, max(row.panels for row in rows))
+    width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.panels for row in rows))
     heights = [row.height(width) for row in rows]
     with canvas.canvas((width, sum(heights)), wish.font) as figure:
         parts = figure.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
@@ -109,28 +105,17 @@ def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
 def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[Callable[[Axes], None]]:
     """What draws each panel of curves, in the order of the wish."""
     panels: list[Callable[[Axes], None]] = []
+    theory = runs[0].report.get("theory") if len(runs) == 1 else None
     for what in wish.what:
         if what == "force":
-            panels.append(partial(_draw_forces, runs, names))
+            panels.append(lambda axes: draw_forces(axes, runs, theory, names if len(runs) > 1 else ("this run",)))
         elif what == "profile":
-            panels.append(partial(_call, draw_profiles, _coloured(_shown(runs, names, wish, what))))
+            panels.append(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))
         elif what == "pressure":
-            shown = _coloured([one for one in _shown(runs, names, wish, what) if not _has_map(one[0])])
+            shown = _coloured([one for one in _shown(runs, names, wish, what) if np.ptp(one[0].surface["y"]) == 0])
             told = [(run, contact_of(run, step), name, colour) for run, step, name, colour in shown]
-            panels += [partial(_call, draw_pressures, told)] if told else []
+            panels += [partial(draw_pressures, shown=told)] if told else []
     return panels
-
-
-def _draw_forces(runs: Sequence[Results], names: Sequence[str], axes: Axes) -> None:
-    """The forces of one run beside theory, or of several."""
-    if len(runs) > 1:
-        draw_forces(axes, runs, None, names)
-    else:
-        draw_forces(axes, runs, runs[0].report.get("theory"))
-
-
-def _call(drawing: Callable[[Axes, Any], None], shown: Any, axes: Axes) -> None:
-    drawing(axes, shown)
 
 
 def _line_row(panels: Sequence[Callable[[Axes], None]], runs: int) -> _Row:
@@ -141,8 +126,9 @@ def _line_row(panels: Sequence[Callable[[Axes], None]], runs: int) -> _Row:
         width, height = part.bbox.width / part.figure.dpi / len(panels), part.bbox.height / part.figure.dpi
         for draw_panel, (plot, below) in zip(panels, axes.T, strict=True):
             draw_panel(plot)
-            canvas.legend_in(below, plot, wide=width - BESIDE_PANEL)
-        lines = max(canvas.lines_of(below) for below in axes[1])
+            canvas.legend_in(below, plot, wide=width - 0.5)  # for its words and numbers
+        legends = [below.get_legend().get_texts() for below in axes[1]]
+        lines = max(sum(text.get_text().count("\n") + 1 for text in texts) for texts in legends)
         legend = min(0.6 * height, canvas.LINE * (lines + 0.5) * canvas.figure_font() / canvas.FONT)
         axes[0, 0].get_gridspec().set_height_ratios([height - legend, legend])
 
@@ -156,7 +142,7 @@ def _map_rows(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
     most = wish.side_by_side(NARROWEST_MAPS, MOST_IN_ROW)
     for what in wish.what:
         if what == "pressure":
-            mapped = [one for one in _shown(runs, names, wish, what) if _has_map(one[0])]
+            mapped = [one for one in _shown(runs, names, wish, what) if np.ptp(one[0].surface["y"]) > 0]
             rows += [_pressure_row(part) for part in _in_rows(mapped, most)]
         if what == "fields":
             shown = _shown(runs, names, wish, what)
@@ -168,9 +154,9 @@ def _pressure_row(shown: Sequence[Shown]) -> _Row:
     def into(part: SubFigure) -> None:
         for axes, (run, step, words) in zip(part.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
             draw_map(axes, run, contact_of(run, step))
-            axes.set_title(_titled(run, step, words), loc="left", fontsize="small", color=canvas.GREY)
+            axes.set_title(titled(run, step, words), loc="left", fontsize="small", color=canvas.GREY)
 
-    return _Row(len(shown), lambda width: MAP_ASPECT * min(width / len(shown), PANEL), into)
+    return _Row(len(shown), lambda width: MAP_ASPECT * min(width / len(shown), PANEL_WIDTH), into)
 
 
 def _field_row(row: FieldRow, most: int) -> _Row:
@@ -185,12 +171,10 @@ def _field_row(row: FieldRow, most: int) -> _Row:
         row.draw(list(axes[: len(row.shown)]))
 
     def height(width: float) -> float:
-        return lines * max(row.aspect * (BESIDE_BAR * width / columns - NUMBERS), LOWEST) + WORDS
+        aspect = float(np.ptp(row.frame[2:]) / np.ptp(row.frame[:2]))
+        return lines * max(aspect * (BESIDE_BAR * width / columns - NUMBERS_WIDTH), LOWEST) + WORDS_HEIGHT
 
     return _Row(columns, height, into)
-
-
-T = TypeVar("T")
 
 
 def _in_rows(panels: Sequence[T], most: int) -> list[Sequence[T]]:
@@ -203,19 +187,7 @@ def _coloured(shown: Sequence[Shown]) -> list[tuple[Results, float, str, Any]]:
     many = len(shown)
     single = len({id(run) for run, *_ in shown}) == 1
     colours = [curves.shade(i, many) if single and many > 1 else curves.look(i, many)["color"] for i in range(many)]
-    return [
-        (run, step, _titled(run, step, words), colour)
-        for (run, step, words), colour in zip(shown, colours, strict=True)
-    ]
-
-
-def _titled(run: Results, step: float, words: str) -> str:
-    return ", ".join(filter(None, [words, f"δ = {depth_text(run, step)}"]))
-
-
-def _has_map(run: Results) -> bool:
-    """Whether the surface of a result has two dimensions."""
-    return bool(np.ptp(run.surface["y"]) > 0)
+    return [(*one[:2], titled(*one), colour) for one, colour in zip(shown, colours, strict=True)]
 
 
 def _shown(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str) -> list[Shown]:
@@ -228,19 +200,15 @@ def _shown(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str)
 
 def _steps(run: Results, wish: Wish, what: str) -> list[float]:
     """The steps of a result that are shown: those asked for, or that of the largest force."""
-    there = sorted(set(map(int, kept_steps(run.path) if what == "fields" else run.surface.get("step", ()))))
+    kept = kept_steps(run.path, run["step"]) if what == "fields" else run.surface.get("step", ())
+    there = sorted(set(map(int, kept)))
     key = "fields" if what == "fields" else "surface"
     if not there:
         raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}=last or all")
     asked = [there[-1] if word == "last" else word for word in wish.steps]
-    steps = there if "all" in asked else [int(word) for word in asked] or [_strongest(run, there)]
-    if missing := [step for step in steps if step not in there]:
-        raise UsageError(f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}; "
-                         f"output.{key}: all keeps every step")  # fmt: skip
-    return [float(step) for step in steps]
-
-
-def _strongest(run: Results, there: Sequence[int]) -> int:
-    """Of the steps that are there that of the largest force."""
     known = replace(run, surface={"step": np.array(there, dtype=float)})
-    return int(strongest_step(known) or there[-1])
+    steps = there if "all" in asked else [int(word) for word in asked] or [int(strongest_step(known) or there[-1])]
+    if missing := [step for step in steps if step not in there]:
+        problem = f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}"
+        raise UsageError(f"{problem}; output.{key}: all keeps every step")
+    return [float(step) for step in steps]

@@ -4,35 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from indent_sim.model.tips import reach
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled
-from indent_sim.results.pictures.canvas import COLOURS, GREY, from_zero, name_axes
+from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, Look, from_zero
+from indent_sim.results.reader import Results
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from indent_sim.results.reader import Results
-
-
-PEAK = 5.0  # medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
-VIEW = 1.5  # contact radii around the tip in which the pressure is shown
-PRESSED = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
-MARGIN = 0.1  # contact radii around what is pressed
+# Medians inside the contact up to which a peak is shown: beside a singular edge nothing else would be seen
+PEAK_MEDIANS = 5.0
+PRESSURE_VIEW = 1.5  # contact radii around the tip in which the pressure is shown
+PRESSED_SHARE = 0.02  # of the median pressure within the contact radius: beyond it there is contact, below a ripple
 BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
 BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
-TOUCHED = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
-INFINITE = "∞"
+TOUCHED_RADII = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
 UNPRESSED = "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
-STICKS = "stick radius"
 
 
 @dataclass(frozen=True)
-class Contact:
+class PressedSurface:
     """The contact surface of one step around the tip: places (n,) from the tip's axis, pressure (n,), as modelled.
 
     mirrored: the axes (x, y) along which the modelled part ends at the tip's axis; a [length] of the contact;
@@ -51,11 +43,6 @@ class Contact:
     sticks: float = 0.0
 
     @property
-    def is_map(self) -> bool:
-        """Whether the surface has two dimensions."""
-        return bool(np.ptp(self.y) > 0)
-
-    @property
     def typical(self) -> float:
         """The median of the pressure's size inside the contact."""
         inside, size = np.hypot(self.x, self.y) <= self.a, np.abs(self.p)
@@ -63,25 +50,25 @@ class Contact:
 
     @property
     def reach(self) -> float:
-        """The half width of the frame around the tip [length]: VIEW radii, and all that is pressed or pulled.
+        """The half width of the frame around the tip [length]: PRESSURE_VIEW radii, and all that is pressed or pulled.
 
-        The corners of a contact with few sides are farther from the tip than VIEW radii of a circle with its area.
+        Corners of a contact with few sides are farther from the tip than PRESSURE_VIEW radii of a circle with its area.
         """
-        pressed = np.abs(self.p) > PRESSED * self.typical
+        pressed = np.abs(self.p) > PRESSED_SHARE * self.typical
         farthest = max(np.abs(self.x[pressed]).max(initial=0.0), np.abs(self.y[pressed]).max(initial=0.0))
-        return max(VIEW * self.a, farthest + MARGIN * self.a)
+        return max(PRESSURE_VIEW * self.a, farthest + 0.1 * self.a)  # around what is pressed
 
     def bounded(self) -> np.ndarray:
         """Which points are not beside a place of infinite pressure (n,)."""
         r = np.hypot(self.x, self.y)
         return np.all([np.ones(len(r)), *(np.abs(r - place) > beside for place, beside in self.infinite)], axis=0)
 
-    def profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
+    def profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
         """Places along a line [length], the tip at `middle`, and the pressure there, NaN beside an infinite one."""
         order = np.argsort(self.x)
-        return self._along_line(self.x[order], np.where(self.bounded(), self.p, np.nan)[order], is_half, middle)
+        return self._along_line(self.x[order], np.where(self.bounded(), self.p, np.nan)[order], middle)
 
-    def shear_profile(self, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
+    def shear_profile(self, middle: float) -> tuple[np.ndarray, np.ndarray]:
         """Places along a line [length], the tip at `middle`, and the size of the shear's means over the elements there.
 
         Between the nodes of an element it says in which step each came into contact: under a tip that sticks it goes
@@ -92,44 +79,38 @@ class Contact:
         x, tau = self.x[order], self.shear[order]
         if len(x) % 2 and np.allclose(x[1::2], (x[:-2:2] + x[2::2]) / 2, rtol=0, atol=1e-6 * np.ptp(x)):
             x, tau = x[1::2], (tau[:-2:2] + 4 * tau[1::2] + tau[2::2]) / 6
-        return self._along_line(x, np.abs(tau), is_half, middle)
+        return self._along_line(x, np.abs(tau), middle)
 
-    def _along_line(self, x: np.ndarray, p: np.ndarray, is_half: bool, middle: float) -> tuple[np.ndarray, np.ndarray]:
-        if self.mirrored[0] and not is_half:
+    def _along_line(self, x: np.ndarray, p: np.ndarray, middle: float) -> tuple[np.ndarray, np.ndarray]:
+        if self.mirrored[0]:
             x, p = np.concatenate([-x[::-1], x]), np.concatenate([p[::-1], p])
         return x + middle, p
 
 
-def contact_of(results: Results, step: float) -> Contact:
+def contact_of(results: Results, step: float) -> PressedSurface:
     """The contact surface of a step of a result."""
     surface = results.surface
-    known = _known(results, step)
+    known = (surface["step"] == step) & np.isfinite(surface["pressure"])
     x, y, p = (surface[name][known] for name in ("x", "y", "pressure"))
-    center = _tip(results, x, y, p)
+    said = results.report.get("center")  # of an older result: where the pressure is largest
+    center = np.array([*said, 0.0][:2]) if said else np.array([x[p.argmax()], y[p.argmax()]])
     x, y = x - center[0], y - center[1]
     small = 1e-9 * max(np.ptp(x), np.ptp(y), 1e-300)
     is_part = choice(results.report, "symmetry") != "full"
     ends = [bool(np.ptp(along) > 0 and (along.min() > -small or along.max() < small)) for along in (x, y)]
     mirrored = (is_part and ends[0], is_part and ends[1])
-    a = _contact_radius(results, step, x, y, p)
-    infinite = tuple((place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED * a)
-    found = Contact(x, y, p, center, mirrored, a, infinite)
-    if "shear" not in surface:
-        return found
+    radius, pulled = results["a"][results["step"] == step], p < -PRESSED_SHARE * np.abs(p).max(initial=0.0)
+    a = float(radius[0]) if len(radius) else 0.0
+    if not a > 0:  # how far it is pulled, or else the size of the surface
+        a = float(np.hypot(x, y)[pulled].max()) if pulled.any() else float(np.hypot(np.ptp(x), np.ptp(y)))
+    infinite = tuple((place, beside) for place, beside in _infinite(results, step) if place <= TOUCHED_RADII * a)
+    shear = surface["shear"][known] if "shear" in surface else None
     sticks = results.table.get("stick_radius", np.zeros(len(results)))[results["step"] == step]
-    return replace(found, shear=surface["shear"][known], sticks=float(sticks[0]) if len(sticks) else 0.0)
-
-
-def _known(results: Results, step: float) -> np.ndarray:
-    """Which rows of the surface table are of a step, and not where its pressure is infinite."""
-    return (results.surface["step"] == step) & np.isfinite(results.surface["pressure"])
+    return PressedSurface(x, y, p, center, mirrored, a, infinite, shear, float(sticks.max(initial=0.0)))
 
 
 def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
-    """Where a sharp tip makes the pressure infinite, and the elements beside [length]; p_max is empty there.
-
-    What theory says beside such a place is right.
-    """
+    """Where a sharp tip makes the pressure infinite, and how far beside that a mesh does not know it [length]."""
     peak = results.table.get("p_max", np.zeros(len(results)))[results["step"] == step]
     scene = scene_of(results.path)
     if scene is None or not len(peak) or np.isfinite(peak[0]):
@@ -137,85 +118,79 @@ def _infinite(results: Results, step: float) -> tuple[tuple[float, float], ...]:
     tip, mesh = scene.indenter, scene.mesh
     size = mesh.h_contact if isinstance(mesh.h_contact, float) else 0.0
     own = {True: mesh.h_axis or size, False: mesh.h_edge or size}
-    return tuple((radius, (BESIDE_END if radius >= reach(tip) else BESIDE_KINK) * own[radius == 0])
-                 for radius, _ in tip.creases())  # fmt: skip
+    radii, end = [radius for radius, _ in tip.creases()], reach(tip)
+    return tuple((r, (BESIDE_END if r >= end else BESIDE_KINK) * own[r == 0]) for r in radii)
 
 
 def draw_pressure(axes: Axes, results: Results, step: float) -> None:
     """The contact pressure of a step, around the tip: a profile along a line or a map."""
     contact = contact_of(results, step)
     axes.set_title(f"step {step:g}, depth {depth_text(results, step)}", color=GREY, loc="left", fontsize="small")
-    if contact.is_map:
+    if np.ptp(contact.y) > 0:  # the surface has two dimensions
         draw_map(axes, results, contact)
     else:
-        draw_profiles(axes, [(results, contact, "", COLOURS[0])])
+        draw_pressures(axes, [(results, contact, "", COLOURS[0])])
         if contact.shear is not None:
             axes.legend(loc="upper right")
 
 
-def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, Contact, str, object]]) -> None:
+def draw_pressures(axes: Axes, shown: Sequence[tuple[Results, PressedSurface, str, object]]) -> None:
     """Pressure over the radius (plane strain: over x) of several contacts, each with its name and colour."""
     runs = [results for results, *_ in shown]
-    contacts, (middle, name) = [contact for _, contact, *_ in shown], middle_of(runs)
+    middle, along = middle_of(runs)
+    is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
+    contacts = [replace(one, mirrored=(False, False)) if is_half else one for _, one, *_ in shown]
     reach = max(contact.reach for contact in contacts)
-    length = scaled("length", runs, np.array([reach]), name)
+    length = scaled("length", runs, reach, along)
     pressures = np.concatenate([contact.p[contact.bounded()] for contact in contacts])
     pressure = scaled("pressure", runs, pressures, "pressure p")
-    is_half = all(first_axis(run) == "r" for run in runs)  # of a body of revolution
-    tops = [_draw_profile(axes, contact.profile(is_half, middle), length, pressure, contact.typical, name, colour)
-            for _, contact, name, colour in shown]  # fmt: skip
-    rubbed = [(contact, name, colour) for _, contact, name, colour in shown if contact.shear is not None]
-    for contact, name, colour in rubbed:
-        x, shear = contact.shear_profile(is_half, middle)
-        own = colour if name else COLOURS[1]
+    sides, tops, marked = (1,) if is_half else (-1, 1), [], False
+    for contact, (*_, name, colour) in zip(contacts, shown, strict=True):
+        places, p = contact.profile(middle)
+        x, y = length(places), pressure(p)
+        if not name:
+            axes.fill_between(x, y, color=colour, alpha=0.12, lw=0)
+        axes.plot(x, y, color=colour, label=name or None)
+        tops += [min(np.nanmax(y, initial=0.0), PEAK_MEDIANS * pressure(contact.typical)), np.nanmin(y, initial=0.0)]
+    for contact, (*_, name, colour) in zip(contacts, shown, strict=True):
+        if contact.shear is None:
+            continue
+        x, shear = contact.shear_profile(middle)
+        own, radius = colour if name else COLOURS[1], contact.sticks
         axes.plot(length(x), pressure(shear), color=own, ls="--", label=", ".join(filter(None, [name, "shear"])))
-        ends = [] if contact.sticks == 0 else [contact.sticks] if is_half else [-contact.sticks, contact.sticks]
-        for end in ends:
-            axes.axvline(length(middle + end), color=own if name else GREY, lw=0.8, ls=":")
-    if any(contact.sticks > 0 for contact, *_ in rubbed):  # named once
-        axes.plot([], [], color=GREY, lw=0.8, ls=":", label=STICKS)
-    name_axes(axes, length.label, pressure.label)
+        for side in sides if radius else ():
+            axes.axvline(length(middle + side * radius), color=own if name else GREY, lw=0.8, ls=":")
+        marked |= radius > 0
+    if marked:  # named once
+        axes.plot([], [], color=GREY, lw=0.8, ls=":", label="stick radius")
+    axes.set(xlabel=length.label, ylabel=pressure.label)
     axes.set_xlim(0.0 if is_half else length(middle - reach), length(middle + reach))
     from_zero(axes, np.array(tops))
-    _say_infinite(axes, contacts, middle, length)
-
-
-def _draw_profile(axes: Axes, profile: tuple[np.ndarray, np.ndarray], length: Axis, pressure: Axis, typical: float,
-                  name: str, colour: object) -> tuple[float, float]:  # fmt: skip
-    """One profile; returns what shows it: its height, and what of it pulls."""
-    x, shown_p = profile
-    if not name:
-        axes.fill_between(length(x), pressure(shown_p), color=colour, alpha=0.12, lw=0)
-    axes.plot(length(x), pressure(shown_p), color=colour, label=name or None)
-    top = min(np.nanmax(pressure(shown_p), initial=0.0), PEAK * pressure(typical))
-    return float(top), float(np.nanmin(pressure(shown_p), initial=0.0))
-
-
-def _say_infinite(axes: Axes, contacts: Sequence[Contact], middle: float, length: Axis) -> None:
-    """Where the pressure has no bound: a line up to the top of the frame."""
+    right_of_it: Look = {"xytext": (3, 0), "textcoords": "offset points", "ha": "left", "va": "top"}
     for place in sorted({place for contact in contacts for place, _ in contact.infinite}):
         at = length(place + middle)
         axes.axvline(at, color=GREY, lw=0.8, ls=":", zorder=1)
-        axes.annotate(INFINITE, (at, 1), xycoords=("data", "axes fraction"), color=GREY, ha="left", va="top",
-                      xytext=(3, 0), textcoords="offset points")  # fmt: skip
+        axes.annotate("∞", (at, 1), xycoords=("data", "axes fraction"), color=GREY, **right_of_it)
 
 
-def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
+def draw_map(axes: Axes, results: Results, contact: PressedSurface) -> None:
     """The pressure as seen from above: centred on the tip, mirrored where a part is modelled, all that is pressed."""
     from matplotlib.ticker import MaxNLocator
 
-    length = scaled("length", [results], np.array([contact.reach]), "x")
-    pressure = scaled("pressure", [results], contact.p[contact.bounded()], "pressure p")
+    length = scaled("length", [results], contact.reach, "x")
+    bounded = contact.p[contact.bounded()]
+    pressure = scaled("pressure", [results], bounded, "pressure p")
     x, y, p = _whole(contact)
     near = (np.abs(x) < 2 * contact.reach) & (np.abs(y) < 2 * contact.reach)  # triangles reach beyond the frame
     if near.sum() < 3 or np.ptp(x[near]) == 0 or np.ptp(y[near]) == 0:
         near[:] = True
-    largest = float(contact.p[contact.bounded()].max(initial=0.0))
+    largest = float(bounded.max(initial=0.0))
+    shown = min(largest, PEAK_MEDIANS * contact.typical) if contact.infinite else largest
     low = float(pressure(p[near].min(initial=0.0)))
-    top = float(pressure(min(largest, PEAK * contact.typical) if contact.infinite else largest)) or float(low == 0.0)
+    top = float(pressure(shown)) or float(low == 0.0)
     places = (length(along[near] + middle) for along, middle in zip((x, y), contact.center, strict=True))
-    filled = axes.tricontourf(*places, pressure(p[near]), levels=np.linspace(low, top, 25), cmap="cividis",
-                              extend="max" if top < pressure(p.max()) else "neither")  # fmt: skip
+    extend, levels = "max" if top < pressure(p.max()) else "neither", np.linspace(low, top, 25)
+    filled = axes.tricontourf(*places, pressure(p[near]), levels=levels, cmap="cividis", extend=extend)
     _draw_rubbed(axes, contact, length)
     ticks = [tick for tick in MaxNLocator(5).tick_values(low, top) if low <= tick <= top]
     bar = axes.figure.colorbar(filled, ax=axes, label=pressure.label, ticks=ticks)
@@ -224,10 +199,10 @@ def draw_map(axes: Axes, results: Results, contact: Contact) -> None:
     for set_limits, middle in zip((axes.set_xlim, axes.set_ylim), contact.center, strict=True):
         set_limits(length(middle - contact.reach), length(middle + contact.reach))
     axes.locator_params(nbins=5)
-    name_axes(axes, length.label, Axis("y", unit=length.unit).label)
+    axes.set(xlabel=length.label, ylabel=Axis("y", unit=length.unit).label)
 
 
-def _whole(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _whole(contact: PressedSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surface with its mirror images: what is modelled may be a half or a quarter."""
     x, y, p = contact.x, contact.y, contact.p
     if contact.mirrored[0]:
@@ -238,7 +213,7 @@ def _whole(contact: Contact) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x[first], y[first], p[first]
 
 
-def _draw_rubbed(axes: Axes, contact: Contact, length: Axis) -> None:
+def _draw_rubbed(axes: Axes, contact: PressedSurface, length: Axis) -> None:
     """Lines of equal shear, and a dotted circle as large as what sticks; nothing without friction."""
     if contact.shear is None or not contact.shear.any():
         return
@@ -248,8 +223,8 @@ def _draw_rubbed(axes: Axes, contact: Contact, length: Axis) -> None:
     angle = np.linspace(0.0, 2 * np.pi, 181)
     around = contact.sticks * np.array([np.cos(angle), np.sin(angle)]) + contact.center[:, None]
     axes.plot(*map(length, around), color="black", lw=1.4, ls=":")
-    axes.annotate("lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", color="white",
-                  fontsize="x-small", bbox={"facecolor": UNPRESSED, "lw": 0, "pad": 1.5})  # fmt: skip
+    look: Look = {"color": "white", "fontsize": "x-small", "bbox": {"facecolor": UNPRESSED, "lw": 0, "pad": 1.5}}
+    axes.annotate("lines: equal shear\ndots: what sticks", (0.03, 0.03), xycoords="axes fraction", **look)
 
 
 def strongest_step(results: Results) -> float | None:
@@ -265,21 +240,12 @@ def strongest_step(results: Results) -> float | None:
     return None
 
 
+def titled(results: Results, step: float, words: str) -> str:
+    """The words that tell a panel from others, and its depth."""
+    return ", ".join(filter(None, [words, f"δ = {depth_text(results, step)}"]))
+
+
 def depth_text(results: Results, step: float) -> str:
     """The depth of a step in words, as the axes of the picture measure it."""
     delta = results["delta"][results["step"] == step]
     return axis("delta", [results]).said(delta[0]) if len(delta) else "?"
-
-
-def _tip(results: Results, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """Where the tip stands: as run.json says, else where the pressure is largest."""
-    center = results.report.get("center")
-    return np.array([*center, 0.0][:2]) if center else np.array([x[p.argmax()], y[p.argmax()]])
-
-
-def _contact_radius(results: Results, step: float, x: np.ndarray, y: np.ndarray, p: np.ndarray) -> float:
-    """The contact radius of a step; without contact how far it is pulled, or else the size of the surface."""
-    a, pulled = results["a"][results["step"] == step], p < -PRESSED * np.abs(p).max(initial=0.0)
-    if a.size and a[0] > 0:
-        return float(a[0])
-    return float(np.hypot(x, y)[pulled].max()) if pulled.any() else float(np.hypot(np.ptp(x), np.ptp(y)))

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.results.outline import pieces, scene_of, section
 from indent_sim.results.pictures.axes import Axis, choice, middle_of, scaled
-from indent_sim.results.pictures.canvas import GREY, name_axes
+from indent_sim.results.pictures.canvas import GREY, Axes
+from indent_sim.results.reader import Results
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from indent_sim.results.reader import Results
-
-
-VIEW = 3.0  # contact radii around the tip that are shown
+PROFILE_VIEW = 3.0  # contact radii around the tip that are shown
 TALL = 0.12  # height of the frame over its width below which heights are magnified
-FEW = 5  # points on the plane from which they are the line; with fewer the surface is interpolated
 
 
 @dataclass(frozen=True)
@@ -33,10 +26,6 @@ class Line:
     before: np.ndarray
     a: float
     delta: float
-
-    def around(self, middle: float, new: float) -> Line:
-        """The same line with its tip at another place."""
-        return replace(self, x=self.x - middle + new)
 
 
 def line_of(results: Results, step: float) -> Line:
@@ -56,7 +45,7 @@ def line_of(results: Results, step: float) -> Line:
 def _on_plane(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[np.ndarray, ...]:
     """The points on y = 0 in order of x; of a surface without such points, what lies between its points there."""
     on = np.abs(y) <= 1e-9 * max(np.ptp(y), np.ptp(x))
-    if on.sum() >= FEW:
+    if on.sum() >= 5:  # they are the line; with fewer the surface is interpolated
         order = np.argsort(x[on])
         return tuple(column[on][order] for column in (x, *values))
     from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -67,23 +56,23 @@ def _on_plane(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[np.nda
     return tuple(column[known] for column in (along, *found))
 
 
-def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, Any]]) -> None:
+def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]]) -> None:
     """Deformed surfaces of several steps, each with its name and colour, and the tip at the deepest, true to scale.
 
     Where the depths are too small beside the width for that, heights are magnified and the axis says so.
     """
     runs = [results for results, *_ in shown]
     lines = [line_of(results, step) for results, step, *_ in shown]
-    reach = max(VIEW * max(line.a, abs(line.delta)) for line in lines)
+    reach = max(PROFILE_VIEW * max(line.a, abs(line.delta)) for line in lines)
     middle, name = middle_of(runs)
-    length = scaled("length", runs, np.array([reach]), name)
-    lines = [line.around(middle_of([run])[0], middle) for run, line in zip(runs, lines, strict=True)]
+    length = scaled("length", runs, reach, name)
+    lines = [replace(line, x=line.x - middle_of([run])[0] + middle) for run, line in zip(runs, lines, strict=True)]
     heights = np.concatenate([line.z[np.abs(line.x - middle) <= reach] for line in lines])
     deepest = max(range(len(lines)), key=lambda i: lines[i].delta)
     delta = lines[deepest].delta
     low, high = min(heights.min(initial=0.0), -delta), max(heights.max(initial=0.0), 0.3 * delta)
     if (scene := scene_of(runs[deepest].path)) is not None:
-        draw_tip(axes, scene, delta, middle, VIEW * reach, length)
+        draw_tip(axes, scene, delta, middle, PROFILE_VIEW * reach, length)
     for (*_, name, colour), line in zip(shown, lines, strict=True):
         axes.plot(length(line.x), length(line.z), color=colour, label=name or None, zorder=3)
     axes.plot(length(lines[0].x), length(lines[0].before), color=GREY, lw=0.8, ls=":", zorder=2, label="undeformed")
@@ -92,7 +81,7 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, Any]]) 
     is_true = (high - low) > TALL * 2 * reach
     if is_true:  # all of the panel, with as much of the tip as it has room for
         axes.set_aspect("equal", adjustable="datalim")
-    name_axes(axes, length.label, Axis("height z" if is_true else "height z, magnified", unit=length.unit).label)
+    axes.set(xlabel=length.label, ylabel=Axis("height z" if is_true else "height z, magnified", unit=length.unit).label)
 
 
 def draw_tip(axes: Axes, scene: Config, delta: float, middle: float, width: float, length: Axis) -> None:

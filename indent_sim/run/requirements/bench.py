@@ -2,63 +2,70 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
-from math import atan, degrees, log, nan, radians, tan
-from typing import Any
+from math import atan, degrees, inf, isfinite, log, radians, tan
+from typing import Any, TypeVar
 
-from indent_sim.config.file import to_mapping, varied
-from indent_sim.config.schema import Config, Source
-from indent_sim.model.body import Box, Cylinder, HalfSpace, MeshFromFile, Strip
+from indent_sim.config.schema import Config, MeshSettings, Source
+from indent_sim.model.body import Ball, Box, Cap, Cylinder, HalfSpace, InfiniteLayer, MeshFromFile, Strip, Support
+from indent_sim.model.contact import AugmentedLagrangian, AutoContact
+from indent_sim.model.experiment import Experiment
+from indent_sim.model.loading import Loading
+from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, Indenter, RegularPyramid
-from indent_sim.process.errors import BackendError, ConfigError, IndentSimError
-from indent_sim.run.chain import states
-from indent_sim.run.requirements.sections import (
-    Document,
-    at_small_strain,
-    changed,
-    finite_strain_law,
-    half_space_of,
-    section_of,
-    small_strain_law,
-)  # fmt: skip
+from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, NotConverged
+from indent_sim.run.chain import condense, states
+from indent_sim.run.experiment import Findings, conduct
+from indent_sim.run.requirements import variations
+from indent_sim.run.requirements.variations import on_half_space, varied, with_matter
 from indent_sim.scene.scene import Scene, resolve
+from indent_sim.scene.theories import relative_tip
+from indent_sim.theory.solution import UNSOLVED
+from indent_sim.theory.theory import Theory
 
-NEAR = 0.9  # of the deepest depth: where a second force says how steep the curve is
-FEW_STEPS = 2  # of a path with friction or adhesion: good for the ratio of two, and adhesion does not remember
+T = TypeVar("T")
+NEAR_DEPTH = 0.9  # of the deepest depth: where a second force says how steep the curve is
+# Of a path with friction, whose force is good to 0.1 % then; with adhesion: good for the ratio of two, and it does not
+# remember
+PATH_STEPS = {"friction": 20, "adhesion": 2}
 
 
 class Bench:
     """The forces of a scene and of its variations at the deepest row, in the user's units.
 
-    `plain` is the scene without friction, at small strain and on a round body where its own would have to be meshed in
-    three dimensions; each variation changes sections of it.
+    `whole` is the scene without friction and adhesion, at small strain and on a round body where its own would have to
+    be meshed in three dimensions, its inclusions then left out; `plain` has none. Variations change sections of either.
     """
 
     def __init__(self, config: Config, scene: Scene):
         self.config, self.scene = config, scene
         self.delta = max(scene.physics.deltas[-1], *scene.physics.deltas, scene.asked) * scene.physics.scales.depth
         if self.delta <= 0:
-            raise ConfigError("loading", "never presses the tip into the body: no force depends on anything",
-                              "give a depth > 0")  # fmt: skip
-        self.tip, self.is_cone = _round_tip(config.indenter)
-        self._forces: dict[str, float | None] = {}
+            problem = "never presses the tip into the body: no force depends on anything"
+            raise ConfigError("loading", problem, "give a depth > 0")
+        tip: Any = config.indenter
+        is_aside = isinstance(config.body, Cylinder) and any(config.center or ())
+        self.is_stood_for = isinstance(config.body, Box) or is_aside  # by a cylinder up to its nearest side
+        self.is_dome = isinstance(config.body, Cap | Ball)
+        self.is_cone = isinstance(tip, RegularPyramid)  # of equal sections, for the pyramid
+        half_angle = degrees(atan(tip.roundness * tan(radians(tip.half_angle)))) if self.is_cone else 0.0
+        self.tip: Indenter = Cone(half_angle, tip.tip_radius) if self.is_cone else tip
+        self.materials = variations.matter(config)
+        self.is_isotropic = all(material.is_isotropic for material in self.materials)
+        self._known: dict[str, Any] = {}
 
     @cached_property
-    def materials(self) -> list[Any]:
-        """The materials of the layers from the top."""
-        return [layer.material.canonical() for layer in self.config.layers if layer.material]
-
-    @property
-    def is_isotropic(self) -> bool:
-        """Whether all materials are."""
-        return bool(self.materials) and all(material.is_isotropic for material in self.materials)
+    def how(self) -> str:
+        """What stands for the scene, in words."""
+        words = {"a cylinder up to the nearest side": self.is_stood_for, "the cone of equal sections": self.is_cone}
+        stands = [what for what, does in words.items() if does]
+        return f" ({', '.join(stands)} for it)" if stands else ""
 
     @cached_property
-    def walls(self) -> tuple[str, ...]:
+    def walls(self) -> tuple[Support, ...]:
         """How the sides of the body, or of its round stand-ins, are held; empty where there are none."""
         match self.config.body:
             case Cylinder(sides=sides):
@@ -68,164 +75,227 @@ class Bench:
                 return (held.pop(),) if held in ({"free"}, {"fixed"}) else ("free", "fixed")
         return ()
 
-    @property
-    def is_stood_for(self) -> bool:
-        """Whether a cylinder up to its nearest side stands for the body."""
-        body = self.config.body
-        return isinstance(body, Box) or (isinstance(body, Cylinder) and any(self.config.center or ()))
+    @cached_property
+    def own_body(self) -> Config:
+        """The scene to its deepest row in one step, all but its body, tip and place as usual."""
+        own, way = self.config, Loading(delta=self.delta, steps=1)
+        scene = Config(body=own.body, material=own.material, indenter=self.tip, center=own.center, loading=way)
+        scene._source = Source(own.source.name)
+        return scene
 
     @cached_property
-    def is_solvable(self) -> bool:
-        """Whether the body, or its stand-in, is solved in the plane."""
-        return not (isinstance(self.config.body, MeshFromFile) and self.config.body.kinematics == "3d")
-
-    @cached_property
-    def plain(self) -> Document:
-        """The scene without friction and adhesion, at small strain, to its deepest row in one step."""
-        document = to_mapping(self.config)
-        body = self.body(self.walls[0] if self.walls else "")
-        tip = section_of(self.tip)
-        if isinstance(self.config.body, Strip | MeshFromFile) and self.config.center is not None:
-            tip["center"] = list(self.config.center)
-        found = {"body": body, "indenter": tip, "loading": {"delta": self.delta, "steps": 1}}
-        if "material" in document:
-            found["material"] = small_strain_law(document["material"])
-        return found
-
-    def body(self, sides: str = "", **changes: Any) -> Document:
-        """The body's section; one that only a mesh in three dimensions has is a cylinder up to its nearest side."""
-        body = self.config.body
-        own: Document = to_mapping(self.config)["body"]
+    def _given(self) -> Config:
+        """That scene; a body that only a mesh in three dimensions has is a cylinder up to its nearest side."""
+        own, body = self.own_body, self.config.body
+        is_round = all(inclusion.is_about((0.0, 0.0)) for inclusion in body.inclusions or ())
         if isinstance(body, Box | Cylinder):
-            rim = body.rim_distance(self.config.center or body.center)
-            kept = {key: own[key] for key in ("base", "layers", "inclusions") if own.get(key)}
-            height = body.height
-            own = {"shape": "cylinder", "radius": rim, "height": height, "sides": sides, **kept}
-            if self.is_stood_for:  # inclusions have their place in the whole
-                own.pop("inclusions", None)
-        return {key: value for key, value in at_small_strain(own | changes).items() if value is not None}
-
-    def without_sides(self) -> Document | None:
-        """The layer that the body is without its sides; None for one that is no layer."""
-        own = self.plain["body"]
-        if isinstance(self.config.body, HalfSpace):
-            return half_space_of(own)
-        if "height" not in own or own["shape"] not in ("cylinder", "layer"):
-            return None
-        return {"shape": "layer"} | {key: own[key] for key in ("height", "base", "layers") if own.get(key)}
-
-    # ---- forces --------------------------------------------------------------------------------------------------
-
-    def force(self, **changes: Any) -> float | None:
-        """Force of the plain scene with some sections replaced; None where there is none."""
-        if not self.is_solvable and (changes.get("body") or self.plain["body"])["shape"] == "mesh":
-            return None
-        document = {key: value for key, value in (self.plain | changes).items() if value is not None}
-        name = json.dumps(document, sort_keys=True)
-        if name not in self._forces:
-            self._forces[name] = self._solved(document)
-        return self._forces[name]
-
-    def _solved(self, document: Document) -> float | None:
-        try:
-            *_, last = states(self.resolved(document), with_surface=False)
-        except BackendError:
-            raise
-        except (IndentSimError, ArithmeticError, ValueError):
-            return None
-        return last.force if last.converged else None
-
-    def resolved(self, document: Document) -> Scene:
-        """The scene of a document, its theory used wherever that is exact."""
-        if not {"mesh", "contact"} & document.keys():
-            with suppress(ConfigError):
-                return resolve(self.beside(document | {"solver": {"method": "theory"}}))
-        return resolve(self.beside(document))
-
-    def beside(self, document: Document) -> Config:
-        """The config of a document that stands where the scene's file does."""
-        return varied(document, Source(self.config.source.name), ())
-
-    def by(self, steps: int) -> Document:
-        """The way to the deepest row, where the force depends on it."""
-        return {"delta": self.delta, "steps": steps}
+            kept = body.inclusions if is_round and not self.is_stood_for else None  # they have their place in the whole
+            cylinder = Cylinder(body.rim_distance(self.config.center or body.center), body.height, base=body.base)
+            cylinder = replace(cylinder, sides=self.walls[0], layers=body.layers, inclusions=kept)
+            return varied(own, body=cylinder, center=None)
+        center = own.center if isinstance(body, Strip | MeshFromFile) else None
+        if not is_round and body.dim == 3:
+            body = replace(body, inclusions=None)  # type: ignore[arg-type]
+        return varied(own, body=body, center=center)
 
     @cached_property
-    def as_in_contact(self) -> Document:
-        """The mesh of all variations, under the friction or the adhesion of the scene, in a few steps."""
-        friction = getattr(self.config.contact, "friction", 0.0)
-        held = self.attraction | ({"friction": friction} if friction else {})
-        if not held:
-            return self.on_mesh
-        return self.on_mesh | {"contact": self.on_mesh["contact"] | held, "loading": self.by(FEW_STEPS)}
+    def whole(self) -> Config:
+        """The scene at small strain, its contact the usual one."""
+        return with_matter(self._given, variations.linear)
+
+    @cached_property
+    def plain(self) -> Config:
+        """The same without inclusions."""
+        return variations.without_inclusions(self.whole)
+
+    @cached_property
+    def finite(self) -> Config:
+        """The same as `whole` with laws of finite strain: its own, or neo-Hookean."""
+        return with_matter(self._given, variations.hyperelastic)
+
+    @cached_property
+    def without_sides(self) -> Config | None:
+        """The plain scene on the layer that its body is without its sides; None where it is no layer."""
+        if isinstance(self.plain.body, HalfSpace):
+            return on_half_space(self.plain)
+        return variations.on_layer(self.plain) if isinstance(self.plain.body, Cylinder | InfiniteLayer) else None
+
+    def under(self, tip: Indenter) -> Config:
+        """The plain scene under another tip."""
+        return varied(self.plain, indenter=tip)
+
+    def meshed(self, config: Config, **contact: Any) -> Config:
+        """A variation on the mesh of all of them, whatever theory knows; under friction or adhesion in steps."""
+        steps = max((count for name, count in PATH_STEPS.items() if contact.get(name)), default=1)
+        way = {"loading": Loading(delta=self.delta, steps=steps)} if steps > 1 else {}
+        mesh = {} if isinstance(self.config.body, MeshFromFile) else {"mesh": MeshSettings(h_contact=self._h_contact)}
+        return varied(config, contact=AugmentedLagrangian(**contact), **mesh, **way)
+
+    @cached_property
+    def in_contact(self) -> dict[str, Any]:
+        """The friction or the adhesion of the scene, as keys of its contact law."""
+        return {name: value for name in PATH_STEPS if (value := getattr(self.config.contact, name, None))}
+
+    @cached_property
+    def _h_contact(self) -> float:
+        contact = AugmentedLagrangian(adhesion=self.config.contact.adhesion)
+        scene = resolve(varied(self.whole, contact=contact))
+        return scene.sizes.h_contact * scene.physics.scales.length
+
+    def ratio(self, with_it: Config, without: Config) -> float:
+        """Force of a variation over that of another: both by theory where that is exact, else both on one mesh; with an
+        experiment at the row of the largest force. NotConverged, with the reason, where there is none."""
+        if with_it.experiment is not None:
+            return self._of_history(with_it, without)
+        if any(self._by_theory(one) is None for one in (with_it, without)):
+            with_it, without = (self.meshed(one) if _is_free(one) else one for one in (with_it, without))
+        return _over(self.force(with_it), self.force(without))
+
+    def over(self, known: Config, with_it: Callable[[float], Config]) -> Callable[[float], float]:
+        """The ratio, as a function of a parameter, of a variation with it over one that theory knows: what is followed
+        far costs no mesh, but for a stretch of it."""
+
+        def ratio(x: float) -> float:
+            config = with_it(x)
+            if self._by_theory(known) is None:
+                raise NotConverged("no theory of such a body")
+            return self.ratio(config, known)
+
+        return ratio
+
+    def force(self, config: Config) -> float:
+        """Force of a variation: by theory where that is exact, else on a mesh."""
+        return self._once(f"force {config!r}", lambda: self._solved(config))
+
+    def _once(self, name: str, find: Callable[[], T]) -> T:
+        """What was found before, or fails as it did; any failure of a variation is a NotConverged that says why."""
+        if name not in self._known:
+            try:
+                self._known[name] = find()
+            except BackendError:
+                raise
+            except (IndentSimError, *UNSOLVED) as error:
+                self._known[name] = NotConverged(" ".join(str(error).split()) or type(error).__name__)
+        known: T | NotConverged = self._known[name]
+        if isinstance(known, NotConverged):
+            raise NotConverged(str(known))
+        return known
+
+    def _solved(self, config: Config) -> float:
+        if isinstance(config.body, MeshFromFile) and config.body.kinematics == "3d":
+            raise NotConverged("nothing solved in the plane stands for it")
+        scene = self._by_theory(config) or resolve(config)
+        seconds = scene.plan.prediction.get("seconds", 0.0)
+        if scene.is_meshed and scene.physics.part.dim == 3 and seconds > 120.0:
+            raise NotConverged(f"a run in three dimensions, about {seconds:.2g} s: `run` the scene with it and without")
+        *_, last = states(scene, with_surface=False)
+        if not last.converged:
+            raise NotConverged("did not converge")
+        return last.force
+
+    def _by_theory(self, config: Config) -> Scene | None:
+        """The scene of a variation that theory solves exactly."""
+        if not _is_free(config):
+            return None
+
+        def known() -> Scene | None:
+            with suppress(ConfigError):
+                return resolve(varied(config, solver=replace(config.solver, method="theory")))
+            return None
+
+        return self._once(f"theory {config!r}", known)
+
+    def findings(self, config: Config) -> Findings:
+        """What the experiment of a variation comes to."""
+
+        def conducted() -> Findings:
+            scene = self._by_theory(config) or resolve(config)
+            return conduct(scene, condense(scene).equilibrium if scene.is_meshed else None)
+
+        return self._once(f"experiment {config!r}", conducted)
+
+    def _of_history(self, with_it: Config, without: Config) -> float:
+        """At the row of the largest force; where forces are prescribed, over the elastic force at the depth there."""
+        rows = self.findings(with_it).rows
+        top = max(rows, key=lambda row: row.force)
+        if not (top.force > 0 and top.a > 0):  # it pulls all the way
+            top = max(rows, key=lambda row: row.delta)
+        if with_it.experiment and with_it.experiment.force_history:
+            return _over(top.force, self.force(varied(self.whole, loading=Loading(delta=top.delta, steps=1))))
+        same = min(self.findings(without).rows, key=lambda row: (abs(row.t - top.t), -row.force))
+        return _over(top.force, same.force)
 
     @cached_property
     def own(self) -> float:
-        """Force of the plain scene."""
-        found = self.force()
-        return found if found is not None and found > 0 else nan
+        """Force of the whole scene."""
+        force = self.force(self.whole)
+        if not 0 < force < inf:
+            raise NotConverged("the tip does not push")
+        return force
 
     @cached_property
-    def on_mesh(self) -> Document:
-        """Sections that have a variation solved on one mesh, whatever theory knows."""
-        contact = {"method": "augmented_lagrangian"}
-        if isinstance(self.config.body, MeshFromFile):
-            return {"contact": contact}
-        scene = resolve(self.beside(self.plain | {"contact": contact | self.attraction}))
-        return {"contact": contact, "mesh": {"h_contact": scene.sizes.h_contact * scene.physics.scales.length}}
+    def flat(self) -> Config | None:
+        """The half-space of what the tip touches, under the tip relative to the body's curvature; None in the plane."""
+        body, tip, pieces = self.config.body, self.tip, 1
+        if body.dim == 2:
+            return None
+        if isinstance(body, Cap | Ball):
+            tip, pieces = relative_tip(tip, body.dome), body.dome.pieces
+        elif not isinstance(body, MeshFromFile):
+            return on_half_space(self.plain)
+        way = Loading(delta=self.delta / pieces, steps=1)
+        return varied(self.plain, body=HalfSpace(), material=self.touched, indenter=tip, center=None, loading=way)
 
     @property
-    def attraction(self) -> Document:
-        """The key `adhesion` of the contact law; nothing without one."""
-        found = self.config.contact.adhesion
-        return {"adhesion": dataclasses.asdict(found)} if found else {}
+    def touched(self) -> LinearElastic:
+        """What the tip touches at small strain."""
+        physics = self.scene.physics
+        E, nu = physics.material.constants
+        return LinearElastic(E=float(f"{E * physics.scales.pressure:.12g}"), nu=nu)
 
-    def ratio(self, with_it: Document, without: Document | None = None) -> float | None:
-        """Force with some sections replaced over that with others."""
-        above, below = self.force(**with_it), self.force(**(without or {}))
-        return above / below if above is not None and below is not None and below > 0 else None
-
-    def with_materials(self, change: Callable[[Document], Document], body: Document | None = None) -> Document:
-        """The sections of the plain scene, each material changed; a law of finite strain is the scene's own."""
-        of_scene = to_mapping(self.config)
-        own = of_scene if change is finite_strain_law else self.plain
-        found = {"body": changed(body or self.plain["body"], change)}
-        if change is finite_strain_law:
-            for name in ("layers", "inclusions", "regions"):
-                if found["body"].get(name):
-                    found["body"][name] = changed(of_scene["body"], change)[name]
-        return found | ({"material": change(own["material"])} if own.get("material") else {})
+    @cached_property
+    def known_body(self) -> Config | None:
+        """The plain scene on the body nearest to its own that theory solves."""
+        bodies = (self.plain, self.without_sides, self.flat)
+        return next((one for one in bodies if one is not None and self._by_theory(one) is not None), None)
 
     @cached_property
     def known(self) -> Scene | None:
-        """The scene nearest to this one whose contact is theory's."""
-        for body in (self.plain["body"], self.without_sides(), half_space_of(self.plain["body"])):
-            if body is None:
-                continue
-            with suppress(ConfigError):
-                scene = self.resolved(self.plain | {"body": body})
-                if scene.plan.theory is not None:
-                    return scene
-        return None
+        """That scene."""
+        return self._by_theory(self.known_body) if self.known_body is not None else None
 
-    @cached_property
-    def power(self) -> float:
-        """d ln F/d ln delta at the deepest row."""
-        before = self.force(loading={"delta": NEAR * self.delta, "steps": 1})
-        return log(self.own / before) / -log(NEAR) if before is not None and before > 0 else nan
+    @property
+    def theory(self) -> Theory | None:
+        """Its theory."""
+        return self.known.plan.theory if self.known is not None else None
 
     def along(self, delta: float) -> float:
         """Force at a depth: theory's curve, drawn through the deepest force; a power law where there is none."""
-        if self.known is not None and self.known.plan.theory is not None:
-            unit, theory = self.known.physics.scales.depth, self.known.plan.theory
-            here, deep = theory.at(delta / unit), theory.at(self.delta / unit)
+        if self.known is not None and self.theory is not None:
+            deepest = self.known.physics.deltas[-1]
+            here, deep = self.theory.at(delta / self.delta * deepest), self.theory.at(deepest)
             if here and deep:
                 return self.own * here.force / deep.force
-        return float(self.own * (delta / self.delta) ** self.power)
+        near = self.force(varied(self.whole, loading=Loading(delta=NEAR_DEPTH * self.delta, steps=1)))
+        return float(self.own * (delta / self.delta) ** (log(near / self.own) / log(NEAR_DEPTH)))
 
 
-def _round_tip(tip: Indenter) -> tuple[Indenter, bool]:
-    """The tip, a pyramid as the cone of equal sections, and whether it is that."""
-    if not isinstance(tip, RegularPyramid):
-        return tip, False
-    return Cone(degrees(atan(tip.roundness * tan(radians(tip.half_angle)))), tip.tip_radius), True
+def _is_free(config: Config) -> bool:
+    """Whether contact law and mesh are left to the program."""
+    return isinstance(config.contact, AutoContact) and config.mesh == MeshSettings()
+
+
+def _over(above: float, below: float) -> float:
+    if not (isfinite(above) and 0 < below < inf):
+        raise NotConverged("without it the tip does not push")
+    return above / below
+
+
+def experiment_of(bench: Bench, *parts: str) -> Config:
+    """The whole scene with these parts of its experiment alone; without a history it goes straight to the deepest
+    row."""
+    own = bench.config.experiment
+    assert own is not None
+    history = own.history or (None if own.force_history else ((0.0, 0.0), (1.0, bench.delta)))
+    kept = {name: getattr(own, name) for name in parts}
+    return varied(bench.whole, experiment=Experiment(history=history, force_history=own.force_history, **kept))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
@@ -11,19 +11,25 @@ from math import inf
 
 import numpy as np
 
-from indent_sim.config.file import located, to_mapping
-from indent_sim.config.schema import Config
+from indent_sim.config.scene_file import located
+from indent_sim.config.schema import Config, MeshSettings, SolverSettings
 from indent_sim.model.body import Box, Cylinder, Endless, HalfSpace
-from indent_sim.model.tips import Paraboloid
+from indent_sim.model.contact import AutoContact
+from indent_sim.model.experiment import Experiment
+from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
+from indent_sim.run.requirements import variations
 from indent_sim.run.requirements.bench import Bench
-from indent_sim.run.requirements.effects import Effect, Effects
-from indent_sim.run.requirements.sections import Document, half_space_of, is_small, of_strain, usual
+from indent_sim.run.requirements.effects import Effect
+from indent_sim.run.requirements.table import REQUIREMENTS
+from indent_sim.run.requirements.variations import Document, varied
 from indent_sim.scene.given import with_used_material
 from indent_sim.scene.scene import resolve
 
-OF_A_MESH = {"solver", "mesh", "contact", "accuracy"}  # sections that a scene without a mesh does without
-OF_EXPERIMENT = {"adhesion": {"adhesion"}, "rate": {"relaxation"}, "cantilever": {"cantilever", "frame"}}
+BODIES = {"half_space": variations.on_half_space, "layer": variations.on_layer}
+BODIES |= {"no inclusions": variations.without_inclusions}
+ENDLESS = {"half_space": "a half-space", "layer": "an infinitely wide layer"}  # of them, in words
+EXPERIMENT_PARTS = {"adhesion": ("adhesion",), "rate": ("relaxation",), "cantilever": ("cantilever", "frame")}
 
 
 @dataclass(frozen=True)
@@ -39,8 +45,8 @@ class Requirements:
     def as_json(self) -> Document:
         """The requirements as one JSON object."""
         effects = [dataclasses.asdict(effect) for effect in self.effects]
-        return {"effects": effects, "recommended": {"config": self.config, "percent": self.percent},
-                "words": self.words}  # fmt: skip
+        recommended = {"config": self.config, "percent": self.percent}
+        return {"effects": effects, "recommended": recommended, "words": self.words}
 
 
 def require(config: Config, within: float = 0.01) -> Requirements:
@@ -54,16 +60,15 @@ def require(config: Config, within: float = 0.01) -> Requirements:
         bench = Bench(config, scene)
     except ConfigError as error:
         raise located(config, error) from None
-    with np.errstate(all="ignore"):  # theories try depths beyond a tip's end
-        effects = Effects(bench, within).all()
-    found = {effect.name: effect for effect in effects}
-    model, document = _Model(dropped=()), usual(to_mapping(config))
-    for candidate in _models(config, found):
-        if runs := candidate.document(bench):  # the last one that does is the best there is
-            model, document = candidate, runs
+    effects = tuple(requirement.effect(bench, within) for requirement in REQUIREMENTS)
+    by_name = {effect.name: effect for effect in effects}
+    model, best = _Model(dropped=()), config
+    for candidate in _models(config, by_name):
+        if runs := candidate.of(config):  # the last one that does is the best there is
+            model, best = candidate, runs
             if candidate.is_within(within):
                 break
-    return Requirements(tuple(effects), document, model.percent, _sentence(model, document, found, within))
+    return Requirements(effects, variations.shown(best), model.percent, _sentence(model, best, by_name, within))
 
 
 @dataclass(frozen=True)
@@ -71,8 +76,8 @@ class _Model:
     """A model: what it changes of the scene, and the effects that it does without."""
 
     dropped: tuple[Effect, ...]
-    body: str = ""  # half_space | layer; empty: the scene's own
-    is_finite: bool | None = None  # None: as the scene is
+    body: str = ""  # one of BODIES; empty: the scene's own
+    strain: Callable[[Config], Config] | None = None  # that makes it finite or small; None: as the scene is
     is_sphere: bool = False
     is_smooth: bool = False  # without the friction or the adhesion of the contact law
 
@@ -90,96 +95,85 @@ class _Model:
             return abs(self.percent) <= 100 * tolerance and max(sizes, default=0.0) <= 100 * tolerance
         return sum(sizes) <= 100 * tolerance
 
-    def document(self, bench: Bench) -> Document | None:
+    def of(self, config: Config) -> Config | None:
         """The scene with this model; None where it cannot be run."""
-        config = bench.config
-        found = to_mapping(config)
-        if self.body:
-            found["body"] = bench.without_sides() if self.body == "layer" else half_space_of(found["body"])
-            found["indenter"].pop("center", None)
-            found = {key: value for key, value in found.items() if key not in OF_A_MESH}
-            found["output"]["fields"] = "auto"
-        if self.is_sphere:
-            found["indenter"]["shape"] = "sphere"
-        if self.is_smooth:
-            found["contact"] = {"method": "auto"}
-        if self.is_finite is not None:
-            found = of_strain(found, self.is_finite)
-        document = usual(found)
         with suppress(ConfigError):
-            resolve(bench.beside(document))
-            return document
+            config = BODIES[self.body](config) if self.body else config
+            if self.body in ENDLESS:  # whose theory has no mesh
+                output = dataclasses.replace(config.output, fields="auto")
+                usual = {"solver": SolverSettings(), "mesh": MeshSettings(), "contact": AutoContact()}
+                config = varied(config, **usual, accuracy=None, output=output)
+            if self.is_sphere and isinstance(config.indenter, Paraboloid):
+                config = varied(config, indenter=Sphere(config.indenter.R))
+            config = varied(config, contact=AutoContact()) if self.is_smooth else config
+            config = self.strain(config) if self.strain else config
+            resolve(config)
+            return config
         return None
 
 
-def _models(config: Config, found: Mapping[str, Effect]) -> Iterator[_Model]:
+def _models(config: Config, effects: Mapping[str, Effect]) -> Iterator[_Model]:
     """The models of a scene, from the cheapest on; the last one has every effect that a model can have."""
     is_finite = not all(layer.material.small_strain for layer in config.layers if layer.material)
-    contact = "stick" if getattr(config.contact, "friction", 0.0) else "adhesion" if config.contact.adhesion else ""
-    knows_finite = found["small_strain"].percent is not None
+    rough = _of_contact(config)
+    knows_finite = effects["small_strain"].percent is not None
     is_parabola = isinstance(config.indenter, Paraboloid)
-    names = ("adhesion", "rate", "cantilever") if config.experiment else ()
-    transforms = [found[name] for name in names if found[name].size > 0]
-    must_be_linear = any(effect.size >= found["small_strain"].size for effect in transforms)
-    bodies, no_yes = ("half_space", "layer", ""), (False, True)
+    transforms = [effects[name] for name in EXPERIMENT_PARTS if config.experiment and effects[name].size > 0]
+    must_be_linear = any(effect.size >= effects["small_strain"].size for effect in transforms)
+    bodies, no_yes = (*BODIES, ""), (False, True)
+    walls = () if isinstance(config.body, Endless) else ("side_walls",)
+    lost = {"half_space": ("inclusions", "thickness", *walls), "layer": ("inclusions", *walls)}  # layers are kept
     for finite, body, sphere, smooth in product(no_yes, bodies, no_yes, (True, False)):
-        if (body and (finite or not smooth or not _has(body, config))) or (sphere and not is_parabola):
+        is_endless = body in ENDLESS and (finite or not smooth)
+        is_of_others = (body and not _has(body, config)) or (sphere and not is_parabola) or not (smooth or rough)
+        is_unknown = finite and not (knows_finite or is_finite)
+        if is_endless or is_of_others or is_unknown or (finite and must_be_linear):  # as an experiment's curve is
             continue
-        if finite and must_be_linear:  # no curve at finite strain determines an experiment
-            continue
-        if (finite and not knows_finite and not is_finite) or not (smooth or contact):
-            continue
-        without = [*_of_body(body, config, found), *([found["paraboloid"]] if is_parabola and not sphere else [])]
-        dropped = (
-            *(transforms if finite else [found["small_strain"]] if knows_finite or is_finite else []),
-            *(effect.times(_gain(found) if contact == "adhesion" and not smooth else 1.0) for effect in without),
-            *([found[contact]] if contact and smooth else []),
-        )
-        changes = None if finite == is_finite else finite
-        yield _Model(tuple(e for e in dropped if e.applies), body, changes, sphere, bool(smooth and contact))
+        names = lost.get(body, ("inclusions",) if body else ())
+        without = [effects[name] for name in (*names, *(["paraboloid"] if is_parabola and not sphere else []))]
+        strain = transforms if finite else [effects["small_strain"]] if knows_finite or is_finite else []
+        kept = abs(1 + (effects["adhesion"].percent or 0.0) / 100) if rough == "adhesion" and not smooth else 1.0
+        gain = 1 / kept if kept else inf  # what is small beside the force with adhesion may not be beside that without
+        dropped = [*strain, *(effect.times(gain) for effect in without)]
+        dropped += [effects[rough]] if rough and smooth else []
+        change = variations.of_finite_strain if finite else variations.of_small_strain
+        applying = tuple(effect for effect in dropped if effect.applies)
+        yield _Model(applying, body, None if finite == is_finite else change, sphere, bool(smooth and rough))
 
 
-def _gain(found: Mapping[str, Effect]) -> float:
-    """The force without adhesion over that with it: what is small beside the one may not be beside the other."""
-    kept = abs(1 + (found["adhesion"].percent or 0.0) / 100)
-    return 1 / kept if kept else inf
+def _of_contact(config: Config) -> str:
+    """Which the contact law has of friction and adhesion; it may have one."""
+    kept = (name for name in ("friction", "adhesion") if getattr(config.contact, name, None))
+    return next(kept, "")
 
 
 def _has(body: str, config: Config) -> bool:
-    """Whether a scene can be that of an endless body."""
-    if config.body.inclusions or not isinstance(config.body, Cylinder | Box | Endless):
-        return False
-    if isinstance(config.body, Endless) and body == config.body.shape:
-        return False
-    return not (body == "layer" and isinstance(config.body, HalfSpace))
+    if body == "no inclusions" or (isinstance(config.body, Endless) and body == config.body.shape):
+        return bool(config.body.inclusions)
+    is_layer = body == "layer" and isinstance(config.body, HalfSpace)
+    return isinstance(config.body, Cylinder | Box | Endless) and not is_layer
 
 
-def _of_body(body: str, config: Config, found: Mapping[str, Effect]) -> list[Effect]:
-    """The effects that an endless body does without: its layers it keeps."""
-    sides = [] if isinstance(config.body, Endless) else [found["side_walls"]]
-    return [*([found["thickness"]] if body == "half_space" else []), *sides] if body else []
-
-
-def _sentence(model: _Model, document: Document, found: Mapping[str, Effect], within: float) -> str:
+def _sentence(model: _Model, config: Config, effects: Mapping[str, Effect], within: float) -> str:
     """What to model, in a sentence, and what no model here can tell."""
-    body = {"half_space": "a half-space", "layer": "an infinitely wide layer"}.get(document["body"]["shape"],
-                                                                                 "the body as it is")  # fmt: skip
-    strain = "small strain" if is_small(document) else "finite strain"
-    tip = document["indenter"]["shape"].replace("_", " ")
-    kept = [name for name in ("friction", "adhesion") if document.get("contact", {}).get(name)]
+    body = ENDLESS.get(config.body.shape, "the body as it is")
+    body += " without its inclusions" if model.body == "no inclusions" else ""
+    strain = "small strain" if all(one.small_strain for one in variations.matter(config)) else "finite strain"
+    tip, kept = config.indenter.shape.replace("_", " "), _of_contact(config)
     off = "by less than the tolerance" if model.percent is None else f"by {model.percent:+.2g} %"
-    words = f"Model {body} under a {tip} at {strain}, {f'with its {kept[0]}' if kept else 'without friction'}"
+    words = f"Model {body} under a {tip} at {strain}, " + (f"with its {kept}" if kept else "without friction")
     if not model.is_within(within):
         words += f": that is off {off}; no model here has all of the effects at once."
     else:
         words += f": that is off {off}." if model.dropped else ": nothing simpler is within the tolerance."
-    held = {"stick" if name == "friction" else name for name in kept}
-    beside = [name for name in ("stick", "rate", "adhesion", "cantilever", "calibration") if name not in held
-              and found[name].size > 100 * within and (found[name].low or found[name].high)]  # fmt: skip
-    computed = [name for name in beside if OF_EXPERIMENT.get(name, set()) & (document.get("experiment") or {}).keys()]
+    own = "friction" if effects["friction"].applies else "stick"  # what may come of any only where there is none
+    several = [name for name in (own, "rate", "adhesion", "cantilever", "calibration") if name != kept]
+    felt = [name for name in several if effects[name].size > 100 * within and (effects[name].low or effects[name].high)]
+    own_parts = {name for name, part in vars(config.experiment or Experiment()).items() if part}
+    computed = [name for name in felt if own_parts & set(EXPERIMENT_PARTS.get(name, ()))]
     if computed:
         words += f" Its experiment adds {_listed(computed)}."
-    if unknown := [name for name in beside if name not in computed]:
+    if unknown := [name for name in felt if name not in computed]:
         words += f" Beside it, more than {100 * within:g} % may come of {_listed(unknown)}."
     return words
 

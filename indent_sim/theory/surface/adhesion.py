@@ -25,12 +25,13 @@ from scipy.optimize import brentq, minimize_scalar
 from indent_sim.theory.solution import require_positive
 from indent_sim.theory.surface.punches import Punches
 
+MAUGIS = 1e-10, 1e5  # parameters beyond which the edge of the attraction is not to be told from that of the contact
 LAMBDA_PER_TABOR = 2.0 * (9.0 / (16.0 * math.pi)) ** (1.0 / 3.0)  # 1.1272
-NARROW, POINTS = 0.05, 13  # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
-SAMPLES = 120  # of a stable branch
-SMALLEST = 1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
+NARROW, EXTREMUM_POINTS = 0.05, 13  # of ln a about an extremum, and points of the polynomial that finds it to 1e-10
+BRANCH_SAMPLES = 120  # of a stable branch
+LEAST_UNSTABLE_RADIUS = 1e-3  # of the radius without force: no instability has a smaller contact, on any layer or tip
 NEARER = 1.25  # steps of a radius from the largest one down
-CLOSEST = 1e-9  # relative distance from the largest radius that is looked at
+LEAST_RIM_DISTANCE = 1e-9  # relative distance from the largest radius that is looked at
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class Jkr:
     def at(self, a: float) -> Contact:
         """The equilibrium, stable or not, of contact radius a [L]."""
         punch = self.punches.at(a)
+        if punch.slope <= 0.0:
+            raise ValueError(f"flat punches of radius {a:.3g} are not known well enough: give a smaller mesh.h_contact")
         q = math.sqrt(4.0 * math.pi * a * self.work / punch.slope)
         return Contact(a, punch.delta - q, punch.force - punch.stiffness * q)
 
@@ -67,15 +70,13 @@ class Jkr:
 
     def _pull_off(self, compliance: float = 0.0) -> Contact:
         about = self._radius_at_rest
-        ends = math.log(max(SMALLEST * about, self.punches.smallest)), math.log(about)
-        if math.isinf(compliance):
-            return self.at(self._extremum(lambda a: self.at(a).force, *ends))
-        return self.at(self._extremum(lambda a: self.way(a, compliance), *ends))
+        ends = math.log(max(LEAST_UNSTABLE_RADIUS * about, self.punches.smallest)), math.log(about)
+        return self.at(self._extremum(self._value(compliance), *ends))
 
     @cached_property
     def _radius_at_rest(self) -> float:
         """The radius without force, beyond which the contact is stable however it is held."""
-        low, high = self.punches.smallest, self.punches.largest * (1.0 - CLOSEST)
+        low, high = self.punches.smallest, self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
         low = max(low, 1e-9 * high)
         if self.at(low).force > 0.0:
             raise ValueError(f"adhesion is weak: what pulls is smaller than {low:g}, of which nothing is known")
@@ -90,7 +91,7 @@ class Jkr:
         """Radius [L] of the smallest value between two ln a, to about 1e-10; ValueError where it lies at an end."""
         found = float(minimize_scalar(lambda x: value(math.exp(x)), bounds=(low, high), method="bounded").x)
         around = max(found - NARROW, low), min(found + NARROW, high)
-        near = Chebyshev.interpolate(np.vectorize(lambda x: value(math.exp(x))), POINTS, domain=around)
+        near = Chebyshev.interpolate(np.vectorize(lambda x: value(math.exp(x))), EXTREMUM_POINTS, domain=around)
         flat = np.asarray(near.deriv().roots(), dtype=complex)
         inside = [x.real for x in flat if abs(x.imag) < 1e-6 and around[0] < x.real < around[1]]
         if not inside:
@@ -98,10 +99,8 @@ class Jkr:
         return math.exp(min(inside, key=near))
 
     def stable(self, z: float, compliance: float = 0.0) -> Contact | None:
-        """The stable equilibrium at a way z [L] (see `way`); None where the tip has come off.
-
-        With an infinite compliance z is the force [F].
-        """
+        """The stable equilibrium at a way z [L] (see `way`); None where the tip has come off. With an infinite
+        compliance z is the force [F]."""
         last = self.pull_off(compliance)
         value = self._value(compliance)
         if z < value(last.a):
@@ -115,7 +114,7 @@ class Jkr:
 
     def _beyond(self, z: float, value: Callable[[float], float], a: float) -> float:
         """A radius [L] not far beyond the one with this value."""
-        high = self.punches.largest * (1.0 - CLOSEST)
+        high = self.punches.largest * (1.0 - LEAST_RIM_DISTANCE)
         while value(a) < z:
             if a >= high:
                 raise ValueError(f"the contact would be wider than {high:g}, of which nothing is known")
@@ -123,14 +122,12 @@ class Jkr:
         return a
 
     def branch(self, largest: float, compliance: float = 0.0) -> Callable[[float], Contact | None]:
-        """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of the largest.
-
-        The way is smooth in the root of its distance from pull-off, where the radius goes with that root.
-        """
+        """`stable` for many ways up to the `largest` [L], from some of its equilibria: to 1e-7 of the largest. The way
+        is smooth in the root of its distance from pull-off, where the radius goes with that root."""
         last, value = self.pull_off(compliance), self._value(compliance)
         lowest = value(last.a)
         high = self._beyond(largest, value, last.a)
-        a = last.a * (high / last.a) ** (np.linspace(0.0, 1.0, SAMPLES) ** 1.5)
+        a = last.a * (high / last.a) ** (np.linspace(0.0, 1.0, BRANCH_SAMPLES) ** 1.5)
         contacts = [last, *(self.at(float(x)) for x in a[1:])]
         ways = [c.force if math.isinf(compliance) else c.delta + compliance * c.force for c in contacts]
         root = np.sqrt(np.maximum(np.array(ways) - lowest, 0.0))
@@ -154,14 +151,12 @@ def maugis_lambda(work: float, reach: float, R: float, E_star: float) -> float:
 
 
 def maugis_pull_off(parameter: float) -> float:
-    """Pull-off force under force control over pi work R of a paraboloid on a half-space, by Maugis-Dugdale.
-
-    -2 for lambda -> 0 (DMT), -3/2 for lambda -> infinity (JKR).
-    """
+    """Pull-off force under force control over pi work R of a paraboloid on a half-space, by Maugis-Dugdale. -2 for
+    lambda -> 0 (DMT), -3/2 for lambda -> infinity (JKR), both to 1e-10 at the ends of MAUGIS."""
     require_positive(parameter=parameter)
-    found = minimize_scalar(lambda x: _maugis_force(1.0 + math.exp(x), parameter), bounds=(-25.0, 25.0),
-                            method="bounded", options={"xatol": 1e-9})  # fmt: skip
-    return float(found.fun)
+    parameter = min(max(parameter, MAUGIS[0]), MAUGIS[1])
+    how = {"bounds": (-25.0, 25.0), "method": "bounded", "options": {"xatol": 1e-9}}
+    return float(minimize_scalar(lambda x: _maugis_force(1.0 + math.exp(x), parameter), **how).fun)
 
 
 def _maugis_force(m: float, parameter: float) -> float:

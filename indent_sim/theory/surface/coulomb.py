@@ -28,9 +28,9 @@ import numpy as np
 from indent_sim.theory.surface import no_slip
 from indent_sim.theory.surface.no_slip import Rubbed
 
-RINGS = 200  # forces to 2e-5; twice as many cost five times as much for half of it
+FRICTION_RINGS = 200  # forces to 2e-5; twice as many cost five times as much for half of it
 FINER = 4.0  # power of their widths towards the edge, where p and q are singular
-STEEPEST = 0.8  # friction beta up to which that holds; from 1 on the rings find another singularity at the edge
+LARGEST_FRICTION = 0.8  # friction beta up to which that holds; from 1 on the rings find another singularity at the edge
 
 
 def rubbed(nu: float, friction: float | Literal["stick"], power: float = math.inf) -> Rubbed:
@@ -41,20 +41,18 @@ def rubbed(nu: float, friction: float | Literal["stick"], power: float = math.in
     """
     if friction == "stick":
         return no_slip.stuck(nu, power)
-    if not -1.0 < nu <= 0.5:
-        raise ValueError(f"nu must lie in (-1, 0.5], got {nu!r}")
+    no_slip.check(nu, power)
     beta = (1.0 - 2.0 * nu) / (2.0 * (1.0 - nu))
-    if not 0.0 <= friction * beta <= STEEPEST:
-        raise ValueError(f"friction must lie in [0, {STEEPEST / beta if beta else math.inf:.3g}], got {friction!r}")
-    if not power >= 1.0:
-        raise ValueError(f"power must be at least 1, got {power!r}")
+    if not 0.0 <= friction * beta <= LARGEST_FRICTION:
+        largest = LARGEST_FRICTION / beta if beta else math.inf
+        raise ValueError(f"friction must lie in [0, {largest:.3g}], got {friction!r}")
     punch = _punch(beta, friction)
     radius = 1.0 if math.isinf(power) else (punch.sinking(power) / SMOOTH.sinking(power)) ** (1.0 / power)
     return Rubbed(punch.force * radius, radius, punch.sticks)
 
 
 @dataclass(frozen=True)
-class Punch:
+class FrictionalPunch:
     """The flat punch of radius 1: phi on each ring, over the edges x of the rings; those before `stuck` stick."""
 
     x: np.ndarray
@@ -81,8 +79,8 @@ class Punch:
 
 
 @lru_cache(maxsize=16)
-def _punch(beta: float, friction: float) -> Punch:
-    return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, RINGS + 1)) ** FINER).pressed(beta, friction)
+def _punch(beta: float, friction: float) -> FrictionalPunch:
+    return Rings(1.0 - (1.0 - np.linspace(0.0, 1.0, FRICTION_RINGS + 1)) ** FINER).pressed(beta, friction)
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ class Rings:
     def _below(self) -> np.ndarray:
         return np.minimum(self.x / self.r[:, None], 1.0)
 
-    def pressed(self, beta: float, friction: float) -> Punch:
+    def pressed(self, beta: float, friction: float) -> FrictionalPunch:
         """The punch that presses on them: slip begins at a ring found by bisection."""
         n, angle = len(self.r), np.arcsin(self._below)
         under = np.diff(angle)  # int_0^r 1/sqrt(r^2 - x^2) dx
@@ -121,11 +119,11 @@ class Rings:
             return k == 0 or bool(slipping[k - 1] @ from_ring(k) <= 0.0)
 
         k = bisect_left(range(n), True, key=lambda slipping: not holds(slipping + 1))
-        return Punch(self.x, from_ring(k)[:n], k)
+        return FrictionalPunch(self.x, from_ring(k)[:n], k)
 
     def _beyond(self, r: np.ndarray) -> np.ndarray:
         """int_r^1 x/sqrt(x^2 - r^2) dx over each ring, seen from each r."""
         return np.diff(np.sqrt(np.maximum(self.x**2 - r[:, None] ** 2, 0.0)))
 
 
-SMOOTH = Punch(np.array([0.0, 1.0]), np.array([2.0 / math.pi]), 0)
+SMOOTH = FrictionalPunch(np.array([0.0, 1.0]), np.array([2.0 / math.pi]), 0)

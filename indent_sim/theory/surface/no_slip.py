@@ -20,39 +20,47 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from indent_sim.theory.hankel import gauss
+from indent_sim.theory.half_space import check_nu
+from indent_sim.theory.hankel import Nodes, gauss, joined
 
 # Force without slip over the frictionless one on a layer bonded to its base, by contact radius over thickness (columns)
 # and Poisson ratio (rows), to 0.5 %: paraboloid and cone at the depth where the frictionless tip has the radius, punch
 # of that radius; solved by finite elements in twenty steps (configs/studies/friction)
-SLENDER = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
+MAPPED_SLENDERNESS = (0.1, 0.3, 1.0, 2.0, 3.0, 5.0, 10.0)
 COMPRESSIBLE = (0.0, 0.3, 0.4, 0.45, 0.49, 0.5)
 LAYER = {
-    2.0: ((1.057, 1.060, 1.043, 1.023, 1.013, 1.006, 1.002),
-          (1.017, 1.016, 1.003, 1.000, 1.001, 1.001, 1.000),
-          (1.006, 1.004, 1.001, 1.017, 1.021, 1.015, 1.006),
-          (1.002, 1.000, 1.014, 1.066, 1.083, 1.066, 1.026),
-          (1.000, 1.000, 1.045, 1.211, 1.339, 1.398, 1.241),
-          (1.000, 1.001, 1.059, 1.304, 1.585, 2.057, 2.731)),
-    1.0: ((1.049, 1.051, 1.038, 1.020, 1.012, 1.005, 1.001),
-          (1.015, 1.014, 1.003, 1.000, 1.000, 1.000, 1.000),
-          (1.005, 1.003, 1.001, 1.015, 1.020, 1.014, 1.005),
-          (1.001, 1.000, 1.011, 1.060, 1.078, 1.062, 1.023),
-          (1.000, 1.000, 1.039, 1.196, 1.320, 1.381, 1.230),
-          (1.000, 1.001, 1.051, 1.282, 1.553, 2.011, 2.683)),
-    math.inf: ((1.106, 1.110, 1.081, 1.050, 1.035, 1.022, 1.011),
-               (1.030, 1.029, 1.010, 1.005, 1.004, 1.003, 1.001),
-               (1.010, 1.007, 1.005, 1.022, 1.024, 1.019, 1.010),
-               (1.003, 1.001, 1.022, 1.079, 1.093, 1.077, 1.041),
-               (1.000, 1.001, 1.065, 1.254, 1.382, 1.434, 1.284),
-               (1.000, 1.001, 1.084, 1.366, 1.659, 2.126, 2.781)),
-}  # fmt: skip
+    2.0: (
+        (1.057, 1.060, 1.043, 1.023, 1.013, 1.006, 1.002),
+        (1.017, 1.016, 1.003, 1.000, 1.001, 1.001, 1.000),
+        (1.006, 1.004, 1.001, 1.017, 1.021, 1.015, 1.006),
+        (1.002, 1.000, 1.014, 1.066, 1.083, 1.066, 1.026),
+        (1.000, 1.000, 1.045, 1.211, 1.339, 1.398, 1.241),
+        (1.000, 1.001, 1.059, 1.304, 1.585, 2.057, 2.731),
+    ),
+    1.0: (
+        (1.049, 1.051, 1.038, 1.020, 1.012, 1.005, 1.001),
+        (1.015, 1.014, 1.003, 1.000, 1.000, 1.000, 1.000),
+        (1.005, 1.003, 1.001, 1.015, 1.020, 1.014, 1.005),
+        (1.001, 1.000, 1.011, 1.060, 1.078, 1.062, 1.023),
+        (1.000, 1.000, 1.039, 1.196, 1.320, 1.381, 1.230),
+        (1.000, 1.001, 1.051, 1.282, 1.553, 2.011, 2.683),
+    ),
+    math.inf: (
+        (1.106, 1.110, 1.081, 1.050, 1.035, 1.022, 1.011),
+        (1.030, 1.029, 1.010, 1.005, 1.004, 1.003, 1.001),
+        (1.010, 1.007, 1.005, 1.022, 1.024, 1.019, 1.010),
+        (1.003, 1.001, 1.022, 1.079, 1.093, 1.077, 1.041),
+        (1.000, 1.001, 1.065, 1.254, 1.382, 1.434, 1.284),
+        (1.000, 1.001, 1.084, 1.366, 1.659, 2.126, 2.781),
+    ),
+}
 MAP_ERROR = 0.005  # of the force
 DIGIT = 0.001  # of the map
-PEAK, DIP = 0.02, 0.004  # beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
+# Beyond corners of a cell: up, of the effect, and down, of the force, where slip turns about
+MAP_PEAK, DIP = 0.02, 0.004
 
-FAR = 20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
-PANEL, POINTS = 2.0, 24  # the integrands are analytic to pi/2 beside the angle: rounding remains
+FAR_ANGLE = 20.0  # of the hyperbolic angle whose tanh is t: beyond it 1/cosh^2 is below 1e-17 of its peak
+PANEL_LENGTH, POINTS_PER_PANEL = 2.0, 24  # the integrands are analytic to pi/2 beside the angle: rounding remains
 
 
 @dataclass(frozen=True)
@@ -79,26 +87,32 @@ def force_ratio(nu: float, power: float = math.inf) -> float:
     (1 - nu) ln(3 - 4 nu)/(1 - 2 nu) times the ratio of the contact radii, to 1e-10. Raises ValueError unless
     -1 < nu <= 0.5 and power >= 1.
     """
-    if not -1.0 < nu <= 0.5:
-        raise ValueError(f"nu must lie in (-1, 0.5], got {nu!r}")
+    check(nu, power)
+    return punch_ratio(nu) * (1.0 if math.isinf(power) else radius_ratio(nu, power))
+
+
+def check(nu: float, power: float) -> None:
+    """ValueError unless -1 < nu <= 0.5 and power >= 1."""
+    check_nu(nu)
     if not power >= 1.0:
         raise ValueError(f"power must be at least 1, got {power!r}")
-    return punch_ratio(nu) * (1.0 if math.isinf(power) else radius_ratio(nu, power))
 
 
 def layer_range(nu: float, slenderness: float, power: float) -> tuple[float, float] | None:
     """Least and largest force ratio in the map's cell around a bonded layer; None beyond the map.
 
     Those at the corners of the cell, or at the ends of the line of the map that the layer is on, down by DIP and up by
-    PEAK, which hold what lies between them. slenderness: contact radius over thickness; power: that of the tip's
+    MAP_PEAK, which hold what lies between them. slenderness: contact radius over thickness; power: that of the tip's
     profile, 1, 2 or infinite. Below a slenderness of 0.1 the other corners are the half-space's.
     """
-    if power not in LAYER or not COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] or not 0 <= slenderness <= SLENDER[-1]:
+    is_inside = COMPRESSIBLE[0] <= nu <= COMPRESSIBLE[-1] and 0 <= slenderness <= MAPPED_SLENDERNESS[-1]
+    if power not in LAYER or not is_inside:
         return None
-    rows, columns = _beside(COMPRESSIBLE, nu), _beside((0.0, *SLENDER), slenderness)
-    corners = [_known(row, column, power) for row in rows for column in columns]
+    rows, columns = _beside(COMPRESSIBLE, nu), _beside((0.0, *MAPPED_SLENDERNESS), slenderness)
+    known = {row: (force_ratio(COMPRESSIBLE[row], power), *LAYER[power][row]) for row in rows}  # from the half-space on
+    corners = [known[row][column] for row in rows for column in columns]
     low, high = min(corners), max(corners)
-    return low - DIP, high + DIGIT + PEAK * (high - 1.0)
+    return low - DIP, high + DIGIT + MAP_PEAK * (high - 1.0)
 
 
 def _beside(lines: Sequence[float], at: float) -> list[int]:
@@ -106,11 +120,6 @@ def _beside(lines: Sequence[float], at: float) -> list[int]:
     on = [k for k, line in enumerate(lines) if math.isclose(line, at, rel_tol=1e-9)]
     above = int(np.searchsorted(lines, at))
     return on or [above - 1, above]
-
-
-def _known(row: int, column: int, power: float) -> float:
-    """The force ratio at a corner of the map's cells; column 0: the half-space."""
-    return LAYER[power][row][column - 1] if column else force_ratio(COMPRESSIBLE[row], power)
 
 
 def punch_ratio(nu: float) -> float:
@@ -124,13 +133,6 @@ def radius_ratio(nu: float, power: float) -> float:
     return float((_sinking(nu, power) / _sinking(0.5, power)) ** (1.0 / power))
 
 
-def displacement_beside_punch(q: float, nu: float) -> float:
-    """W(q), the depth of the surface at q >= 1 radii from the axis of a bonded flat punch over the punch's own."""
-    y, weights = _angles(2.0 * FAR)  # t = tanh y; q^2 - t^2 without cancellation
-    slope = np.cos(2.0 * _theta(nu) * y) / np.cosh(y) / np.sqrt((q * q - 1.0) * np.cosh(y) ** 2 + 1.0)
-    return _factor(nu) * float(weights @ slope)
-
-
 def _factor(nu: float) -> float:
     return 4.0 * (1.0 - nu) / (math.pi * math.sqrt(3.0 - 4.0 * nu))
 
@@ -141,19 +143,19 @@ def _theta(nu: float) -> float:
 
 def _sinking(nu: float, n: float) -> float:
     """int_0^1 (1 - W(1/s)) s^(n-1) ds = B/(n alpha)."""
-    y, weights = _angles(FAR)  # t = tanh y
+    y, weights = _angles(FAR_ANGLE)  # t = tanh y
     part = np.cos(2.0 * _theta(nu) * y) * _moment(np.tanh(y), n) / np.cosh(y) ** 2
     return 1.0 / n - _factor(nu) * float(weights @ part)
 
 
 def _moment(t: np.ndarray, n: float) -> np.ndarray:
     """int_0^1 s^n/sqrt(1 - t^2 s^2) ds = int_0^asin(t) sin(w)^n dw / t^(n+1), with w ~ v^2: n need not be whole."""
-    v, weights = gauss(0.0, 1.0, 2 * POINTS)
+    v, weights = gauss(0.0, 1.0, 2 * POINTS_PER_PANEL)
     end = np.arcsin(t)
     return np.asarray((np.sin(np.outer(end, v * v)) / t[:, None]) ** n @ (2.0 * v * weights) * end / t)
 
 
-def _angles(end: float) -> tuple[np.ndarray, np.ndarray]:
+def _angles(end: float) -> Nodes:
     """Gauss nodes and weights on [0, end], panel by panel."""
-    panels = [gauss(start, start + PANEL, POINTS) for start in map(float, np.arange(0.0, end, PANEL))]
-    return np.concatenate([nodes for nodes, _ in panels]), np.concatenate([weights for _, weights in panels])
+    starts = map(float, np.arange(0.0, end, PANEL_LENGTH))
+    return joined([gauss(start, start + PANEL_LENGTH, POINTS_PER_PANEL) for start in starts])

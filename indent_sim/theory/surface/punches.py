@@ -27,9 +27,10 @@ from indent_sim.theory.layer import Layer
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.roots import increasing_root
 
-DEGREE = 7  # of ln K and ln P over the radius: 3 and 7 are worse on noisy curves, 9 much
-VERTICES = 6  # that a fit needs at least
-FLAT = 1e-9  # of P at the largest radius: less is that of a flat part of the tip
+FIT_DEGREE = 7  # of ln K and ln P over the radius: 3 and 7 are worse on noisy curves, 9 much
+LARGEST_MISFIT = 0.01  # of K and P: fits that miss one by more are of fewer radii
+FEWEST_RADII = 6  # that a fit needs at least
+FLAT_TIP_FORCE = 1e-9  # of P at the largest radius: less is that of a flat part of the tip
 QUADRATURE = 32  # points of the integral of g on each smooth piece of the tip
 
 
@@ -56,10 +57,8 @@ class Punches(Protocol):
 
 
 def radius_at(punches: Punches, delta: float) -> float:
-    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion.
-
-    ValueError where it would be beyond `largest`, or below half of `smallest`, of which nothing is known.
-    """
+    """Contact radius [L] of the tip at a depth [L] > 0, without adhesion. ValueError where it would be beyond
+    `largest`, or below half of `smallest`, of which nothing is known."""
     found = increasing_root(lambda a: punches.at(a).delta, delta, 0.1 * punches.largest, punches.largest)
     if found < 0.5 * punches.smallest:
         raise ValueError(f"the contact radius {found:g} is smaller than those that are known")
@@ -87,23 +86,36 @@ class FittedPunches:
 
     Fitted are ln K/K_0 and ln P/P_0 as polynomials of the radius, K_0 = 2 E* a and P_0 = 2 E* int_0^a g being those of
     the tip on a half-space: what is left is smooth, whatever the tip. radii a, K, P (n,); g the tip's Abel transform.
-    ValueError for less than `VERTICES` radii.
+    ValueError for less than `FEWEST_RADII` radii.
     """
 
-    def __init__(self, a: np.ndarray, K: np.ndarray, P: np.ndarray, tip: Tip, E_star: float):
+    def __init__(self, a: np.ndarray, K: np.ndarray, P: np.ndarray, tip: Tip, E_star: float, degree: int = FIT_DEGREE):
+        self._given = a, K, P, tip, E_star
         self._tip, self._E_star = tip, E_star
         a, K, P = (values[a < tip.reach] for values in (a, K, P))  # beyond its end g is unknown
         P_0 = np.array([self._half_space(radius) for radius in a])
-        curved = FLAT * P_0.max(initial=0.0) < P_0  # a punch's rounded edge begins somewhere
-        if np.count_nonzero(curved) < VERTICES:
-            raise ValueError(f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least {VERTICES}")
+        curved = FLAT_TIP_FORCE * P_0.max(initial=0.0) < P_0  # a punch's rounded edge begins somewhere
+        if np.count_nonzero(curved) < FEWEST_RADII:
+            raise ValueError(f"{np.count_nonzero(curved)} radii are too few to be smoothed, at least {FEWEST_RADII}")
         a, K, P, P_0 = a[curved], K[curved], P[curved], P_0[curved]
-        self.smallest, self.largest = float(a[0]), float(a[-1])
-        degree = min(DEGREE, len(a) // 2)
-        weights = a / a[-1]  # what is wrong is a part of an element, whatever the radius
-        self._K = Chebyshev.fit(a, np.log(K / (2.0 * E_star * a)), degree, w=weights)
-        self._P = Chebyshev.fit(a, np.log(P / P_0), degree, w=weights)
+        logs = np.log([K / (2.0 * E_star * a), P / P_0])
+        n, misfit = len(a), math.inf
+        # towards the wall of a sealed body K grows without bound, and no polynomial follows
+        while misfit > LARGEST_MISFIT:
+            if n < FEWEST_RADII:
+                raise ValueError("the punches are too rough to be smoothed")
+            weights, power = a[:n] / a[n - 1], min(degree, n // 2)  # what is wrong is a part of an element everywhere
+            self._K, self._P = (Chebyshev.fit(a[:n], values[:n], power, w=weights) for values in logs)
+            fits = zip((self._K, self._P), logs, strict=True)
+            misfit = max(np.max(weights * np.abs(fit(a[:n]) - values[:n])) for fit, values in fits)
+            n, known = int(0.95 * n), n
+        self.smallest, self.largest = float(a[0]), float(a[known - 1])
         self._dK, self._dP = self._K.deriv(), self._P.deriv()
+
+    @property
+    def beside(self) -> list[FittedPunches]:
+        """By polynomials of the degrees beside its own."""
+        return [FittedPunches(*self._given, degree) for degree in (FIT_DEGREE - 1, FIT_DEGREE + 1)]
 
     def _half_space(self, a: float) -> float:
         """P_0(a) = 2 E* int_0^a g [F]."""

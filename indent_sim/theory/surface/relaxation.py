@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,22 +25,6 @@ from scipy.optimize import brentq
 LEAST_SAMPLES = 4  # of an elastic curve
 REGROWN = 1e-9  # of the largest depth: by more than that the contact grows again
 EXPONENTIALS, DECADES = 8, 2.0  # a power law as a sum of exponentials: per decade, and beyond the times asked for
-
-
-class Modulus(Protocol):
-    """G(t) = E(t)/E of a linear viscoelastic material."""
-
-    def __call__(self, t: np.ndarray) -> np.ndarray:
-        """G at times t >= 0."""
-
-    def integral(self, t: np.ndarray) -> np.ndarray:
-        """int_0^t G [time]."""
-
-    def complex(self, omega: float) -> complex:
-        """Storage + i loss at the angular frequency omega [1/time], over E."""
-
-    def prony(self, shortest: float, longest: float) -> Prony:
-        """Exponentials that are the same between two times."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +58,8 @@ class Prony:
 
     def complex(self, omega: float) -> complex:
         """Storage + i loss at the angular frequency omega [1/time], over E."""
-        terms = (g * 1j * omega * tau / (1 + 1j * omega * tau)
-                 for g, tau in zip(self.fractions, self.times, strict=True))  # fmt: skip
-        return self.lasting + sum(terms)
+        pairs = zip(self.fractions, self.times, strict=True)
+        return self.lasting + sum(g * 1j * omega * tau / (1 + 1j * omega * tau) for g, tau in pairs)
 
     def prony(self, shortest: float, longest: float) -> Prony:
         """Itself."""
@@ -113,6 +95,9 @@ class PowerLaw:
         weights = step * (rates * self.time) ** b / math.gamma(b)
         rest = (rates[0] * self.time * math.exp(-0.5 * step)) ** b / math.gamma(1.0 + b)  # all slower rates at once
         return Prony(tuple(weights.tolist()), tuple((1.0 / rates).tolist()), float(rest))
+
+
+Modulus = Prony | PowerLaw  # G(t) = E(t)/E of a linear viscoelastic material
 
 
 class ElasticCurve:
@@ -248,8 +233,8 @@ class OneCycle:
 
     def _shrunk(self, t: float, delta: float, k: int) -> float:
         """delta_1 of a contact that shrinks; 0 after lift-off."""
-        back = sum(self._moved(t, self._d[i], self._d[i + 1], self._t[i], self._t[i + 1])
-                   for i in range(self._top, k - 1))  # fmt: skip
+        d, s = self._d, self._t
+        back = sum(self._moved(t, d[i], d[i + 1], s[i], s[i + 1]) for i in range(self._top, k - 1))
         if t > self._t[k - 1] or delta != self._d[k - 1]:
             back += self._moved(t, self._d[k - 1], delta, self._t[k - 1], t)
 
@@ -275,4 +260,3 @@ def _end_crowding(points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 _ENDS = _end_crowding(161)
-

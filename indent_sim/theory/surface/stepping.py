@@ -25,14 +25,15 @@ from indent_sim.theory.hankel import axisymmetric_kernel
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.surface.relaxation import Prony, Response
 
-PLACES = 200  # of a contact radius, on a body that theory knows
+PLACES_PER_RADIUS = 200  # of a contact radius, on a body that theory knows
 BEYOND = 1.25  # of the widest contact that is expected: places beyond are there
-FIRST, EVEN = 40, 150  # steps of the first length after a kink, and steps that a piece of the history has at least
-MOST = 2000  # steps of a history, about, but for one in each of its pieces
+# Steps of the first length after a kink, and steps that a piece of the history has at least
+KINK_STEPS, STEPS_PER_PIECE = 40, 150
+MOST_HISTORY_STEPS = 2000  # steps of a history, about, but for one in each of its pieces
 RESOLVED = 20.0  # first steps in the shortest relaxation time
 TOUCHES = 60  # corrections of a contact that is no disc
-SLACK = 1e-12  # of the largest pressure, or gap, by which a contact may pull, or overlap
-SAME_FORCE, SEARCH = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
+CONTACT_SLACK = 1e-12  # of the largest pressure, or gap, by which a contact may pull, or overlap
+SAME_FORCE, MOST_SEARCH_STEPS = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
 
 
 class Outgrown(ValueError):
@@ -47,7 +48,7 @@ class Unsettled(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Surface:
+class RelaxingSurface:
     """A: (n, n) compliance between weighted places, symmetric and positive definite; heights and areas (n,).
 
     `places` (n,): the radii [L] of places in their order on an axisymmetric body; its contact ends by `shift` of their
@@ -83,13 +84,13 @@ class Surface:
         return float(self.places[n - 1] + distance * (y[n - 1] / (y[n - 1] - y[n]) + self.shift))
 
 
-def layer_surface(contact: Layer, a: float) -> Surface:
+def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     """The surface of a layer theory for contacts up to the radius a [L], in the variable of its integral equation.
 
     phi(x) >= 0 and delta - g(x) take the places of pressure and gap: (pi/E*)(phi - (2/pi) int K phi) = delta - g, and
     F = 2 pi int phi. A contact that is a disc ends at the same radius in both, whatever has happened outside.
     """
-    h, n = contact.h, round(PLACES * BEYOND)
+    h, n = contact.h, round(PLACES_PER_RADIUS * BEYOND)
     end = min(BEYOND * a, contact.largest() * h * (1 - 1e-6))
     edges = np.linspace(0.0, end, n + 1)
     x, width = 0.5 * (edges[1:] + edges[:-1]) / h, end / n
@@ -98,7 +99,7 @@ def layer_surface(contact: Layer, a: float) -> Surface:
     K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
     areas = np.full(n, 2.0 * np.pi * width)
     A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
-    return Surface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h, only_discs=True)
+    return RelaxingSurface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h, only_discs=True)
 
 
 class SurfaceContact:
@@ -107,7 +108,7 @@ class SurfaceContact:
     Of the last contact found: its `radius` [L], and the force per depth `stiffness` [F/L] of what touches.
     """
 
-    def __init__(self, surface: Surface, M: np.ndarray):
+    def __init__(self, surface: RelaxingSurface, M: np.ndarray):
         self.surface, self.M = surface, M
         if surface.is_ordered:
             self.L = cholesky(M, lower=True)
@@ -116,10 +117,7 @@ class SurfaceContact:
         self.radius, self.stiffness = 0.0, 0.0
 
     def pressures(self, o: np.ndarray) -> np.ndarray:
-        """The pressures of open gaps o (n,).
-
-        Outgrown where all places touch, Unsettled where no contact was found.
-        """
+        """The pressures of open gaps o (n,). Outgrown where all places touch, Unsettled where no contact was found."""
         p = self._disc(o) if self.surface.is_ordered else None
         if p is None and self.surface.only_discs:
             raise Unsettled("the contact is no disc, and theory knows no other (solver.method: condensed does)")
@@ -131,28 +129,26 @@ class SurfaceContact:
         outside = np.flatnonzero(y <= 0.0)
         if not len(outside):
             raise Outgrown
-        n = int(outside[0])
-        p = np.zeros(len(o))
+        n, p = int(outside[0]), np.zeros(len(o))
         p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0
         gap = o[n:] + self.M[n:, :n] @ p[:n]
         self.radius, self.stiffness = self.surface.edge(y), float(self.one[:n] @ self.one[:n])
-        return p if np.all(p >= 0.0) and np.all(gap >= -SLACK * np.abs(o).max()) else None
+        return p if np.all(p >= 0.0) and np.all(gap >= -CONTACT_SLACK * np.abs(o).max()) else None
 
     def _any(self, o: np.ndarray) -> np.ndarray:
         """Those of any contact, by primal-dual active sets; from the last one."""
         touching = self._touching if self._touching.any() else o < 0.0
         for _ in range(TOUCHES):
             p, gap = self._held(o, touching)
-            if p.min() >= -SLACK * p.max() and gap.min() >= -SLACK * np.abs(o).max():
+            if p.min() >= -CONTACT_SLACK * p.max() and gap.min() >= -CONTACT_SLACK * np.abs(o).max():
                 break
             touching = np.where(touching, p, -gap) > 0.0
         else:
             raise Unsettled(f"the contact of a step did not settle in {TOUCHES} corrections")
         if touching.all():
             raise Outgrown
-        self._touching, p = touching, np.maximum(p, 0.0)
+        self._touching, p, on = touching, np.maximum(p, 0.0), np.flatnonzero(touching)
         self.radius = self.surface.radius(p)
-        on = np.flatnonzero(touching)
         self.stiffness = float(self.surface.areas[on] @ self._solved(on, self.surface.areas))
         return p
 
@@ -172,7 +168,7 @@ class StepByStep:
     """The response of a relaxing body to a history of its base's way z [L] (`compliance` [L/F] of the spring between it
     and the tip; 0: of the depth) or of the force [F] (`of_force`)."""
 
-    def __init__(self, surface: Surface, modulus: Prony, compliance: float = 0.0, of_force: bool = False):
+    def __init__(self, surface: RelaxingSurface, modulus: Prony, compliance: float = 0.0, of_force: bool = False):
         self.surface, self.modulus, self.compliance, self.of_force = surface, modulus, compliance, of_force
         n = len(surface.areas)
         self._g, self._tau = np.array(modulus.fractions), np.array(modulus.times)
@@ -186,7 +182,7 @@ class StepByStep:
     ) -> Iterator[Response]:
         """One Response at every time, straight lines between them, or about so many `rows` in each; two equal times are
         a jump."""
-        self._longest = (times[-1] - times[0]) / MOST
+        self._longest = (times[-1] - times[0]) / MOST_HISTORY_STEPS
         yield self._step(times[0], 0.0, values[0])
         pieces = pairwise(zip(times, values, strict=True))
         for ((t0, v0), (t1, v1)), parts in zip(pieces, rows or [1] * (len(times) - 1), strict=True):
@@ -203,12 +199,12 @@ class StepByStep:
     def _ladder(self, begin: float, end: float) -> list[tuple[float, float]]:
         """The steps of a piece: short ones first, where relaxation may be quick, doubling to its longest."""
         span = end - begin
-        longest = min(max(span / EVEN, self._longest), span)
+        longest = min(max(span / STEPS_PER_PIECE, self._longest), span)
         dt = min(longest, min(self._tau, default=span) / RESOLVED)
         dt = longest / 2.0 ** np.ceil(np.log2(longest / dt))
         ends, t = [begin], begin
-        while dt < longest and t + FIRST * dt < end:
-            ends += [t + dt * k for k in range(1, FIRST + 1)]
+        while dt < longest and t + KINK_STEPS * dt < end:
+            ends += [t + dt * k for k in range(1, KINK_STEPS + 1)]
             t, dt = ends[-1], 2.0 * dt
         rest = max(1, round((end - t) / longest))
         ends += [*(t + (end - t) * k / rest for k in range(1, rest)), end]
@@ -223,7 +219,11 @@ class StepByStep:
         H = fading @ self._h - float(moved.sum()) * self._phi
         contact = self._contact(alpha)
         o = self.surface.heights - self.surface.A @ H / alpha
-        delta, p = self._pressed(contact, o, value) if self.of_force else self._pushed(contact, o, value)
+        if self.of_force:
+            delta, p = self._pressed(contact, o, value)
+        else:
+            p = contact.pressures(o - value * self.surface.areas)
+            delta = value - self.compliance * float(self.surface.areas @ p)
         phi = (p - H) / alpha
         self._h = fading[:, None] * self._h + moved[:, None] * (phi - self._phi)
         self._phi = phi
@@ -237,11 +237,6 @@ class StepByStep:
             self._contacts = {key: SurfaceContact(self.surface, self.surface.A / alpha + c * np.outer(areas, areas))}
         return self._contacts[key]
 
-    def _pushed(self, contact: SurfaceContact, o: np.ndarray, z: float) -> tuple[float, np.ndarray]:
-        """Depth and pressures at the base's way z."""
-        p = contact.pressures(o - z * self.surface.areas)
-        return z - self.compliance * float(self.surface.areas @ p), p
-
     def _pressed(self, contact: SurfaceContact, o: np.ndarray, force: float) -> tuple[float, np.ndarray]:
         """Depth and pressures under a force: Newton on F(delta), which is convex; at first touch for none."""
         areas = self.surface.areas
@@ -251,7 +246,7 @@ class StepByStep:
             return delta, np.zeros(len(o))
         low = max(delta, float((o / areas).min()))
         delta = low + max(force * contact.M[0, 0] / areas[0] ** 2, 1e-12 * abs(low))
-        for _ in range(SEARCH):
+        for _ in range(MOST_SEARCH_STEPS):
             try:
                 p = contact.pressures(o - delta * areas)
             except Outgrown:  # far too deep
@@ -262,4 +257,4 @@ class StepByStep:
                 return delta, p
             low = delta if missing > 0.0 else low
             delta += missing / contact.stiffness
-        raise Unsettled(f"the depth of a force of {force:g} was not found in {SEARCH} steps")
+        raise Unsettled(f"the depth of a force of {force:g} was not found in {MOST_SEARCH_STEPS} steps")

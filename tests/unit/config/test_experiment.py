@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.file import from_mapping, loads, to_yaml
+from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -35,45 +35,94 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ({"relaxation": {}, "history": RAMP}, {}, "experiment.relaxation", "one of two laws"),
         ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "experiment.relaxation.prony", "sum to"),
         ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"experiment.relaxation.prony\[0\]", "no term"),
-        ({"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0], [0, 0.01], [1, 0.01]]}, {},
-         "experiment.history", "jumps"),
-        ({"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0.01], [1, 0.01]]}, {},
-         "experiment.history", "jumps"),
+        (
+            {"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0], [0, 0.01], [1, 0.01]]},
+            {},
+            "experiment.history",
+            "jumps",
+        ),
+        (
+            {"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0.01], [1, 0.01]]},
+            {},
+            "experiment.history",
+            "jumps",
+        ),
         ({"frequencies": [1.0]}, {}, "experiment.frequencies", "relaxes"),
         ({"adhesion": {"work": 1e-3}, "relaxation": SLOW, "history": RAMP}, {}, "experiment.adhesion", "together"),
         ({"adhesion": {"work": 1e-3}}, {"body": BOX}, "experiment.adhesion", "disc"),
-        ({"adhesion": {"work": 1e-3}}, {"indenter": {"shape": "flat_punch", "radius": 0.1}}, "experiment.adhesion",
-         "edge_radius"),
-        ({"adhesion": {"work": 1e-3}}, {"indenter": {"shape": "pyramid", "half_angle": 65.0, "faces": 3}},
-         "experiment.adhesion", "disc"),
-        ({"adhesion": {"work": 1e-3, "range": 1e-3}}, {"indenter": {"shape": "cone", "half_angle": 70.0}},
-         "experiment.adhesion.range", "no R"),
+        (
+            {"adhesion": {"work": 1e-3}},
+            {"indenter": {"shape": "flat_punch", "radius": 0.1}},
+            "experiment.adhesion",
+            "edge_radius",
+        ),
+        (
+            {"adhesion": {"work": 1e-3}},
+            {"indenter": {"shape": "pyramid", "half_angle": 65.0, "faces": 3}},
+            "experiment.adhesion",
+            "disc",
+        ),
+        (
+            {"adhesion": {"work": 1e-3, "range": 1e-3}},
+            {"indenter": {"shape": "cone", "half_angle": 70.0}},
+            "experiment.adhesion.range",
+            "no R",
+        ),
         ({"calibration": {"stiffness": 0.1}, "history": RAMP}, {}, "experiment.calibration.stiffness", "cantilever"),
-        ({"calibration": {"R": 0.1}, "history": RAMP}, {"indenter": {"shape": "cone", "half_angle": 70.0}},
-         "experiment.calibration.R", "has none"),
+        (
+            {"calibration": {"R": 0.1}, "history": RAMP},
+            {"indenter": {"shape": "cone", "half_angle": 70.0}},
+            "experiment.calibration.R",
+            "has none",
+        ),
         ({"adhesion": {"work": -1.0}}, {}, "experiment.adhesion.work", "> 0"),
         ({"cantilever": {"k": 1.0}}, {}, "experiment.cantilever.k", "unknown key"),
         ({"history": RAMP}, {"material": HYPERELASTIC}, "experiment", "not linear"),
         ({"history": RAMP}, {"contact": {"method": "nitsche"}}, "experiment", "solved whole"),
         ({"history": RAMP}, {"contact": {"friction": 0.3}}, "experiment", "without friction and adhesion"),
         ({"adhesion": {"work": 1e-3}}, {"contact": {"friction": "stick"}}, "experiment", "without friction"),
-        ({"history": RAMP}, {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
-                             "contact": {"adhesion": {"work": 1e-3, "range": 0.05}}}, "experiment", "and adhesion"),
-        ({"adhesion": {"work": 1e-3}}, {"body": {"shape": "strip", "width": 4.0, "height": 1.0}}, "experiment.adhesion",
-         "disc"),
+        (
+            {"history": RAMP},
+            {
+                "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
+                "contact": {"adhesion": {"work": 1e-3, "range": 0.05}},
+            },
+            "experiment",
+            "and adhesion",
+        ),
+        (
+            {"adhesion": {"work": 1e-3}},
+            {"body": {"shape": "strip", "width": 4.0, "height": 1.0}},
+            "experiment.adhesion",
+            "disc",
+        ),
         ({"history": RAMP}, {"contact": {"gap": "current"}}, "experiment", "solved whole"),
         ({"history": [[0, 0], [1, 2.0]]}, {}, "experiment", "beyond the body's thickness"),
         ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "wider than theory"),
         ({"adhesion": {"work": 1e-12}}, {"solver": {"method": "condensed"}}, "experiment.adhesion.work", "comes? off"),
-        ({"adhesion": {"work": 10.0}}, {"body": {"shape": "cylinder", "radius": 1.0, "height": 1.0}},
-         "experiment.adhesion.work", "rim"),
-        ({"adhesion": {"work": 1e-3}}, {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
-                                        "mesh": {"symmetry": "full"}}, "experiment.adhesion", "disc"),
-        ({"relaxation": SLOW, "force_history": RAMP},
-         {"body": {"shape": "strip", "width": 4.0, "height": 1.0, "sides": "roller"}, "solver": {"method": "theory"}},
-         "experiment.relaxation", "stepped in time"),
+        (
+            {"adhesion": {"work": 10.0}},
+            {"body": {"shape": "cylinder", "radius": 1.0, "height": 1.0}},
+            "experiment.adhesion.work",
+            "rim",
+        ),
+        (
+            {"adhesion": {"work": 1e-3}},
+            {"body": {"shape": "cylinder", "radius": 2.0, "height": 1.0}, "mesh": {"symmetry": "full"}},
+            "experiment.adhesion",
+            "disc",
+        ),
+        (
+            {"relaxation": SLOW, "force_history": RAMP},
+            {
+                "body": {"shape": "strip", "width": 4.0, "height": 1.0, "sides": "roller"},
+                "solver": {"method": "theory"},
+            },
+            "experiment.relaxation",
+            "stepped in time",
+        ),
     ],
-)  # fmt: skip
+)
 def test_refusals(experiment: dict[str, Any], sections: dict[str, Any], key: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words) as refused:
         resolve(from_mapping(SCENE | {"experiment": experiment} | sections))
@@ -102,8 +151,10 @@ def test_a_soft_spring_keeps_the_tip_back() -> None:
 
 
 def test_a_deeper_history_sizes_the_mesh() -> None:
-    shallow, deep = (resolve(from_mapping(SCENE | {"experiment": {"history": [[0, 0], [1, depth]]}},
-                                          ["solver.method=condensed"])) for depth in (0.01, 0.04))  # fmt: skip
+    shallow, deep = (
+        resolve(from_mapping(SCENE | {"experiment": {"history": [[0, 0], [1, depth]]}}, ["solver.method=condensed"]))
+        for depth in (0.01, 0.04)
+    )
     assert deep.sizes.patch == pytest.approx(2 * shallow.sizes.patch, rel=0.1)
     assert deep.physics.path == shallow.physics.path
 

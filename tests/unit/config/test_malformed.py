@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from indent_sim.config.file import load
 from indent_sim.config.key_types import field_names, hints, kinds_of, listed
+from indent_sim.config.scene_file import load
 from indent_sim.config.schema import Config, tags
 from indent_sim.process.errors import ConfigError
 
@@ -147,14 +147,20 @@ MALFORMED = [
     (edited("size: [1.0, 1.0, 1.0]", "size: 1.0"), 5, "body.size", "a list of 3 numbers > 0, got 1.0"),
     (edited("size: [1.0, 1.0, 1.0]", "size: [1.0, 1.0]"), 5, "body.size", "3 numbers > 0, got [1.0, 1.0]"),
     (edited("size: [1.0, 1.0, 1.0]", "size: [1, x, 1]"), 5, "body.size[1]", "must be a number > 0, got 'x'"),
-    (edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"), 26, "solver.petsc.ksp_type", "must be text, a number"),
+    (edited("rtol: 1e-10", "petsc: {}"), 26, "solver.petsc", "sets PETSC_OPTIONS in the environment"),
+    (edited("rtol: 1e-10", "petsc: {ksp_type: [cg]}"), 26, "solver.petsc", "is gone: a scene chooses"),
     # ranges
     (edited("R: 1.0", "R: -1"), 14, "indenter.R", "must be > 0, got -1"),
     (edited("R: 1.0", "R: 0"), 14, "indenter.R", "must be > 0, got 0"),
     (edited("nu: 0.3", "nu: 0.7"), 11, "material.nu", "must be > -1 and <= 0.5, got 0.7"),
     (edited("steps: 10", "steps: 0"), 21, "loading.steps", "must be > 0"),
-    (edited("order: 2", "order: 1"), 24, "mesh.order", "must be 2, got 1; linear elements are gone: with as many "
-     "unknowns quadratic ones give a force ten times as accurate"),
+    (
+        edited("order: 2", "order: 1"),
+        24,
+        "mesh.order",
+        "must be 2, got 1; linear elements are gone: with as many "
+        "unknowns quadratic ones give a force ten times as accurate",
+    ),
     (edited("order: 2", "order: 3"), 24, "mesh.order", "must be 2, got 3"),
     (edited("rtol: 1e-10", "rtol: 1e-6"), 26, "solver.rtol", "must be > 0 and <= 1e-09, got 1e-06"),
     (edited("size: [1.0, 1.0, 1.0]", "size: [1, 1,\n    -1]"), 6, "body.size[2]", "must be > 0, got -1"),
@@ -207,24 +213,43 @@ MALFORMED = [
     (body("shape: half_space\n  radius: 1"), 5, "body.radius", "(it belongs to cylinder and ball)"),
     # bodies about an axis
     (round_body("shape: cap\n  base_radius: 2.0"), 3, "body.height", "missing, and so is contact_angle"),
-    (round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  contact_angle: 50.0"), 7, "body.contact_angle",
-     "contradicts height"),
-    (round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 180.0"), 6, "body.contact_angle",
-     "must be > 0 and < 180"),
+    (
+        round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  contact_angle: 50.0"),
+        7,
+        "body.contact_angle",
+        "contradicts height",
+    ),
+    (
+        round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 180.0"),
+        6,
+        "body.contact_angle",
+        "must be > 0 and < 180",
+    ),
     (round_body("shape: cap\n  base_radius: 2.0\n  contact_angle: 178.0"), 3, "body", "stands on a point"),
     (round_body("shape: cap\n  base_radius: 2.0\n  height: 1e-3"), 3, "body", "all but flat"),
     (round_body("shape: cap\n  base_radius: 2.0\n  height: 1.0\n  base: free"), 7, "body.base", "'free'"),
     (round_body("shape: cap\n  height: 1.0"), 3, "body.base_radius", "missing"),
     (round_body("shape: ball\n  radius: 1.0\n  height: 1.0"), 6, "body.height", "'ball' has no parameter 'height'"),
     (round_body("shape: ball\n  radius: -1.0"), 5, "body.radius", "must be > 0"),
-    (round_body("shape: ball\n  radius: 1.0\n  layers: [{thickness: 1.0}]"), 6, "body.layers",
-     "'ball' has no parameter 'layers'"),
-    (round_body("shape: ball\n  radius: 1.0", "shape: plate\n  center: [0.1, 0.0]"), 12, "indenter.center",
-     "stands on the axis"),
-    (round_body("shape: ball\n  radius: 1.0", "shape: pyramid\n  half_angle: 65.0"), 11, "indenter.shape",
-     "modelled about its axis"),
-    (round_body("shape: ball\n  radius: 1.0", "shape: plate\n  R: 1.0"), 12, "indenter.R",
-     "'plate' has no parameter"),
+    (
+        round_body("shape: ball\n  radius: 1.0\n  layers: [{thickness: 1.0}]"),
+        6,
+        "body.layers",
+        "'ball' has no parameter 'layers'",
+    ),
+    (
+        round_body("shape: ball\n  radius: 1.0", "shape: plate\n  center: [0.1, 0.0]"),
+        12,
+        "indenter.center",
+        "stands on the axis",
+    ),
+    (
+        round_body("shape: ball\n  radius: 1.0", "shape: pyramid\n  half_angle: 65.0"),
+        11,
+        "indenter.shape",
+        "modelled about its axis",
+    ),
+    (round_body("shape: ball\n  radius: 1.0", "shape: plate\n  R: 1.0"), 12, "indenter.R", "'plate' has no parameter"),
     (tip("shape: plate"), 13, "indenter.shape", "touches all of it at once"),
     (edited("center: [0.5, 0.5]", "center: [0.5]"), 15, "indenter.center", "stands at [x, y], got 1"),
     (edited("center: [0.5, 0.5]", "center: [0.5, a]"), 15, "indenter.center[1]", "must be a number, got 'a'"),

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import random
+from dataclasses import dataclass
 from decimal import Decimal
+from typing import Annotated
 
+import numpy as np
 import pytest
 
-from indent_sim.config.file import from_mapping, load, loads, to_mapping, to_yaml
+from indent_sim.config.key_types import hints
+from indent_sim.config.quantities import Conversion
 from indent_sim.config.reference import json_schema
+from indent_sim.config.scene_file import from_mapping, load, loads, to_mapping, to_yaml
+from indent_sim.config.schema import Spot
+from indent_sim.model.units import FORCE, TIME, Scales, Unit, UnitRow
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -33,13 +40,17 @@ def a_scene(chance: random.Random) -> dict:
     E, height = number(0.1, 9), number(5, 20)
     return {
         "units": {"length": chance.choice(list(LENGTHS)), "force": chance.choice(list(FORCES))},
-        "body": {"shape": "cylinder", "radius": number(30, 60), "layers": [{"thickness": height, "material": {
-            "model": "linear_elastic", "mu": E, "nu": number(0, 0.4)}}], "height": height},
+        "body": {
+            "shape": "cylinder",
+            "radius": number(30, 60),
+            "layers": [{"thickness": height, "material": {"model": "linear_elastic", "mu": E, "nu": number(0, 0.4)}}],
+            "height": height,
+        },
         "indenter": {"shape": "sphere", "R": number(1, 9)},
         "contact": {"method": "penalty", "epsilon_n": number(10, 90)},
         "loading": {"deltas": [number(0.1, 0.2), number(0.2, 0.4)]},
         "mesh": {"h_contact": number(0.1, 0.3)},
-    }  # fmt: skip
+    }
 
 
 def with_units(value, key: str, units: dict, chance: random.Random):
@@ -68,29 +79,32 @@ def test_mixed_units_give_the_digits_of_one_system(seed):
     assert loads(to_yaml(from_mapping(mixed))) == from_mapping(plain)
 
 
-@pytest.mark.parametrize(("override", "key", "problem", "remedy"), [
-    ("material.E=1,0", "material.E", "a comma is no decimal point", "write 1.0"),
-    ("material.E='1,5 kPa'", "material.E", "a comma is no decimal point", "write 1.5 kPa"),
-    ("material.E=1 kpa", "material.E", "no unit 'kpa'", "did you mean kPa?"),
-    ("material.E=1 um", "material.E", "a length, not a pressure", "for example 1 kPa"),
-    ("material.E=1 N", "material.E", "a force, not a pressure", "for example 1 kPa"),
-    ("material.E=1 furlong^", "material.E", "no unit 'furlong^'", "for example um"),
-    ("material.nu=0.3 um", "material.nu", "has no unit", "write 0.3"),
-    ("material.nu=30 %", "material.nu", "has no unit", "write 30"),
-    ("body.height=10 umm", "body.height", "no unit 'umm'", "did you mean um?"),
-    ("body.height=10 kPa", "body.height", "a pressure, not a length", "for example 2.5 um"),
-    ("body.height=10 um^2", "body.height", "length^2, not a length", "for example 2.5 um"),
-    ("body.height=10 um*um", "body.height", "length^2, not a length", "for example 2.5 um"),
-    ("body.height=10 deg", "body.height", "an angle, not a length", "for example 2.5 um"),
-    ("indenter.half_angle=70 um", "indenter.half_angle", "is no angle", "70 deg"),
-    ("loading={force: 3 Pa}", "loading.force", "a pressure, not a force", "for example 3 nN"),
-    ("loading={deltas: [0.1, 2 s]}", "loading.deltas[1]", "a time, not a length", "for example 2.5 um"),
-    ("contact={method: penalty, epsilon_n: 3 kPa}", "contact.epsilon_n", "not a pressure per length", "kPa/um"),
-    ("mesh.h_contact=0.1 apples", "mesh.h_contact", "no unit 'apples'", "for example um"),
-    ("units={length: um}", "material.E", "units say no force", "length: um, force: nN"),
-    ("units={length: zorp, force: nN}", "units.length", "no unit 'zorp'", ""),
-    ("units={length: kPa, force: nN}", "units.length", "a pressure, no length", "for example um"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("override", "key", "problem", "remedy"),
+    [
+        ("material.E=1,0", "material.E", "a comma is no decimal point", "write 1.0"),
+        ("material.E='1,5 kPa'", "material.E", "a comma is no decimal point", "write 1.5 kPa"),
+        ("material.E=1 kpa", "material.E", "no unit 'kpa'", "did you mean kPa?"),
+        ("material.E=1 um", "material.E", "a length, not a pressure", "for example 1 kPa"),
+        ("material.E=1 N", "material.E", "a force, not a pressure", "for example 1 kPa"),
+        ("material.E=1 furlong^", "material.E", "no unit 'furlong^'", "for example um"),
+        ("material.nu=0.3 um", "material.nu", "has no unit", "write 0.3"),
+        ("material.nu=30 %", "material.nu", "has no unit", "write 30"),
+        ("body.height=10 umm", "body.height", "no unit 'umm'", "did you mean um?"),
+        ("body.height=10 kPa", "body.height", "a pressure, not a length", "for example 2.5 um"),
+        ("body.height=10 um^2", "body.height", "length^2, not a length", "for example 2.5 um"),
+        ("body.height=10 um*um", "body.height", "length^2, not a length", "for example 2.5 um"),
+        ("body.height=10 deg", "body.height", "an angle, not a length", "for example 2.5 um"),
+        ("indenter.half_angle=70 um", "indenter.half_angle", "is no angle", "70 deg"),
+        ("loading={force: 3 Pa}", "loading.force", "a pressure, not a force", "for example 3 nN"),
+        ("loading={deltas: [0.1, 2 s]}", "loading.deltas[1]", "a time, not a length", "for example 2.5 um"),
+        ("contact={method: penalty, epsilon_n: 3 kPa}", "contact.epsilon_n", "not a pressure per length", "kPa/um"),
+        ("mesh.h_contact=0.1 apples", "mesh.h_contact", "no unit 'apples'", "for example um"),
+        ("units={length: um}", "material.E", "units say no force", "length: um, force: nN"),
+        ("units={length: zorp, force: nN}", "units.length", "no unit 'zorp'", ""),
+        ("units={length: kPa, force: nN}", "units.length", "a pressure, no length", "for example um"),
+    ],
+)
 def test_wrong_ones_name_key_and_remedy(override, key, problem, remedy):
     base = BASE.replace("E: 1,", "E: 1 kPa,").replace("delta: 0.5", "delta: 500 nm")
     with pytest.raises(ConfigError) as caught:
@@ -111,8 +125,11 @@ def test_plan_says_what_was_converted():
 
 
 def test_forces_on_a_strip_are_per_length():
-    text = BASE.replace("cylinder, radius: 30", "strip, width: 30").replace("delta: 0.5", "force: 2 mN/m").replace(
-        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}")  # fmt: skip
+    text = (
+        BASE.replace("cylinder, radius: 30", "strip, width: 30")
+        .replace("delta: 0.5", "force: 2 mN/m")
+        .replace("{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}")
+    )
     assert loads(text).loading.force == 2.0
     with pytest.raises(ConfigError, match="a force, not a force per length"):
         loads(text.replace("2 mN/m", "2 nN"))
@@ -122,15 +139,22 @@ def test_forces_on_a_strip_are_per_length():
         loads(from_file.replace("2 mN/m", "2 nN"))
 
 
-@pytest.mark.parametrize(("given", "value"), [
-    ("cantilever: {stiffness: 10 kPa}", 10.0), ("cantilever: {stiffness: 0.01 N/m}", "per length, not a pressure"),
-    ("frame: {compliance: 2 um^2/nN}", 2.0), ("frame: {compliance: 2 um/nN}", "2 um^2/mN"),
-    ("force_history: [[0, 0], [1, 2 mN/m]]", 2.0), ("force_history: [[0, 0], [1, 2 nN]]", "not a force per length"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "value"),
+    [
+        ("cantilever: {stiffness: 10 kPa}", 10.0),
+        ("cantilever: {stiffness: 0.01 N/m}", "per length, not a pressure"),
+        ("frame: {compliance: 2 um^2/nN}", 2.0),
+        ("frame: {compliance: 2 um/nN}", "2 um^2/mN"),
+        ("force_history: [[0, 0], [1, 2 mN/m]]", 2.0),
+        ("force_history: [[0, 0], [1, 2 nN]]", "not a force per length"),
+    ],
+)
 def test_springs_of_a_strip_are_per_length(given, value):
     """In um and nN 1 kPa is 1 nN/um^2. Where every force is per length, a spring's constant F/d is a pressure."""
     text = BASE.replace("cylinder, radius: 30", "strip, width: 30").replace(
-        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}")  # fmt: skip
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: sphere, R: 5}"
+    )
     if isinstance(value, str):
         with pytest.raises(ConfigError, match=value.replace("^", r"\^")):
             loads(text, "", [f"experiment={{{given}}}"])
@@ -156,10 +180,12 @@ def test_times_are_in_seconds():
 
 def test_experiments_take_them_too():
     """Rows of numbers with a dimension each, times in seconds, frequencies in 1/s."""
-    experiment = ("experiment={relaxation: {prony: [[0.4, 100 ms]]}, history: [[0, 0], [2 s, 200 nm]], "
-                  "frequencies: [0.1 kHz]}")  # fmt: skip
+    experiment = (
+        "experiment={relaxation: {prony: [[0.4, 100 ms]]}, history: [[0, 0], [2 s, 200 nm]], frequencies: [0.1 kHz]}"
+    )
     text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
-        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5}")  # fmt: skip
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5}"
+    )
     found = loads(text, "", [experiment]).experiment
     assert found.relaxation.prony == ((0.4, 0.1),) and found.history == ((0.0, 0.0), (2.0, 0.2))
     assert found.frequencies == (100.0,)
@@ -173,7 +199,8 @@ def test_experiments_take_them_too():
 def test_relative_uncertainties_have_no_unit():
     """`stiffness` and `R` have units where they are the cantilever's and the tip's, here they are parts of those."""
     text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
-        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5 um}")  # fmt: skip
+        "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5 um}"
+    )
     experiment = "experiment={cantilever: {stiffness: 0.05 N/m}, calibration: {stiffness: 0.1, R: 0.05}}"
     assert loads(text, "", [experiment]).experiment.calibration.stiffness == 0.1
     for key, given, remedy in (("stiffness", "0.0001 N/m", "0.0001"), ("R", "0.05 um", "0.05")):
@@ -194,3 +221,68 @@ def test_files_and_editors_take_them(tmp_path):
     kinds = json_schema()["$defs"]["Cylinder"]["properties"]
     assert {part["type"] for part in kinds["height"]["anyOf"]} == {"number", "string"}
     assert "string" not in str(json_schema()["$defs"]["LinearElastic"]["properties"]["nu"])
+
+
+@dataclass(frozen=True)
+class Draining:
+    """Keys that no section has: what flows and relaxes has times in its dimensions."""
+
+    D: Annotated[float, Unit("length^2/time")]
+    permeability: Annotated[float, Unit("length^2/(pressure time)")]
+    viscosity: Annotated[float, Unit("pressure time")]
+    rates: Annotated[tuple[float, ...], Unit("1/time")]
+    history: tuple[Annotated[tuple[float, ...], UnitRow((TIME, FORCE))], ...]
+
+
+SI = {"length": 1e-6, "force": 1e-9}  # um and nN
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "in_SI", "powers"),
+    [
+        ("D", "40 um^2/s", 40e-12, (2, 0, -1)),
+        ("D", "2.4 mm²/min", 4e-8, (2, 0, -1)),
+        ("permeability", "1e-15 m^4/(N s)", 1e-15, (4, -1, -1)),
+        ("permeability", "3 um^2/(kPa*ms)", 3e-12, (4, -1, -1)),
+        ("permeability", "1e-15 m^2/Pa/s", 1e-15, (4, -1, -1)),
+        ("viscosity", "5 mPa s", 5e-3, (-2, 1, 1)),
+        ("viscosity", "2 kPa·h", 7.2e6, (-2, 1, 1)),
+    ],
+)
+def test_times_are_converted_as_lengths_and_forces_are(name, given, in_SI, powers):
+    """Times to seconds, in which plain numbers are meant."""
+    convert = Conversion({"units": {"length": "um", "force": "nN"}})
+    length, force, _ = powers
+    hint = hints(Draining)[name]
+    expected = in_SI / (SI["length"] ** length * SI["force"] ** force)
+    assert convert.changed(Spot((name,), hint, None, given)) == pytest.approx(expected, rel=1e-14)
+    assert not convert.errors
+    convert.changed(Spot((name,), hint, None, "1 um/s"))
+    assert "length^1 time^-1" in convert.errors[0].problem
+
+
+def test_every_number_of_a_row_has_its_own_unit():
+    convert = Conversion({"units": {"length": "um", "force": "nN"}})
+    spot = Spot(("history",), hints(Draining)["history"], None, [[0, "0 pN"], ["2 min", "5 pN"], ["1 h", 3]])
+    assert convert.changed(spot) == [[0, 0.0], [120.0, 0.005], [3600.0, 3]]
+    convert.changed(Spot(("history",), spot.type, None, [["2 um", 1]]))
+    assert [error.key for error in convert.errors] == ["history[0][0]"]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_scaling_knows_time(dim):
+    """By the dimensions, written out; and back again."""
+    scales = Scales(2.0, 3.0, dim, time=5.0)
+    given = Draining(D=7.0, permeability=11.0, viscosity=13.0, rates=(17.0, 19.0), history=((23.0, 29.0), (0.0, 31.0)))
+    force = 3.0 * 2.0 ** (dim - 1)
+    expected = Draining(
+        D=7.0 * 5 / 4,
+        permeability=11.0 * 3 * 5 / 4,
+        viscosity=13.0 / 3 / 5,
+        rates=(17.0 * 5, 19.0 * 5),
+        history=((23.0 / 5, 29.0 / force), (0.0, 31.0 / force)),
+    )
+    for name, value in vars(scales.scaled(given)).items():
+        assert np.allclose(value, getattr(expected, name), rtol=1e-14), name
+    for name, value in vars(scales.unscaled(expected)).items():
+        assert np.allclose(value, getattr(given, name), rtol=1e-14), name

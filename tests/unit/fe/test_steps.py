@@ -7,8 +7,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from indent_sim.fe.path.steps import PATIENCE, StepRule
+from indent_sim.fe.path.equilibrium import Effort
+from indent_sim.fe.path.steps import FUTILE, MOST_FAILURES, Place, StepRule
 from indent_sim.fe.path.walk import Walk
 from indent_sim.model.loading import LoadPath
 
@@ -63,41 +66,71 @@ def test_a_target_is_given_up_after_many_failures_and_not_by_chance_of_its_size(
         while rule.goal(0.0, distance) is not None:
             rule.failed()
             failures += 1
-        assert failures == PATIENCE
+        assert failures == MOST_FAILURES
+
+
+@given(tries=st.lists(st.tuples(st.integers(0, 300), st.booleans()), max_size=20))
+def test_iterations_lost_on_the_way_to_a_target_are_bounded(tries: list[tuple[int, bool]]) -> None:
+    """Whatever works in between: by FUTILE and what the last try cost; and the next target has as many again."""
+    rule, lost, at = StepRule(), 0, 0.0
+    rule.begin(1.0)
+    for cost, found in tries:
+        if (goal := rule.goal(at, 1.0)) is None:
+            break
+        assert lost < FUTILE
+        if found:
+            at = min(goal, 0.999)
+            rule.succeeded()
+        else:
+            lost += cost
+            rule.failed(cost)
+    rule.begin(1.0)
+    assert rule.goal(at, 1.0) is not None
 
 
 class Spring:
     """F = delta^2; it solves no step longer than `reach`, and with `memory` going back wears it out."""
 
     def __init__(self, reach: float = inf, memory: bool = False):
-        physics = SimpleNamespace(body=SimpleNamespace(height=10.0), deltas=(1.0,) * 9, gap="reference",
-                                  adheres=False, has_friction=memory,
-                                  contact=SimpleNamespace(adhesion=None))  # fmt: skip
-        self.scene = SimpleNamespace(physics=physics)
-        self.depth, self.worn, self.solves, self.has_memory = 0.0, 0.0, 0, memory
-        self.reach, self.failure, self.force_tolerance = reach, "too far", 1e-10
+        physics = SimpleNamespace(
+            body=SimpleNamespace(height=10.0),
+            deltas=(1.0,) * 9,
+            gap="reference",
+            columns=(),
+            contact=SimpleNamespace(reach=0.0),
+        )
+        self.scene, self.has_memory = SimpleNamespace(physics=physics), memory
+        self.depth, self.worn, self.solves, self.failure = 0.0, 0.0, 0, "too far"
+        self.accepted, self.reach, self.longest_time = 0.0, reach, inf
+        self.steps: list[float] = []  # of time, accepted
+        self._dt = 0.0
 
-    iterations = property(lambda self: self.solves)
-    krylov_iterations = None
-    dissipation = 0.0
+    effort = property(lambda self: Effort(self.solves))
     force = property(lambda self: self.depth**2 - self.worn)
 
-    def solve(self, depth: float) -> bool:
+    def solve(self, depth: float, dt: float = 0.0) -> bool:
         self.solves += 1
-        if abs(depth - self.depth) > self.reach:
+        if abs(depth - self.accepted) > self.reach or dt > self.longest_time:
             return False
-        self.worn += max(self.depth - depth, 0.0) if self.has_memory else 0.0
-        self.depth = depth
+        self.depth, self._dt = depth, dt
         return True
+
+    def accept(self) -> float:
+        self.worn += max(self.accepted - self.depth, 0.0) if self.has_memory else 0.0
+        self.accepted = self.depth
+        self.steps.append(self._dt)
+        return 0.0
 
     def snapshot(self) -> Any:
         return self.depth, self.worn
 
-    def restore(self, state: Any, depth: float) -> None:
+    def restore(self, state: Any) -> None:
         self.depth, self.worn = state
+        self.accepted = self.depth
 
     def predict(self, depth: float, earlier: Any) -> None:
-        """A guess changes nothing here."""
+        """A guess that would be taken for history if it were not kept apart."""
+        self.depth = 1e3
 
     def numbers(self) -> dict[str, Any]:
         return {"force": self.force, "a": 1.0, "p_max": 1.0, "penetration": 0.0, "energy": 0.0}
@@ -105,14 +138,11 @@ class Spring:
     def pack(self, state: Any) -> list[Any]:
         return [state]
 
-    def unpack(self, arrays: Any) -> Any:
+    def unpack(self, depth: float, arrays: Any) -> Any:
         return arrays[0]
 
-    def depart(self) -> None:
-        """What it goes back is all that it remembers."""
-
-    def sharpen(self) -> None:
-        """Exact already."""
+    def sharpen(self) -> float:
+        return 1e-10
 
 
 def walked(body: Spring, control: str, *values: float) -> list[Any]:
@@ -144,3 +174,32 @@ def test_a_resumed_walk_with_memory_goes_the_whole_way() -> None:
     assert Walk(straight).resume([], deltas) and Walk(whole).resume([], deltas)  # type: ignore[arg-type]
     assert straight.solves == 3 and whole.solves == 5
     assert whole.worn == 1.0  # from 3 to 2, as when it was not interrupted
+
+
+def test_a_hold_is_cut_in_time() -> None:
+    """A step of no length in depth is cut where time passes, and its parts are as long as the whole."""
+    body = Spring()
+    walk = Walk(body)  # type: ignore[arg-type]
+    assert walk._reach(Place(1.0)) == 1
+    body.longest_time = 0.3
+    assert walk._reach(Place(1.0, 1.0)) == 4
+    walk._accept()
+    assert body.steps == pytest.approx([0.0, 0.25, 0.25, 0.25, 0.25])
+    assert (body.depth, body.accepted) == (1.0, 1.0)
+
+
+def test_a_ramp_in_time_goes_straight() -> None:
+    """Depth and time keep step, whichever of them made a step too long."""
+    body = Spring(reach=0.6)
+    walk = Walk(body)  # type: ignore[arg-type]
+    assert walk._reach(Place(1.0, 4.0)) == 2
+    walk._accept()
+    assert body.steps == pytest.approx([2.0, 2.0])
+
+
+@pytest.mark.parametrize("reach", [inf, 0.7])
+def test_what_is_remembered_knows_neither_guesses_nor_cuts(reach: float) -> None:
+    """Worn by what it went back, 1.5, however a step was found: from a guess, in parts, or after one that failed."""
+    body = Spring(reach, memory=True)
+    walked(body, "depth", 1.0, 2.0, 3.0, 2.0, 2.5, 2.0)
+    assert body.worn == pytest.approx(1.5, abs=1e-12)  # sums of exact binary fractions, but for thirds of a step

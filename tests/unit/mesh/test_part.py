@@ -9,7 +9,7 @@ import pytest
 from scenes import BOX, CYLINDER, STRIP, scene
 
 from indent_sim.mesh.grid import named_surfaces
-from indent_sim.mesh.part import Part, Region, Side, on_dome, polygon
+from indent_sim.mesh.modelled_part import Part, Region, Side, on_dome, polygon
 from indent_sim.model.kinematics import PlaneStrain
 from indent_sim.model.materials import LinearElastic
 
@@ -54,8 +54,12 @@ def test_facets_are_on_the_surface_that_holds_their_corners() -> None:
     part = part_of(polygon(("base", "x_max", "top", "x_min"), tuple(map(tuple, SQUARE.tolist()))))
     found = named_surfaces(SQUARE, np.array([[0, 1, 2], [0, 2, 3]]), part, finest=0.5)
     edges = {name: {frozenset(facet) for facet in facets.tolist()} for name, facets in found.items()}
-    assert edges == {"base": {frozenset({0, 1})}, "x_max": {frozenset({1, 2})},
-                     "top": {frozenset({2, 3})}, "x_min": {frozenset({3, 0})}}  # fmt: skip
+    assert edges == {
+        "base": {frozenset({0, 1})},
+        "x_max": {frozenset({1, 2})},
+        "top": {frozenset({2, 3})},
+        "x_min": {frozenset({3, 0})},
+    }
 
 
 def test_a_chord_between_points_of_an_arc_is_no_surface() -> None:
@@ -80,11 +84,15 @@ def test_an_arc_is_no_further_than_its_ends() -> None:
     assert QUARTER.distance(np.array([0.5]), np.array([-1.0])) == pytest.approx([0.5])
 
 
-@pytest.mark.parametrize(("body", "volume"), [
-    ({"shape": "ball", "radius": 1.0}, 2 / 3 * pi), ({"shape": "ball", "radius": 1.0, "base": "fixed"}, 4 / 3 * pi),
-    ({"shape": "cap", "base_radius": 2.0, "height": 1.0}, pi / 6 * 13),
-    ({"shape": "cap", "base_radius": 1.0, "height": 1.5}, pi / 4 * 5.25),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("body", "volume"),
+    [
+        ({"shape": "ball", "radius": 1.0}, 2 / 3 * pi),
+        ({"shape": "ball", "radius": 1.0, "base": "fixed"}, 4 / 3 * pi),
+        ({"shape": "cap", "base_radius": 2.0, "height": 1.0}, pi / 6 * 13),
+        ({"shape": "cap", "base_radius": 1.0, "height": 1.5}, pi / 4 * 5.25),
+    ],
+)
 def test_the_section_of_a_round_body_encloses_its_volume(body: dict, volume: float) -> None:
     """pi h (3 b^2 + h^2)/6, from the outline's points by Pappus' rule; arcs by 2000 chords: 1e-6."""
     part = scene(body, mesh={"h_contact": 0.2}).physics.part
@@ -109,7 +117,9 @@ def test_the_halves_of_a_ball_are_two_surfaces() -> None:
     points = np.vstack([[0.0, -0.5], np.column_stack([0.5 * np.cos(angle), -0.5 + 0.5 * np.sin(angle)])])
     found = named_surfaces(points, np.array([[0, k, k + 1] for k in range(1, 5)]), part, finest=0.1)
     assert {name: {frozenset(facet) for facet in found[name].tolist()} for name in ("top", "base")} == {
-        "top": {frozenset({3, 4}), frozenset({4, 5})}, "base": {frozenset({1, 2}), frozenset({2, 3})}}  # fmt: skip
+        "top": {frozenset({3, 4}), frozenset({4, 5})},
+        "base": {frozenset({1, 2}), frozenset({2, 3})},
+    }
 
 
 @pytest.mark.parametrize("radius", [1.0, 1e6])

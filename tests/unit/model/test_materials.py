@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.materials import Gent, MooneyRivlin, Ogden, TransverselyIsotropic, Yeoh
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
@@ -52,8 +52,9 @@ def surface_compliance(C11: float, C13: float, C33: float, C44: float) -> float:
     ("E", "E_z", "nu", "nu_z", "G_z"),
     [(1, 2, 0.3, 0.4, 0.3), (3, 1, 0.1, 0.2, 2.0), (1, 1, -0.2, 0.3, 0.1), (0.2, 5, 0.3, 0.45, 1.0)],
 )
-def test_indentation_modulus_is_that_of_the_decaying_waves(E: float, E_z: float, nu: float, nu_z: float, G_z: float
-                                                           ) -> None:  # fmt: skip
+def test_indentation_modulus_is_that_of_the_decaying_waves(
+    E: float, E_z: float, nu: float, nu_z: float, G_z: float
+) -> None:
     # stiffnesses from the inverse of the compliance matrix of the directions 1, 2, 3 = z
     S = np.array([[1 / E, -nu / E, -nu_z / E_z], [-nu / E, 1 / E, -nu_z / E_z], [-nu_z / E_z, -nu_z / E_z, 1 / E_z]])
     C = np.linalg.inv(S)
@@ -93,10 +94,16 @@ WRONG = {
 def test_what_is_wrong_is_said(case: str) -> None:
     material, words = WRONG[case]
     with pytest.raises(ConfigError) as refused:
-        resolve(from_mapping({
-            "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0}, "material": material,
-            "indenter": {"shape": "sphere", "R": 1.0}, "loading": {"delta": 0.1},
-        }))  # fmt: skip
+        resolve(
+            from_mapping(
+                {
+                    "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
+                    "material": material,
+                    "indenter": {"shape": "sphere", "R": 1.0},
+                    "loading": {"delta": 0.1},
+                }
+            )
+        )
     assert words in str(refused.value)
 
 

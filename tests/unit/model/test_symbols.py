@@ -9,16 +9,16 @@ from typing import get_args, get_origin
 
 import pytest
 
-from indent_sim.config import schema
-from indent_sim.config.file import from_mapping
+from indent_sim.config import reference, schema
 from indent_sim.config.key_types import core, hints, members
 from indent_sim.config.reference import config_markdown, json_schema
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.model.state import COLUMNS, READINGS, State, Surface
+from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
-from indent_sim.model.units import DIMENSIONS, unit_of
+from indent_sim.model.units import unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
-from indent_sim.study import file, grid, table
+from indent_sim.studies import points, study_file, study_table
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
@@ -30,8 +30,12 @@ def yaml_fields() -> list[tuple[str, type, str]]:
             owners = [(section, kind), *((section, hint) for hint in inside.values()), *inside.items()]
             lists = {name: core(hint) for name, hint in hints(kind).items() if get_origin(core(hint)) is tuple}
             owners += [(name, item) for name, hint in lists.items() for item in members(get_args(hint)[0])]
-            found += [(where, owner, name) for where, owner in owners if dataclasses.is_dataclass(owner)
-                      for name in hints(owner)]  # fmt: skip
+            found += [
+                (where, owner, name)
+                for where, owner in owners
+                if dataclasses.is_dataclass(owner)
+                for name in hints(owner)
+            ]
     return list(dict.fromkeys(found))
 
 
@@ -41,20 +45,27 @@ def test_every_key_has_a_meaning(section, kind, name):
     assert symbol and symbol.meaning, f"add {name} to indent_sim/model/symbols.py"
     unit = unit_of(hints(kind)[name])
     if unit:
-        assert symbol.dimension == DIMENSIONS[unit]
+        assert symbol.dimension == unit.words
 
 
-@pytest.mark.parametrize("name", [*COLUMNS, *READINGS, "force_error", *SURFACE_COLUMNS])
+@pytest.mark.parametrize(("section", "kind"), [("", Config), *reference._kinds()])
+def test_what_has_a_dimension_is_marked_with_it(section, kind):
+    """Quantities are converted, and numbers scaled, by the marks."""
+    for name, hint in hints(kind).items():
+        assert unit_of(hint) or lookup(name, section).dimension in ("1", "word"), f"mark {name} of {kind} with its unit"
+
+
+@pytest.mark.parametrize("name", [*STATE_COLUMNS, *READINGS, "force_error", *SURFACE_COLUMNS])
 def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize("name", ["index", "run", *table.COLUMNS])
+@pytest.mark.parametrize("name", ["index", "run", *study_table.STUDY_COLUMNS])
 def test_every_column_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize("name", [*file.KEYS, *grid.RANGE, "zip"])
+@pytest.mark.parametrize("name", [*study_file.KEYS, *points.RANGE, "zip"])
 def test_every_key_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
@@ -71,7 +82,7 @@ def test_one_entry_a_name():
 
 def test_an_entry_for_one_section_names_a_section_and_key():
     known = {f"{section}.{name}" for section, _, name in yaml_fields()}
-    known |= {f"study.{name}" for name in (*file.KEYS, *table.COLUMNS)}
+    known |= {f"study.{name}" for name in (*study_file.KEYS, *study_table.STUDY_COLUMNS)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 
 
@@ -102,8 +113,13 @@ def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
     """As a scene of layers with their own materials and of a history has neither section."""
     layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
     history = {"history": [[0, 0], [1, 0.01]]}
-    from_mapping({"body": {"shape": "half_space", "layers": layers}, "indenter": {"shape": "sphere", "R": 1.0},
-                  "experiment": history})  # fmt: skip
+    from_mapping(
+        {
+            "body": {"shape": "half_space", "layers": layers},
+            "indenter": {"shape": "sphere", "R": 1.0},
+            "experiment": history,
+        }
+    )
     rows = [row.split(" | ") for row in config_markdown().splitlines() if "](#" in row and "**required**" in row]
     unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows if not row[0].endswith("[]")}
     assert {name for name, is_conditional in unless.items() if is_conditional} == {"material", "loading"}

@@ -21,6 +21,7 @@ from indent_sim.model.tips import (
     Pyramid,
     Sphere,
     Vickers,
+    below,
 )
 from indent_sim.scene.theories import shape_of
 
@@ -184,9 +185,14 @@ def test_many_faces_are_a_cone() -> None:
     assert Pyramid(70.0, faces=64).height(x, y) == approx(Cone(70.0).height(x, y), rel=1.3e-3)
 
 
-@pytest.mark.parametrize(("tip", "area", "tolerance"), [
-    (Berkovich(), 24.494, 3e-4), (Vickers(), 24.504, 1e-4), (CubeCorner(), 2.598, 1e-4),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("tip", "area", "tolerance"),
+    [
+        (Berkovich(), 24.494, 3e-4),
+        (Vickers(), 24.504, 1e-4),
+        (CubeCorner(), 2.598, 1e-4),
+    ],
+)
 def test_area_of_a_standard_pyramid(tip, area: float, tolerance: float) -> None:
     """The area functions of ISO 14577-2, A = 24.49 h^2, 24.50 h^2 and 2.60 h^2, and pi radius^2 is that area.
 
@@ -216,9 +222,16 @@ def test_pyramid_turns_with_its_rotation() -> None:
 
 @pytest.mark.parametrize(
     ("faces", "rotation", "mirrors"),
-    [(4, 0, (True, True)), (4, 45, (True, True)), (4, 20, (False, False)), (3, 0, (True, False)),
-     (3, 90, (False, True)), (5, -18, (False, True)), (6, 30, (True, True))],
-)  # fmt: skip
+    [
+        (4, 0, (True, True)),
+        (4, 45, (True, True)),
+        (4, 20, (False, False)),
+        (3, 0, (True, False)),
+        (3, 90, (False, True)),
+        (5, -18, (False, True)),
+        (6, 30, (True, True)),
+    ],
+)
 def test_mirror_planes_of_a_pyramid(faces: int, rotation: float, mirrors: tuple[bool, bool]) -> None:
     """The planes through x and through y; the formula must agree with the shape."""
     tip = Pyramid(70.0, faces=faces, rotation=rotation)
@@ -271,3 +284,13 @@ def test_a_plate_is_a_plane() -> None:
     assert np.all(np.asarray(Plate().height(x, y)) == 0.0)
     assert np.array_equal(Plate().gap_current(x, y, x), -x)
     assert Plate().radius_at(0.1) == np.inf and Plate().creases() == []
+
+
+@pytest.mark.parametrize("tip", [Sphere(1.3), FlatPunch(1.0, 0.3), Profile(BITS), Cone(65.0), Paraboloid(1.3)])
+def test_no_gap_is_written_beside_a_tip_that_ends(tip: Indenter) -> None:
+    """Out to its end, as far as geometry goes, the gap is what it was; beyond there is none."""
+    r = np.array([0.0, 0.5, 0.9, 1.7, 40.0])
+    gap = np.asarray(tip.height(r, 0.0 * r), dtype=float) - 0.1
+    ends = {"sphere": 1.3, "flat_punch": 1.0, "profile": 1.0}.get(tip.shape, np.inf)
+    assert np.array_equal(np.isnan(below(tip, gap)), r > ends)
+    assert np.array_equal(below(tip, gap)[r <= ends], gap[r <= ends])

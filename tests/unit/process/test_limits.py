@@ -37,6 +37,31 @@ def test_other_failures_pass(error: Exception) -> None:
     assert found.value is error
 
 
+class Error(RuntimeError):
+    """As petsc4py's."""
+
+    __module__ = "petsc4py.PETSc"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        Error("error code 86\n[0] SNESSetType() at snes.c:4792\n[0] Unable to find requested SNES type nosuch"),
+        RuntimeError("Failed to successfully call PETSc function 'MatSetFromOptions': requested type nosuch"),
+    ],
+)
+def test_whose_an_option_is_that_petsc_refuses(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PETSC_OPTIONS", "-snes_type nosuch")
+    with pytest.raises(BackendError, match=r"PETSC_OPTIONS='-snes_type nosuch' .* type nosuch"), limits.spent():
+        raise error
+    with pytest.raises(ValueError, match="no such key"), limits.spent():
+        raise ValueError("no such key")
+    monkeypatch.delenv("PETSC_OPTIONS")
+    with pytest.raises(type(error)) as found, limits.spent():
+        raise error
+    assert found.value is error
+
+
 @pytest.mark.parametrize(("number", "said"), [(resource.RLIMIT_NOFILE, "16 open files"), (resource.RLIMIT_AS, "MB")])
 def test_too_little_to_begin(number: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     unlimited = (resource.RLIM_INFINITY,) * 2
@@ -53,9 +78,13 @@ def test_signals_stop(number: signal.Signals) -> None:
 
 
 def test_nohup_is_honoured() -> None:
+    """A SIGHUP that is ignored stays ignored, inside and after, while the other signals stop."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with stoppable():
             signal.raise_signal(signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+            assert callable(signal.getsignal(signal.SIGTERM))
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)

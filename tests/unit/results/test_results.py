@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from indent_sim.model.state import COLUMNS, ERRORS, READINGS, State, Surface
+from indent_sim.model.state import ERROR_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.model.tips import Sphere
 from indent_sim.process.errors import ConfigError, MeshError, NotConverged, UsageError, VerificationError
 from indent_sim.process.signals import uninterrupted
-from indent_sim.results import folder, tables
+from indent_sim.results import folder, tables, xdmf
 from indent_sim.results.compare import compare
 from indent_sim.results.folder import write_atomically
 from indent_sim.results.outline import outline
@@ -66,7 +66,7 @@ class TestFiles:
     def test_numbers_come_back_to_the_last_digit(self, tmp_path):
         write_run(tmp_path / "run")
         table = read(tmp_path / "run")
-        assert list(table.table) == [*COLUMNS, *READINGS]
+        assert list(table.table) == [*STATE_COLUMNS, *READINGS]
         assert table["force"].tolist() == [THIRD, THIRD * 2]
         assert table.report["status"] == "done" and table.report["exit_code"] == 0
         assert table.report["rows"] == 2
@@ -81,7 +81,7 @@ class TestFiles:
             run.append(a_state(1, force_error=1e-3, a_error=2e-3))
             run.append(a_state(2))
         found = read(tmp_path / "run")
-        assert list(found.table) == [*COLUMNS, *READINGS, "force_error", "a_error"]
+        assert list(found.table) == [*STATE_COLUMNS, *READINGS, "force_error", "a_error"]
         assert found["force_error"][0] == 1e-3 and found["a_error"][0] == 2e-3
         assert np.isnan(found["force_error"][1]) and np.isnan(found["a_error"][1])
 
@@ -95,11 +95,33 @@ class TestFiles:
         assert (rows[1][place], rows[1][-1]) == ("", "") and float(rows[2][place]) == 1.5
         assert json.loads(to_json(rows_of(states)))[0]["p_max"] is None
 
-    @pytest.mark.parametrize("empty", ["p_max", *ERRORS])
+    def test_fields_of_a_step_without_a_row_are_not_shown(self, tmp_path):
+        """They are written before it: a run killed in between leaves them."""
+        with ResultFolder(tmp_path / "run", "") as run:
+            run.open_fields(*BODY, keep="all")
+            for step in (1, 2):
+                run.write_fields(a_state(step), some_fields(step))
+                run.append(a_state(step))
+            run.write_fields(a_state(3), some_fields(3))
+        assert kept_steps(tmp_path / "run") == [1, 2, 3]
+        assert xdmf.kept_steps(tmp_path / "run", read(tmp_path / "run")["step"]) == [1, 2]
+
+    @pytest.mark.parametrize("empty", ["u", "gap", "pressure"])
+    def test_a_surface_with_empty_cells_is_read(self, tmp_path, empty):
+        """Theory knows no u_x, beside a tip that ends there is no gap, under a sharp edge the pressure is infinite."""
+        state = a_state(1)
+        values = getattr(state.surface, empty).copy()
+        values.flat[0] = math.nan
+        with ResultFolder(tmp_path / "run", "") as run:
+            run.append(replace(state, surface=replace(state.surface, **{empty: values})))
+        column = read(tmp_path / "run").surface[{"u": "u_x"}.get(empty, empty)]
+        assert np.isnan(column).tolist() == [True, False]
+
+    @pytest.mark.parametrize("empty", ["p_max", *ERROR_COLUMNS])
     def test_a_row_with_an_empty_cell_is_resumed(self, tmp_path, empty):
         """p_max of a cone is empty, and so is its error."""
-        values = {name: 0.1 for name in ERRORS} | {empty: float("nan")}
-        with ResultFolder(tmp_path / "out", "title: x\n", columns=ERRORS) as run:
+        values = {name: 0.1 for name in ERROR_COLUMNS} | {empty: float("nan")}
+        with ResultFolder(tmp_path / "out", "title: x\n", columns=ERROR_COLUMNS) as run:
             run.append(a_state(1, **values))
         found = earlier_run(tmp_path / "out", "title: x\n")
         assert found is not None and len(found.states) == 1 and np.isnan(getattr(found.states[0], empty))
@@ -113,7 +135,7 @@ class TestFiles:
             assert run.earlier.states[0].force_error == 1e-3 and np.isnan(run.earlier.states[0].p_max)
             run.append(a_state(2, force_error=2e-3, a_error=1.0))
         found = read(tmp_path / "run")
-        assert list(found.table) == [*COLUMNS, *READINGS, "force_error"]
+        assert list(found.table) == [*STATE_COLUMNS, *READINGS, "force_error"]
         assert found["force_error"].tolist() == [1e-3, 2e-3]
 
     @pytest.mark.parametrize(("keep", "steps"), [("last", [2, 2]), ("all", [1, 1, 2, 2])])
@@ -239,6 +261,16 @@ class TestPlace:
             write_run(tmp_path / "deep" / "run")
         assert not names(tmp_path)
 
+    @pytest.mark.parametrize("inside", ["", "fields"])
+    def test_a_folder_that_may_only_be_read_is_refused_and_untouched(self, tmp_path, monkeypatch, inside):
+        write_run(tmp_path / "run", 3)
+        (tmp_path / "run" / "fields").mkdir()
+        monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path / "run" / inside)
+        for resume in (False, True):
+            with pytest.raises(UsageError, match=r"cannot write .*run: Permission denied"):
+                write_run(tmp_path / "run", resume=resume)
+        assert names(tmp_path) == {"run"} and names(tmp_path / "run") == FILES | {"fields"}
+
     def test_an_unwritable_parent_of_a_writable_folder_is_fine(self, tmp_path, monkeypatch):
         (tmp_path / "run").mkdir()
         monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
@@ -344,7 +376,7 @@ class TestFullDisk:
                 run.write_fields(a_state(step), some_fields(step))
                 run.append(a_state(step))
         assert kept_steps(tmp_path / "run") == [1] and names(tmp_path / "run" / "fields") == {"mesh.h5", "step-1.h5"}
-        writer = FieldWriter(tmp_path, *BODY, keep_all=True)
+        writer = FieldWriter(tmp_path, *BODY, keep="all")
         writer.write(1, 0.1, some_fields(1))
         monkeypatch.setattr(os, "pwrite", lambda file, data, at: pwrite(file, data[:500], at))
         with pytest.raises(OSError, match="No space"):
@@ -435,11 +467,11 @@ def bytes_written() -> int:
 
 
 class TestFields:
-    @pytest.mark.parametrize(("keep_all", "kept"), [(True, [1, 2, 3]), (False, [3])])
-    def test_what_is_written_is_what_meshio_reads(self, tmp_path, keep_all, kept):
+    @pytest.mark.parametrize(("keep", "kept"), [("all", [1, 2, 3]), ("last", [3])])
+    def test_what_is_written_is_what_meshio_reads(self, tmp_path, keep, kept):
         import meshio
 
-        writer = FieldWriter(tmp_path, *BODY, keep_all=keep_all)
+        writer = FieldWriter(tmp_path, *BODY, keep=keep)
         for step in (1, 2, 3):
             writer.write(step, 0.1 * step, some_fields(step))
         with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
@@ -477,7 +509,7 @@ class TestFields:
 
         kinematics, center = {2: ("plane_strain", (2.0,)), 3: ("three_dimensional", (2.0, -1.0))}[dim]
         tip = outline(Sphere(R=1.0), center, 0.5, kinematics, 2)
-        writer = FieldWriter(tmp_path, POINTS, CELLS, REGIONS, tip, keep_all=True)
+        writer = FieldWriter(tmp_path, POINTS, CELLS, REGIONS, tip, keep="all")
         for step in (1, 2):
             writer.write(step, 0.1 * step, some_fields(step))
         with meshio.xdmf.TimeSeriesReader(tmp_path / "tip.xdmf") as reader:
@@ -489,25 +521,25 @@ class TestFields:
         middle = np.array([center[0], center[1] if dim == 3 else 0.0, 1.0])
         assert np.linalg.norm(points - middle, axis=1) == pytest.approx(1.0)
 
-    @pytest.mark.parametrize("keep_all", [True, False])
-    def test_bytes_grow_with_the_states(self, tmp_path, keep_all):
+    @pytest.mark.parametrize("keep", ["all", "last"])
+    def test_bytes_grow_with_the_states(self, tmp_path, keep):
         """300 states more cost what 300 cost: 1.1 for the digits of the steps."""
-        writer, costs = FieldWriter(tmp_path, *BODY, keep_all=keep_all), []
+        writer, costs = FieldWriter(tmp_path, *BODY, keep=keep), []
         for first in (1, 301):
             before = bytes_written()
             for step in range(first, first + 300):
                 writer.write(step, 0.1, some_fields(step))
             costs.append(bytes_written() - before)
         assert 0 < costs[1] < 1.1 * costs[0]
-        assert len(kept_steps(tmp_path)) == (600 if keep_all else 1)
+        assert len(kept_steps(tmp_path)) == (600 if keep == "all" else 1)
 
     def test_a_file_torn_amid_a_state_goes_on_with_those_before(self, tmp_path):
-        writer = FieldWriter(tmp_path, *BODY, keep_all=True)
+        writer = FieldWriter(tmp_path, *BODY, keep="all")
         for step in (1, 2, 3):
             writer.write(step, 0.1 * step, some_fields(step))
         text = (tmp_path / "fields.xdmf").read_text()
         (tmp_path / "fields.xdmf").write_text(text[: text.index("step 3") + 300])
-        again = FieldWriter(tmp_path, *BODY, keep_all=True, done=2)
+        again = FieldWriter(tmp_path, *BODY, keep="all", done=2)
         assert again.continued and kept_steps(tmp_path) == [1, 2]
         assert names(tmp_path / "fields") == {"mesh.h5", "step-1.h5", "step-2.h5"}
 
@@ -645,9 +677,12 @@ class TestCompare:
         found = compare(first, second, 0)
         found.check()
         assert found.matched_by == "row" and list(found.pairs) == ["t", "z", "delta", "force", "a"]
-        for before, after, said in (("hold", "retract", "row 2: branch hold and retract"),
-                                    ("1.1", "1.2", "row 2: force 1.1 and 1.2"), ("\n,0.05,", "\n3,0.05,", "t nan and"),
-                                    (",0.05,0.05,0,,retract\n", "", "row 3 is in .*experiment.csv alone")):  # fmt: skip
+        for before, after, said in (
+            ("hold", "retract", "row 2: branch hold and retract"),
+            ("1.1", "1.2", "row 2: force 1.1 and 1.2"),
+            ("\n,0.05,", "\n3,0.05,", "t nan and"),
+            (",0.05,0.05,0,,retract\n", "", "row 3 is in .*experiment.csv alone"),
+        ):
             second.write_text(self.ROWS.replace(before, after))
             with pytest.raises(VerificationError, match=said):
                 compare(first, second).check()
@@ -660,8 +695,11 @@ class TestCompare:
 
     def test_results_are_equal_only_with_their_experiments(self, tmp_path):
         """Of two results their experiment.csv and dynamic.csv are compared too; what one alone has is not."""
-        tables = {"force_indentation.csv": self.HEADER + "1,0.1,1,0.5\n", "experiment.csv": self.ROWS,
-                  "dynamic.csv": "frequency,storage,loss\n1,2,0.1\n"}  # fmt: skip
+        tables = {
+            "force_indentation.csv": self.HEADER + "1,0.1,1,0.5\n",
+            "experiment.csv": self.ROWS,
+            "dynamic.csv": "frequency,storage,loss\n1,2,0.1\n",
+        }
         A, B = tmp_path / "A", tmp_path / "B"
         for result in (A, B):
             result.mkdir()
@@ -670,12 +708,16 @@ class TestCompare:
         same = compare(A, B)
         same.check()
         assert [(name, len(table.steps)) for name, table in same.beside.items()] == [
-            ("experiment.csv", 3), ("dynamic.csv", 1)]  # fmt: skip
+            ("experiment.csv", 3),
+            ("dynamic.csv", 1),
+        ]
         (B / "experiment.csv").write_text(self.ROWS.replace("1.1", "1.2"))
         (B / "dynamic.csv").write_text(tables["dynamic.csv"].replace("0.1", "0.2"))
         found = compare(A, B)
         assert [text.split(" differ")[0] for text in found.differences] == [
-            "experiment.csv: row 2: force 1.1 and 1.2", "dynamic.csv: row 1: loss 0.1 and 0.2"]  # fmt: skip
+            "experiment.csv: row 2: force 1.1 and 1.2",
+            "dynamic.csv: row 1: loss 0.1 and 0.2",
+        ]
         compare(A, B, {"force": 0.1, "loss": 0.6}).check()
         compare(A, B, columns=["a"]).check()
         assert "dynamic.csv" not in compare(A, B, columns=["a"]).beside

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.plausibility import ALWAYS, PRESSED, contradiction
+from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, contradiction
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {
@@ -28,8 +28,12 @@ RUBBER = {"model": "neo_hookean", "E": 3.0, "nu": 0.4}
 
 
 def scene(body: Any = "layer", tip: str = "sphere", **sections: Any) -> Scene:
-    given = {"body": BODIES[body] if isinstance(body, str) else body, "indenter": TIPS[tip], "material": ELASTIC,
-             "loading": {"delta": 0.1, "steps": 2}} | sections  # fmt: skip
+    given = {
+        "body": BODIES[body] if isinstance(body, str) else body,
+        "indenter": TIPS[tip],
+        "material": ELASTIC,
+        "loading": {"delta": 0.1, "steps": 2},
+    } | sections
     return resolve(from_mapping(given))
 
 
@@ -111,8 +115,12 @@ def test_every_rule_is_tried() -> None:
     """Those of a single state above, those of a path below."""
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
-    tried = {rule for rule in ALWAYS + PRESSED if any(rule(base, state, []) for state in states)}
-    assert {rule.__name__ for rule in {*ALWAYS, *PRESSED} - tried} == {"_stands_still", "_falls", "_stands_on_a_side"}
+    tried = {rule for rule in ALWAYS + WHEN_PRESSED if any(rule(base, state, []) for state in states)}
+    assert {rule.__name__ for rule in {*ALWAYS, *WHEN_PRESSED} - tried} == {
+        "_stands_still",
+        "_falls",
+        "_stands_on_a_side",
+    }
 
 
 def test_a_tip_on_the_top_of_a_fixed_side() -> None:

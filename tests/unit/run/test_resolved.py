@@ -9,20 +9,29 @@ from typing import Any
 import pytest
 from mesh_files import section, write
 
-from indent_sim.config.file import from_mapping, to_mapping
-from indent_sim.run.resolved import resolved
+from indent_sim.config.scene_file import from_mapping, to_mapping, to_yaml
+from indent_sim.process.errors import ConfigError
+from indent_sim.results.reader import earlier_run
+from indent_sim.results.writer import to_json
+from indent_sim.run.resolved import left_open, resolved
 from indent_sim.scene.scene import resolve
 
 SIZES = {"mesh.h_contact", "mesh.h_far", "mesh.grading", "mesh.symmetry"}
-FILE = {"shape": "mesh", "file": "gel.msh", "kinematics": "axisymmetric",
-        "surfaces": {"contact": "top", "base": "bottom"}}  # fmt: skip
+FILE = {
+    "shape": "mesh",
+    "file": "gel.msh",
+    "kinematics": "axisymmetric",
+    "surfaces": {"contact": "top", "base": "bottom"},
+}
 LEFT: dict[str, tuple[dict[str, Any], set[str]]] = {
     "frictionless": ({}, {"contact.epsilon_t"}),
     "friction": ({"contact": {"friction": 0.2}}, set()),
     "mesh file": ({"body": FILE}, {"contact.epsilon_t"} | SIZES),
-    "theory": ({"body": {"shape": "half_space"}},
-               {"material.formulation", "contact.method", "contact.epsilon_t", "solver.linear"} | SIZES),
-}  # fmt: skip
+    "theory": (
+        {"body": {"shape": "half_space"}},
+        {"material.formulation", "contact.method", "contact.epsilon_t", "solver.linear"} | SIZES,
+    ),
+}
 
 
 @pytest.mark.parametrize("name", LEFT)
@@ -32,12 +41,15 @@ def test_what_stays_auto_is_what_the_scene_has_no_use_for(
     write(tmp_path / "gel.msh", section())
     monkeypatch.chdir(tmp_path)
     sections, left = LEFT[name]
-    config = from_mapping({
-        "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
-        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
-        "indenter": {"shape": "paraboloid", "R": 1.0},
-        "loading": {"delta": 0.01, "steps": 1},
-    } | sections)  # fmt: skip
+    config = from_mapping(
+        {
+            "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
+            "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+            "indenter": {"shape": "paraboloid", "R": 1.0},
+            "loading": {"delta": 0.01, "steps": 1},
+        }
+        | sections
+    )
     assert set(_autos(to_mapping(resolved(config, resolve(config))))) == left
 
 
@@ -45,3 +57,53 @@ def _autos(document: dict[str, Any]) -> Iterator[str]:
     for name, part in document.items():
         if isinstance(part, dict):
             yield from (f"{name}.{key}" for key, value in part.items() if value == "auto")
+
+
+PLAIN = {
+    "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "loading": {"delta": 0.01, "steps": 1},
+}
+LAYERS = {
+    "layers": [
+        {"thickness": 0.5, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}},
+        {"thickness": 0.5, "material": {"model": "linear_elastic", "E": 2.0, "nu": 0.3}},
+    ]
+}
+LAYERED = PLAIN | {"body": PLAIN["body"] | LAYERS, "material": None}
+CHANGES = [
+    "mesh.h_contact=0.02",
+    "mesh.h_far=0.3",
+    "material.nu=0.49",
+    "material.E=3",
+    "indenter.R=2",
+    "body.radius=3",
+    "contact.method=penalty",
+    "contact.gap=current",
+    "loading.delta=0.02",
+    "solver.method=newton",
+    "solver.rtol=1e-11",
+    "indenter.center=[0.1, 0]",
+    "output.fields=all",
+]
+
+
+@pytest.mark.parametrize("contact", ["auto", "penalty", "augmented_lagrangian"])
+def test_a_resume_blames_the_key_that_was_changed(contact: str, tmp_path: Path) -> None:
+    """Whatever the program decides otherwise because of it; there and back."""
+    scenes = [(PLAIN, change) for change in CHANGES if contact == "auto" or change != "contact.method=penalty"]
+    scenes += [(LAYERED, "body.layers[1].material.nu=0.49"), (LAYERED, "mesh.h_contact=0.02")]
+    (tmp_path / "force_indentation.csv").write_text("step\n1\n")
+    for data, change in scenes:
+        own = {name: part for name, part in data.items() if part} | {"contact": {"method": contact}}
+        told = []
+        for config in (from_mapping(own), from_mapping(own, [change])):
+            decided = resolved(config, resolve(config))
+            told.append((to_yaml(decided), {"program": "indent-sim", "plan": {"auto": left_open(config, decided)}}))
+        for (there, report), (here, ours) in (told, told[::-1]):
+            (tmp_path / "config.yaml").write_text(there)
+            (tmp_path / "run.json").write_text(to_json(report))
+            with pytest.raises(ConfigError, match="another config") as caught:
+                earlier_run(tmp_path, here, ours)
+            assert caught.value.key == change.split("=")[0], (change, caught.value)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from scenes import CYLINDER, E_STAR, STRIP, WALLED, scene
 
-from indent_sim.config.file import from_mapping
-from indent_sim.model.contact import Cohesion
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.model.contact import Adhesion
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.scene import resolve
@@ -84,8 +84,12 @@ def test_a_sharp_cone_has_elements_for_its_wider_contact() -> None:
 
 def test_elements_are_counted_in_the_contact_that_adhesion_makes() -> None:
     """A blunt cone's is several times wider than without, where it is pushed by 0.02: 0.92 elements would be."""
-    scene_of = {"body": CYLINDER | {"radius": 4.0, "height": 2.0}, "indenter": {"shape": "cone", "half_angle": 80.0},
-                "loading": {"deltas": [-0.2, 0.02, -0.2]}, "mesh": {"h_contact": 0.08}}  # fmt: skip
+    scene_of = {
+        "body": CYLINDER | {"radius": 4.0, "height": 2.0},
+        "indenter": {"shape": "cone", "half_angle": 80.0},
+        "loading": {"deltas": [-0.2, 0.02, -0.2]},
+        "mesh": {"h_contact": 0.08},
+    }
     assert any("elements" in words for words in scene(**scene_of).plan.warnings)
     sticky = scene(**scene_of, contact={"adhesion": {"work": 0.01, "range": 0.05}})
     assert not [words for words in sticky.plan.warnings if "elements" in words]
@@ -140,20 +144,24 @@ def test_theory_knows_no_range() -> None:
 
 
 def test_a_resolved_scene_is_the_same_scene() -> None:
-    given = {"body": WALLED, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
-             "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"deltas": [-0.01, 0.01]},
-             "contact": {"adhesion": {"work": WORK, "range": RANGE}}}  # fmt: skip
+    given = {
+        "body": WALLED,
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+        "indenter": {"shape": "paraboloid", "R": 1.0},
+        "loading": {"deltas": [-0.01, 0.01]},
+        "contact": {"adhesion": {"work": WORK, "range": RANGE}},
+    }
     config = from_mapping(given)
     found = resolve(config)
     again = resolve(resolved(config, found))
     assert again.physics.contact == found.physics.contact and again.sizes == found.sizes
-    assert found.physics.has_memory and not found.physics.has_friction and not found.physics.columns
+    assert found.physics.contact.has_memory and not found.physics.has_friction and not found.physics.columns
 
 
 def test_the_attraction_is_the_slope_of_its_energy_and_its_integral_the_work() -> None:
     import numpy as np
 
-    law, g = Cohesion(WORK, RANGE), np.linspace(-0.02, 0.3, 20001)
+    law, g = Adhesion(WORK, RANGE), np.linspace(-0.02, 0.3, 20001)
     slope = np.gradient(law.energy(g), g)
     # of differences over range/600; half of one across the kink at g = 0
     assert slope[1:-1] == pytest.approx(law.pull(g)[1:-1], rel=1e-3, abs=1e-5 * WORK / RANGE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_bars import coarser
@@ -57,8 +57,13 @@ def test_coarse_corners_are_doubted() -> None:
 
 
 def test_a_gap_beside_the_contact_has_as_many_elements_as_the_contact() -> None:
-    base = scene({**CYLINDER, "sides": "roller"}, material=SOFT, accuracy=0.01,
-                 indenter={"shape": "paraboloid", "R": 20.0}, loading={"delta": 0.01249, "steps": 1})  # fmt: skip
+    base = scene(
+        {**CYLINDER, "sides": "roller"},
+        material=SOFT,
+        accuracy=0.01,
+        indenter={"shape": "paraboloid", "R": 20.0},
+        loading={"delta": 0.01249, "steps": 1},
+    )
     assert base.plan.theory is not None and base.plan.fineness is not None
     gap = 1.0 - base.plan.theory.at(0.01249).a  # type: ignore[union-attr]
     assert gap < 0.1 and base.sizes.corners == ((1.0, 0.0),)
@@ -82,16 +87,22 @@ def test_the_resolved_config_has_the_same_sizes(sections: dict[str, Any]) -> Non
 
 def test_a_size_of_corners_that_are_not_there_is_refused() -> None:
     given = {"h_contact": 0.1, "h_corner": 0.01}
-    for body, mesh in ((WALLED, given), (BOX, given), (CYLINDER, {"h_corner": 0.01}),
-                       (CYLINDER, {"h_contact": 0.1, "h_corner": 0.2})):  # fmt: skip
+    for body, mesh in (
+        (WALLED, given),
+        (BOX, given),
+        (CYLINDER, {"h_corner": 0.01}),
+        (CYLINDER, {"h_contact": 0.1, "h_corner": 0.2}),
+    ):
         with pytest.raises(ConfigError, match="h_corner"):
             scene(body, mesh=mesh)
 
 
 def test_in_three_dimensions_edges_stay_coarse_and_the_bars_know() -> None:
     """Lines of small elements would cost more than they give; there the force converges as h^1.2."""
-    ruled, far = (scene(BOX, material=SOFT, indenter=WIDE, loading={"delta": delta, "steps": 1}, accuracy=0.01).sizes
-                  for delta in (0.1, 1e-4))  # fmt: skip
+    ruled, far = (
+        scene(BOX, material=SOFT, indenter=WIDE, loading={"delta": delta, "steps": 1}, accuracy=0.01).sizes
+        for delta in (0.1, 1e-4)
+    )
     assert ruled.ruled_by_corners and not far.ruled_by_corners
     assert ruled.corners == far.corners == ()
 
@@ -113,7 +124,7 @@ def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
     for angle, base, nu in product((60, 150), ("fixed", "roller"), (0.0, 0.3)):
         body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle, "base": base}
         part = scene(body, material=ELASTIC | {"nu": nu}).physics.part
-        found[angle, base, nu] = corners(part, (0.0, 0.0), 0.1, nu, sharp=False)
+        found[angle, base, nu] = corners(part, (0.0, 0.0), 0.1, nu)
     notches = set(product((150,), ("fixed", "roller"), (0.0, 0.3)))
     assert {key for key, corner in found.items() if corner} == notches | {(60, "fixed", 0.3)}
     (notch,) = found[150, "roller", 0.0]

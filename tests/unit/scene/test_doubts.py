@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from mesh_files import section, write
 
-from indent_sim.config.file import from_mapping, to_mapping
+from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.run.error_bars import Companion, ErrorBars
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.scene import Scene, resolve
@@ -22,12 +22,23 @@ SCENES: dict[str, dict[str, Any]] = {
     "half_space": {"body": {"shape": "half_space"}, "solver": {"method": "condensed"}},
     "layer": {"body": {"shape": "layer", "height": 1.0}, "solver": {"method": "condensed"}},
     "theory": {"body": {"shape": "half_space"}},
-    "corners": {"body": {"shape": "box", "size": [0.6, 0.6, 1.0]}, "mesh": {"h_contact": 0.1},
-                "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.49}},
-}  # fmt: skip
-NUMBERS = {"plain": set(), "penalty": {"penalty"}, "coarse": {"elements"}, "several": {"several_equilibria"},
-           "unloading": {"elements"}, "half_space": {"truncation"}, "layer": {"truncation"},
-           "theory": set(), "corners": {"corners", "elements"}}  # fmt: skip
+    "corners": {
+        "body": {"shape": "box", "size": [0.6, 0.6, 1.0]},
+        "mesh": {"h_contact": 0.1},
+        "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.49},
+    },
+}
+NUMBERS = {
+    "plain": set(),
+    "penalty": {"penalty"},
+    "coarse": {"elements"},
+    "several": {"several_equilibria"},
+    "unloading": {"elements"},
+    "half_space": {"truncation"},
+    "layer": {"truncation"},
+    "theory": set(),
+    "corners": {"corners", "elements"},
+}
 
 
 def document(**sections: Any) -> dict[str, Any]:
@@ -71,14 +82,22 @@ def test_the_error_budget_has_the_doubt_of_the_finite_body() -> None:
     assert bars._truncation == doubt.force_error == found.plan.prediction["truncation_error"]
 
 
-LAYERS = [{"thickness": 0.2, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}},
-          {"thickness": 0.8, "material": {"model": "linear_elastic", "E": 10.0, "nu": 0.4}}]  # fmt: skip
+LAYERS = [
+    {"thickness": 0.2, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}},
+    {"thickness": 0.8, "material": {"model": "linear_elastic", "E": 10.0, "nu": 0.4}},
+]
 UNLIKE = {"model": "neo_hookean", "E": 1000.0, "nu": 0.49, "formulation": "mixed"}  # anything read from it would show
-OWN = {"cylinder": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "layers": LAYERS},
-       "theory": {"shape": "half_space", "layers": [LAYERS[0], {"material": LAYERS[1]["material"]}]},
-       "mesh": {"shape": "mesh", "file": "gel.msh", "kinematics": "axisymmetric",
-                "surfaces": {"contact": "top", "base": "bottom"},
-                "regions": {"gel": LAYERS[0]["material"]}}}  # fmt: skip
+OWN = {
+    "cylinder": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "layers": LAYERS},
+    "theory": {"shape": "half_space", "layers": [LAYERS[0], {"material": LAYERS[1]["material"]}]},
+    "mesh": {
+        "shape": "mesh",
+        "file": "gel.msh",
+        "kinematics": "axisymmetric",
+        "surfaces": {"contact": "top", "base": "bottom"},
+        "regions": {"gel": LAYERS[0]["material"]},
+    },
+}
 
 
 @pytest.mark.parametrize("body", OWN)

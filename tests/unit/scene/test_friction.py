@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
 from indent_sim.scene.expected import Stick
@@ -19,8 +19,9 @@ SOFT = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
 
 def config(contact: dict[str, Any], **sections: Any) -> Any:
     tip = {"shape": "paraboloid", "R": 1.0}
-    return from_mapping({"body": CYLINDER, "material": SOFT, "indenter": tip, "contact": contact,
-                         "loading": {"delta": 0.01}} | sections)  # fmt: skip
+    return from_mapping(
+        {"body": CYLINDER, "material": SOFT, "indenter": tip, "contact": contact, "loading": {"delta": 0.01}} | sections
+    )
 
 
 def scene(contact: dict[str, Any], **sections: Any) -> Scene:
@@ -63,12 +64,13 @@ def test_theory_knows_no_friction() -> None:
         scene({"friction": 0.3}, body=body, solver={"method": "theory"})
 
 
-@pytest.mark.parametrize(("friction", "anchor"), [(0.0, "implicit"), (0.3, "implicit"), (0.31, "mid"),
-                                                  ("stick", "mid")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("friction", "anchor"), [(0.0, "implicit"), (0.3, "implicit"), (0.31, "mid"), ("stick", "mid")]
+)
 def test_new_contact_sticks_half_way_where_it_matters(friction: float | str, anchor: str) -> None:
     found = scene({"friction": friction}).physics
     assert found.anchor == anchor
-    assert found.has_memory == bool(friction)
+    assert found.contact.has_memory == bool(friction)
 
 
 def test_a_run_says_the_friction_that_it_had() -> None:
@@ -82,9 +84,13 @@ def test_a_run_says_the_friction_that_it_had() -> None:
 def test_epsilon_t_is_measured_in_the_scenes_units() -> None:
     """The same scene with lengths in thousandths and pressures in millionths."""
     small = scene({"friction": 0.3, "epsilon_t": 7.0}).physics
-    large = scene({"friction": 0.3, "epsilon_t": 7.0 * 1e6 / 1e3}, body=CYLINDER | {"radius": 4e3, "height": 1e3},
-                  material=SOFT | {"E": 1e6}, indenter={"shape": "paraboloid", "R": 1e3},
-                  loading={"delta": 10.0}).physics  # fmt: skip
+    large = scene(
+        {"friction": 0.3, "epsilon_t": 7.0 * 1e6 / 1e3},
+        body=CYLINDER | {"radius": 4e3, "height": 1e3},
+        material=SOFT | {"E": 1e6},
+        indenter={"shape": "paraboloid", "R": 1e3},
+        loading={"delta": 10.0},
+    ).physics
     assert large.contact.epsilon_t == pytest.approx(small.contact.epsilon_t, rel=1e-12)
 
 
@@ -102,11 +108,15 @@ def test_what_stick_would_change() -> None:
 SPHERE = {"shape": "sphere", "R": 1.0}
 
 
-@pytest.mark.parametrize("beyond", [
-    {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49}, "indenter": SPHERE, "loading": {"delta": 0.3}},
-    {"material": SOFT | {"nu": 0.49}, "contact": {"gap": "current"}, "loading": {"delta": 0.3}},
-    {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}, "body": {"shape": "half_space"}}],
-    ids=["finite strain", "current gap", "half-space"])  # fmt: skip
+@pytest.mark.parametrize(
+    "beyond",
+    [
+        {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.49}, "indenter": SPHERE, "loading": {"delta": 0.3}},
+        {"material": SOFT | {"nu": 0.49}, "contact": {"gap": "current"}, "loading": {"delta": 0.3}},
+        {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}, "body": {"shape": "half_space"}},
+    ],
+    ids=["finite strain", "current gap", "half-space"],
+)
 def test_beyond_small_strain_stick_has_no_number(beyond: dict[str, Any]) -> None:
     """The ball would gain 10.0 %, solved, where the map at small strain knows of less than five."""
     said = scene(**({"contact": {}} | beyond)).plan.stick
@@ -116,8 +126,12 @@ def test_beyond_small_strain_stick_has_no_number(beyond: dict[str, Any]) -> None
 
 def test_what_error_bars_do_not_solve_they_do_not_promise() -> None:
     """They need a factored body."""
-    box = {"body": {"shape": "box", "size": [8.0, 8.0, 1.0], "base": "fixed"}, "mesh": {"h_contact": 0.2},
-           "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.45}, "loading": {"delta": 0.2}}  # fmt: skip
+    box = {
+        "body": {"shape": "box", "size": [8.0, 8.0, 1.0], "base": "fixed"},
+        "mesh": {"h_contact": 0.2},
+        "material": {"model": "neo_hookean", "E": 1.0, "nu": 0.45},
+        "loading": {"delta": 0.2},
+    }
     for linear, promised in (("direct", True), ("iterative", False)):
         said = scene({}, solver={"linear": linear}, **box).plan.stick
         assert said and ("--error-bars" in said.words) == promised
@@ -156,19 +170,27 @@ def test_what_friction_changes_on_a_half_space(friction: float | str, force: flo
     assert forced == known
 
 
-@pytest.mark.parametrize("unknown", [
-    {"body": CYLINDER}, {"loading": {"deltas": [0.01, 0.005, 0.02]}}, {"contact": {"friction": 5.0}},
-    {"contact": {}}, {"indenter": {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.1}},
-    {"body": HALF_SPACE | {"layers": [{"thickness": 1.0, "material": SOFT | {"E": 2.0}}, {}]}}],
-    ids=["layer", "turns back", "much", "none", "rounded", "layers"])  # fmt: skip
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        {"body": CYLINDER},
+        {"loading": {"deltas": [0.01, 0.005, 0.02]}},
+        {"contact": {"friction": 5.0}},
+        {"contact": {}},
+        {"indenter": {"shape": "cone", "half_angle": 70.0, "tip_radius": 0.1}},
+        {"body": HALF_SPACE | {"layers": [{"thickness": 1.0, "material": SOFT | {"E": 2.0}}, {}]}},
+    ],
+    ids=["layer", "turns back", "much", "none", "rounded", "layers"],
+)
 def test_where_nobody_knows_what_friction_changes(unknown: dict[str, Any]) -> None:
     sections = {"contact": {"friction": 0.3}, "body": HALF_SPACE} | unknown
     contact = sections.pop("contact")
     assert scene(contact, **sections).plan.friction is None
 
 
-@pytest.mark.parametrize(("nu", "h", "friction"), [(0.0, 0.004, "stick"), (0.0, 0.002, 5.0), (0.3, 1e-4, "stick"),
-                                                   (0.5, 1e-4, "stick")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("nu", "h", "friction"), [(0.0, 0.004, "stick"), (0.0, 0.002, 5.0), (0.3, 1e-4, "stick"), (0.5, 1e-4, "stick")]
+)
 def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction: float | str) -> None:
     """Elements that see how a surface stuck beside a sharp edge would pull have no equilibrium without a bound."""
     punch = {"shape": "flat_punch", "radius": 0.1}
@@ -176,8 +198,9 @@ def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction:
     assert found.physics.contact.friction == friction
     said = next(choice for choice in found.plan.choices if choice.key == "contact.friction")
     assert ("stands for stick" in said.why) == (friction == 5.0)
-    rounded = scene({"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01},
-                    mesh={"h_contact": h})  # fmt: skip
+    rounded = scene(
+        {"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01}, mesh={"h_contact": h}
+    )
     assert rounded.physics.contact.friction == "stick"
 
 
@@ -194,13 +217,16 @@ def test_a_surface_held_too_softly_is_refused(method: str, smallest: float, fric
     scene({"method": method, "friction": friction, "epsilon_t": 1.001 * least}, mesh=mesh)
 
 
-@pytest.mark.parametrize(("contact", "said"), [
-    ({"method": "penalty", "epsilon_t": 50.0}, "about 47% of what friction adds to the force is lost"),
-    ({"method": "penalty"}, None),
-    ({"method": "auto", "epsilon_t": 1.4e4}, "friction adds about 7% more"),
-    ({"method": "auto", "epsilon_t": 1.5}, "friction adds about 6% less"),
-    ({"method": "auto"}, None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("contact", "said"),
+    [
+        ({"method": "penalty", "epsilon_t": 50.0}, "about 47% of what friction adds to the force is lost"),
+        ({"method": "penalty"}, None),
+        ({"method": "auto", "epsilon_t": 1.4e4}, "friction adds about 7% more"),
+        ({"method": "auto", "epsilon_t": 1.5}, "friction adds about 6% less"),
+        ({"method": "auto"}, None),
+    ],
+)
 def test_what_the_tangential_stiffness_costs_is_said(contact: dict[str, Any], said: str | None) -> None:
     """Penalty: measured at 5 E*/a, 0.30 to 0.49 of it; at 130 E*/h_contact and ten elements, 0.09 of it."""
     warnings = scene({"friction": "stick", **contact}, mesh={"h_contact": 0.01}).plan.warnings

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import Scene, resolve
 
@@ -74,11 +74,6 @@ class TestLinear:
             scene(**self.solid, solver={"linear": "iterative", "method": "condensed"})
         assert caught.value.key == "solver.method"
 
-    @pytest.mark.parametrize("options", [{"ksp_type": "cg"}, {"snes_linesearch_type": "bt"}])
-    def test_options_of_petsc_are_for_its_own_solvers(self, options):
-        with pytest.raises(ConfigError, match=r"solver\.petsc options are for PETSc's own"):
-            scene(**self.solid, solver={"linear": "iterative", "petsc": options})
-
     def test_theory_has_no_linear_systems_whatever_is_said_of_a_mesh(self):
         with pytest.raises(ConfigError, match="linear, rtol"):
             scene(mesh={"h_contact": 0.1}, solver={"linear": "iterative", "method": "theory"})
@@ -130,13 +125,15 @@ class TestStrain:
 
     @pytest.mark.parametrize(
         ("sharp", "blunt"),
-        [({"shape": "cone", "half_angle": 75}, {"shape": "cone", "half_angle": 77}),
-         ({"shape": "pyramid", "half_angle": 74}, {"shape": "pyramid", "half_angle": 76}),
-         ({"shape": "profile", "points": [[0, 0], [1, 0.26]]}, {"shape": "profile", "points": [[0, 0], [1, 0.24]]}),
-         ({"shape": "sphere", "R": 0.2}, {"shape": "sphere", "R": 0.5}),
-         ({"shape": "flat_punch", "radius": 0.11}, {"shape": "flat_punch", "radius": 0.13})],
+        [
+            ({"shape": "cone", "half_angle": 75}, {"shape": "cone", "half_angle": 77}),
+            ({"shape": "pyramid", "half_angle": 74}, {"shape": "pyramid", "half_angle": 76}),
+            ({"shape": "profile", "points": [[0, 0], [1, 0.26]]}, {"shape": "profile", "points": [[0, 0], [1, 0.24]]}),
+            ({"shape": "sphere", "R": 0.2}, {"shape": "sphere", "R": 0.5}),
+            ({"shape": "flat_punch", "radius": 0.11}, {"shape": "flat_punch", "radius": 0.13}),
+        ],
         ids=["cone", "pyramid", "profile", "sphere", "flat_punch"],
-    )  # fmt: skip
+    )
     def test_small_strain_ends_with_the_slope_at_the_edge_of_contact(self, sharp, blunt):
         """cot 76 degrees = 0.25, pyramids a tenth flatter than their faces; a punch at a sixth of its radius."""
         assert "small strain" in self.said(**sharp)
@@ -178,9 +175,16 @@ def test_the_middle_is_found_whatever_the_digits_of_the_width(width):
     strip = {"shape": "strip", "width": width, "height": 1.1, "sides": "roller"}
     box = {"shape": "box", "size": [width, width / 3, 1.1]}
     for body, symmetry in ((strip, "half"), (box, "quarter")):
-        found = resolve(from_mapping({
-            "body": body, "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
-            "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 1e-3}}))  # fmt: skip
+        found = resolve(
+            from_mapping(
+                {
+                    "body": body,
+                    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+                    "indenter": {"shape": "paraboloid", "R": 1.0},
+                    "loading": {"delta": 1e-3},
+                }
+            )
+        )
         assert found.physics.part.symmetry == symmetry and found.plan.theory is not None
         assert found.plan.theory.exact == (body is strip)
 

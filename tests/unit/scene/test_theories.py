@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from indent_sim.config.file import from_mapping
+from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.body import Cylinder, Dome, Layer, Strip, StripSides
 from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere, reach
@@ -27,8 +27,12 @@ GEL = LinearElastic(E=1.0, nu=0.3)
 CYLINDER = Cylinder(2.0, 1.0, sides="roller")
 STRIP = Strip(4.0, 1.0, sides=StripSides("roller", "roller"))
 SHARP = {"paraboloid": Paraboloid(1.0), "sphere": Sphere(0.5), "cone": Cone(60.0), "flat_punch": FlatPunch(0.3)}
-OTHERS = {"blunt_cone": Cone(60.0, 0.1), "rounded_punch": FlatPunch(0.3, 0.05), "pyramid": Pyramid(60.0),
-          "profile": Profile(((0.0, 0.0), (0.1, 0.01), (0.5, 0.2)))}  # fmt: skip
+OTHERS = {
+    "blunt_cone": Cone(60.0, 0.1),
+    "rounded_punch": FlatPunch(0.3, 0.05),
+    "pyramid": Pyramid(60.0),
+    "profile": Profile(((0.0, 0.0), (0.1, 0.01), (0.5, 0.2))),
+}
 SCENE: dict[str, Any] = {
     "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"},
     "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
@@ -95,10 +99,16 @@ def test_half_space_forces_of_blunt_tips() -> None:
 
 @pytest.mark.parametrize(
     "sections",
-    [{}, {"contact": {"method": "penalty"}}, {"accuracy": "fast"}, {"contact": {"method": "penalty", "epsilon_n": 3.0}},
-     {"body": {"shape": "half_space"}}, {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}}],
+    [
+        {},
+        {"contact": {"method": "penalty"}},
+        {"accuracy": "fast"},
+        {"contact": {"method": "penalty", "epsilon_n": 3.0}},
+        {"body": {"shape": "half_space"}},
+        {"material": {"model": "neo_hookean", "E": 1.0, "nu": 0.3}},
+    ],
     ids=["plain", "penalty", "accuracy", "soft", "half_space", "hyperelastic"],
-)  # fmt: skip
+)
 def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, sections: dict[str, Any]) -> None:
     """Sizes, choices, doubts and prediction of one resolve want the same contacts; each is marched to once."""
     asked: Counter[tuple[LayerContact, float]] = Counter()
@@ -119,8 +129,9 @@ def test_theory_is_asked_once_for_each_depth(monkeypatch: pytest.MonkeyPatch, se
     assert asked.total() == before
 
 
-@pytest.mark.parametrize(("tip", "R"), [(Paraboloid(1.0), 2 / 3), (Sphere(1.0), 2 / 3), (Plate(), 2.0),
-                                        (FlatPunch(0.1), 2.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("tip", "R"), [(Paraboloid(1.0), 2 / 3), (Sphere(1.0), 2 / 3), (Plate(), 2.0), (FlatPunch(0.1), 2.0)]
+)
 def test_curvatures_add_over_a_round_body(tip: Indenter, R: float) -> None:
     """1/R of the tip and 1/2 of the body; a sharp tip, and any over a flat top, is its own."""
     dome = Dome(2.0, 1.0, "cap")

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from theory_bodies import one_layer
 
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
@@ -41,13 +42,22 @@ def test_pull_off_by_force_and_by_depth(jkr: Jkr) -> None:
     assert by_depth.delta == pytest.approx(-0.75 * UNIT_DEPTH, rel=1e-10)
 
 
-@pytest.mark.parametrize(("nu", "h", "pull_off"), [
-    (0.3, 1000, -1.50000), (0.3, 1, -1.50246), (0.3, 0.3, -1.56203), (0.3, 0.1, -1.78781),
-    (0.5, 1000, -1.50000), (0.5, 1, -1.50310), (0.5, 0.3, -1.58085), (0.5, 0.1, -1.90534),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("nu", "h", "pull_off"),
+    [
+        (0.3, 1000, -1.50000),
+        (0.3, 1, -1.50246),
+        (0.3, 0.3, -1.56203),
+        (0.3, 0.1, -1.78781),
+        (0.5, 1000, -1.50000),
+        (0.5, 1, -1.50310),
+        (0.5, 0.3, -1.58085),
+        (0.5, 0.1, -1.90534),
+    ],
+)
 def test_pull_off_of_bonded_layers(nu: float, h: float, pull_off: float) -> None:
     """Five digits of an independent solution of the same integral equation (E = R = 1)."""
-    layer = Layer.of(profiles.paraboloid(1.0), E=1.0, nu=nu, h=h)
+    layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=nu, h=h)
     found = Jkr(LayerPunches(layer), WORK).pull_off(math.inf)
     assert found.force / (math.pi * WORK) == pytest.approx(pull_off, abs=6e-6)
 
@@ -81,7 +91,7 @@ def test_a_branch_from_samples(jkr: Jkr, compliance: float) -> None:
 def test_beside_a_wall_every_contact_pulls() -> None:
     """K' vanishes where the contact fills a cylinder with rollers: of the pull-off, at a tenth of it, that is no news;
     against a wall a hundred times further away it changes by (a/W)^3, about."""
-    near, far = (Layer.of(profiles.paraboloid(1.0), E=1.0, nu=0.3, h=10.0, wall=W) for W in (0.5, 50.0))
+    near, far = (one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=10.0, wall=W) for W in (0.5, 50.0))
     found = [Jkr(LayerPunches(layer), 1e-6).pull_off(math.inf).force for layer in (near, far)]
     assert found[0] == pytest.approx(found[1], rel=2e-3)
 
@@ -93,7 +103,7 @@ def test_a_stiff_spring_is_depth_control_and_a_soft_one_force_control(jkr: Jkr) 
 
 def test_a_curve_known_at_some_radii() -> None:
     """Exact K and P of a layer at 24 radii: what the fit alone costs the pull-off is below 1e-4."""
-    layer = Layer.of(profiles.paraboloid(1.0), E=1.0, nu=0.3, h=0.3)
+    layer = one_layer(Layer, profiles.paraboloid(1.0), E=1.0, nu=0.3, h=0.3)
     exact = LayerPunches(layer)
     a = np.linspace(0.01, 0.3, 24)
     samples = [exact.at(float(x)) for x in a]
@@ -106,10 +116,19 @@ def test_a_curve_known_at_some_radii() -> None:
         Jkr(FittedPunches(a, K, P, profiles.paraboloid(1.0), layer.E_star), 1e-9).pull_off()
 
 
-@pytest.mark.parametrize(("parameter", "force"), [(0.01, -1.99829), (0.1, -1.95059), (0.3, -1.81556), (0.5, -1.71825),
-                                                  (1, -1.60073), (2, -1.53460), (5, -1.50635)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("parameter", "force"),
+    [(0.01, -1.99829), (0.1, -1.95059), (0.3, -1.81556), (0.5, -1.71825), (1, -1.60073), (2, -1.53460), (5, -1.50635)],
+)
 def test_maugis_between_dmt_and_jkr(parameter: float, force: float) -> None:
     assert maugis_pull_off(parameter) == pytest.approx(force, abs=6e-6)
+
+
+def test_maugis_at_any_number() -> None:
+    """Monotonic from DMT's -2 to JKR's -3/2, however large or small the number is."""
+    forces = [maugis_pull_off(10.0**power) for power in (-300, -30, -10, -5, -1, 1, 4, 5, 6, 8, 30, 300)]
+    assert forces == sorted(forces)
+    assert (forces[0], forces[-1]) == (pytest.approx(-2.0, abs=1e-9), pytest.approx(-1.5, abs=1e-9))
 
 
 def test_tabor_and_maugis_numbers() -> None:

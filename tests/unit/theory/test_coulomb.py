@@ -11,8 +11,14 @@ from indent_sim.theory.surface import coulomb, no_slip
 from indent_sim.theory.surface.coulomb import rubbed
 
 # Force with friction over the frictionless one, by rings of constant pressure and linear shear on the surface itself
-PUNCHES = {(0.0, 0.1): 1.01810, (0.0, 0.3): 1.05240, (0.0, 1.0): 1.09220,
-           (0.3, 0.1): 1.01035, (0.3, 0.3): 1.02430, (0.3, 1.0): 1.02857}  # fmt: skip
+PUNCHES = {
+    (0.0, 0.1): 1.01810,
+    (0.0, 0.3): 1.05240,
+    (0.0, 1.0): 1.09220,
+    (0.3, 0.1): 1.01035,
+    (0.3, 0.3): 1.02430,
+    (0.3, 1.0): 1.02857,
+}
 PARABOLOIDS = {
     0.0: (1.0112, 1.0221, 1.0318, 1.0439, 1.0514),
     0.2: (1.0084, 1.0164, 1.0221, 1.0268, 1.0284),
@@ -20,8 +26,16 @@ PARABOLOIDS = {
     0.4: (1.0036, 1.0051, 1.0054, 1.0054, 1.0054),
 }
 FRICTIONS = (0.1, 0.2, 0.3, 0.5, 1.0)
-STICKS = {(0.3, 0.1): 0.20, (0.3, 0.2): 0.70, (0.3, 0.3): 0.896, (0.3, 0.5): 0.984, (0.0, 0.2): 0.22, (0.0, 0.3): 0.505,
-          (0.0, 0.5): 0.81, (0.0, 1.0): 0.969}  # fmt: skip
+STICKS = {
+    (0.3, 0.1): 0.20,
+    (0.3, 0.2): 0.70,
+    (0.3, 0.3): 0.896,
+    (0.3, 0.5): 0.984,
+    (0.0, 0.2): 0.22,
+    (0.0, 0.3): 0.505,
+    (0.0, 0.5): 0.81,
+    (0.0, 1.0): 0.969,
+}
 
 
 @pytest.mark.parametrize(("nu", "friction"), PUNCHES)
@@ -80,8 +94,10 @@ def test_little_friction_adds_its_own_share() -> None:
 def test_rings_converge() -> None:
     """Twice as many change the forces by less than 2e-5."""
     coarse = [rubbed(0.0, friction).force for friction in (0.1, 0.3, 1.0)]
-    fine = [coulomb.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER).pressed(0.5, friction).force
-            for friction in (0.1, 0.3, 1.0)]  # fmt: skip
+    fine = [
+        coulomb.Rings(1 - (1 - np.linspace(0, 1, 401)) ** coulomb.FINER).pressed(0.5, friction).force
+        for friction in (0.1, 0.3, 1.0)
+    ]
     assert coarse == pytest.approx(fine, abs=2e-5)
 
 
@@ -89,9 +105,10 @@ def test_incompressible_bodies_do_not_slip_anyway() -> None:
     assert rubbed(0.5, 0.1, 2.0) == coulomb.Rubbed(pytest.approx(1.0, abs=1e-13), pytest.approx(1.0, abs=1e-13), 1.0)
 
 
-@pytest.mark.parametrize(("nu", "friction", "power"), [
-    (0.6, 0.3, 2.0), (-1.0, 0.3, 2.0), (0.3, -0.1, 2.0), (0.0, 5.0, 2.0), (0.3, 0.3, 0.5),
-    (0.3, math.nan, 2.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("nu", "friction", "power"),
+    [(0.6, 0.3, 2.0), (-1.0, 0.3, 2.0), (0.3, -0.1, 2.0), (0.0, 5.0, 2.0), (0.3, 0.3, 0.5), (0.3, math.nan, 2.0)],
+)
 def test_no_such_contact(nu: float, friction: float, power: float) -> None:
     with pytest.raises(ValueError):
         rubbed(nu, friction, power)

@@ -3,24 +3,25 @@
 import math
 
 import pytest
+from theory_bodies import indent
 
 from indent_sim.theory import half_space as hs
-from indent_sim.theory import layer, profiles
-from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus, song_pharr_modulus
+from indent_sim.theory import profiles
+from indent_sim.theory.films import dimitriadis_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
 
-FORMULAS = (gao_modulus, song_pharr_modulus, perriot_barthel_modulus)
-# film nu 0.3 on a half-space E 1, nu 0.3, flat punch: E_f, a/t, and how far off in per cent the three formulas are
+FORMULAS = (gao_modulus, perriot_barthel_modulus)
+# film nu 0.3 on a half-space E 1, nu 0.3, flat punch: E_f, a/t, and how far off in per cent the two formulas are
 OFF = [
-    (0.1, 0.1, (56.2, -0.8, -2.7)),
-    (0.1, 1.0, (178.9, -7.2, -10.8)),
-    (0.1, 5.0, (70.7, -13.9, 1.1)),
-    (0.5, 1.0, (10.9, -1.3, -0.5)),
-    (2.0, 1.0, (10.3, -1.8, -2.7)),
-    (10.0, 0.1, (36.7, -13.2, -3.6)),
-    (10.0, 1.0, (141.6, -19.6, -17.6)),
-    (10.0, 5.0, (79.4, -9.5, -13.1)),
+    (0.1, 0.1, (56.2, -2.7)),
+    (0.1, 1.0, (178.9, -10.8)),
+    (0.1, 5.0, (70.7, 1.1)),
+    (0.5, 1.0, (10.9, -0.5)),
+    (2.0, 1.0, (10.3, -2.7)),
+    (10.0, 0.1, (36.7, -3.6)),
+    (10.0, 1.0, (141.6, -17.6)),
+    (10.0, 5.0, (79.4, -13.1)),
 ]
 
 
@@ -45,7 +46,7 @@ def test_limits(formula):
 def test_dimitriadis_is_good_for_small_contacts(nu, base):
     ply, x = Ply(2.0, 1.0, nu), 0.02
     delta = (x * ply.thickness) ** 2
-    exact = layer.indent(profiles.paraboloid(1.0), delta, E=1.0, nu=nu, h=2.0, base=base).force
+    exact = indent(Layer, profiles.paraboloid(1.0), delta, E=1.0, nu=nu, h=2.0, base=base).force
     # its first coefficient is a fit, good to some per cent but on a frictionless base: 0.884 at nu = 0.5, exactly 0.743
     assert dimitriadis_force(delta, 1.0, ply, base) == pytest.approx(exact, rel=0.2 * x)
 

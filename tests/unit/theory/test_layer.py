@@ -6,10 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from theory_bodies import indent, one_layer
 
 from indent_sim.theory import half_space as hs
-from indent_sim.theory import layer, profiles
+from indent_sim.theory import profiles
 from indent_sim.theory.hankel import bessel_j1_zeros
+from indent_sim.theory.layer import Layer
 from indent_sim.theory.stack import Ply, Stack
 
 UNIT = {"E": 1.0, "h": 1.0}
@@ -59,7 +61,7 @@ def disc_integral(solution, breaks=()):
 
 @pytest.mark.parametrize(("tip", "delta", "nu", "base", "wall", "force", "a", "at", "p"), REFERENCE)
 def test_reference_numbers(tip, delta, nu, base, wall, force, a, at, p):
-    s = layer.indent(tip, delta, nu=nu, base=base, wall=wall, **UNIT)
+    s = indent(Layer, tip, delta, nu=nu, base=base, wall=wall, **UNIT)
     assert s.force == pytest.approx(force, rel=5e-12)
     assert s.a == pytest.approx(a, rel=6e-12)
     assert s.pressure(at * s.a) == pytest.approx(p, rel=2e-10)
@@ -68,7 +70,7 @@ def test_reference_numbers(tip, delta, nu, base, wall, force, a, at, p):
 @pytest.mark.parametrize(("nu", "base", "expected"), SERIES)
 def test_small_depth_series(nu, base, expected):
     x = np.sort(0.15 * (1.0 + np.cos((np.arange(18) + 0.5) * math.pi / 18)))
-    forces = [s.force for s in layer.Layer.of(PARABOLOID, nu=nu, base=base, **UNIT).curve(x**2)]
+    forces = [s.force for s in one_layer(Layer, PARABOLOID, nu=nu, base=base, **UNIT).curve(x**2)]
     ratio = np.array(forces) / (4.0 / 3.0 * hs.E_star(1.0, nu) * x**3)
     c = np.polynomial.Polynomial.fit(x, ratio, 14).convert().coef
     assert c[0] == pytest.approx(1.0, abs=1e-9)
@@ -78,27 +80,27 @@ def test_small_depth_series(nu, base, expected):
 
 @pytest.mark.parametrize(("a", "nu", "kappa"), KAPPA)
 def test_flat_punch_table(a, nu, kappa):
-    s = layer.indent(profiles.flat_punch(a), 1e-3, nu=nu, **UNIT)
+    s = indent(Layer, profiles.flat_punch(a), 1e-3, nu=nu, **UNIT)
     assert s.force / (2.0 * hs.E_star(1.0, nu) * a * 1e-3) == pytest.approx(kappa, abs=6e-6)
 
 
 @pytest.mark.parametrize(("nu", "error2", "error4"), [(0.3, 2.1e-4, 4.5e-6), (0.5, 4.4e-3, 1.6e-4)])
 def test_wall_error(nu, error2, error4):
     # published to two digits, at a/h of about 0.1
-    infinite, near, far = (layer.indent(PARABOLOID, 0.01, nu=nu, wall=wall, **UNIT).force for wall in (None, 2.0, 4.0))
+    infinite, near, far = (indent(Layer, PARABOLOID, 0.01, nu=nu, wall=wall, **UNIT).force for wall in (None, 2.0, 4.0))
     assert near / infinite - 1 == pytest.approx(error2, rel=0.08)
     assert far / infinite - 1 == pytest.approx(error4, rel=0.08)
 
 
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_limits(base):
-    thick = layer.indent(PARABOLOID, 0.01, E=1.0, nu=0.3, h=1e7, base=base)
+    thick = indent(Layer, PARABOLOID, 0.01, E=1.0, nu=0.3, h=1e7, base=base)
     assert thick.force == pytest.approx(hs.paraboloid_force(0.01, 1.0, hs.E_star(1.0, 0.3)), rel=1e-7)
     assert thick.a == pytest.approx(0.1, rel=1e-7)
-    infinite = layer.indent(SPHERE, 0.2, nu=0.3, base=base, **UNIT).force
-    far = layer.indent(SPHERE, 0.2, nu=0.3, base=base, wall=50.0, **UNIT).force
+    infinite = indent(Layer, SPHERE, 0.2, nu=0.3, base=base, **UNIT).force
+    far = indent(Layer, SPHERE, 0.2, nu=0.3, base=base, wall=50.0, **UNIT).force
     assert far == pytest.approx(infinite, rel=1e-12 if base == "fixed" else 1e-3)
-    assert layer.indent(SPHERE, 0.2, nu=0.3, base=base, wall=math.inf, **UNIT).force == infinite
+    assert indent(Layer, SPHERE, 0.2, nu=0.3, base=base, wall=math.inf, **UNIT).force == infinite
 
 
 @pytest.mark.parametrize(
@@ -112,7 +114,7 @@ def test_limits(base):
 )
 def test_pressures_of_a_half_space(tip, a, pressure):
     # a depth of 0.01 into E* = 1: Hertz 1882, Sneddon 1965; a layer of 1e7 is off by about a/h = 1e-8
-    s = layer.indent(tip, 0.01, E=1.0, nu=0.0, h=1e7)
+    s = indent(Layer, tip, 0.01, E=1.0, nu=0.0, h=1e7)
     assert s.a == pytest.approx(a, rel=1e-7)
     r = np.array([0.1, 0.5, 0.99]) * a
     assert s.pressure(r) == pytest.approx(pressure(r, a), rel=1e-6)
@@ -122,7 +124,7 @@ def test_confined_layer_tends_to_uniaxial_compression():
     # a flat punch that nearly fills its roller cylinder: F = M_c pi W^2 delta/h
     nu, W = 0.3, 1.0
     modulus = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    s = layer.indent(profiles.flat_punch(0.9999 * W), 0.01, nu=nu, wall=W, **UNIT)
+    s = indent(Layer, profiles.flat_punch(0.9999 * W), 0.01, nu=nu, wall=W, **UNIT)
     assert s.force == pytest.approx(modulus * math.pi * W**2 * 0.01, rel=1e-3)
 
 
@@ -134,7 +136,7 @@ def test_conservation_from_thick_to_very_thin(nu, ratio, walled):
     delta = ratio**2 / R
     body = {"nu": nu, "wall": 3.0 * ratio + 1.0 if walled else None, **UNIT}
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
-    less, s, more = layer.Layer.of(profiles.paraboloid(R), **body).curve(depths)
+    less, s, more = one_layer(Layer, profiles.paraboloid(R), **body).curve(depths)
     assert ratio <= s.a < 2.0 * ratio
     assert disc_integral(s) == pytest.approx(s.force, rel=1e-8)
     assert np.all(s.pressure(np.linspace(0.0, 1.2 * s.a, 25)) >= 0.0)
@@ -146,15 +148,15 @@ def test_very_thin_incompressible_layer_follows_lubrication_theory():
     # flux -p' h^3/(3 mu) through a layer that slips at the top carries away delta - r^2/2R; p(a) = p'(a) = 0:
     # p = E (a^2 - r^2)^2/(32 R h^3), a^2 = 4 R delta, F = 2 pi/3 E R^2 (delta/h)^3
     R, delta = 1e4, 0.2
-    s = layer.indent(profiles.paraboloid(R), delta, nu=0.5, **UNIT)
+    s = indent(Layer, profiles.paraboloid(R), delta, nu=0.5, **UNIT)
     assert s.a == pytest.approx(math.sqrt(4.0 * R * delta), rel=0.02)
     assert s.force == pytest.approx(2.0 * math.pi / 3.0 * R**2 * delta**3, rel=0.01)
     assert s.pressure(0.0) == pytest.approx((4.0 * R * delta) ** 2 / (32.0 * R), rel=0.01)
 
 
 def test_units_only_scale():
-    s = layer.indent(SPHERE, 0.1, nu=0.4, wall=2.0, **UNIT)
-    nano = layer.indent(profiles.sphere(1e-9), 1e-10, E=1e12, nu=0.4, h=1e-9, wall=2e-9)
+    s = indent(Layer, SPHERE, 0.1, nu=0.4, wall=2.0, **UNIT)
+    nano = indent(Layer, profiles.sphere(1e-9), 1e-10, E=1e12, nu=0.4, h=1e-9, wall=2e-9)
     assert nano.force == pytest.approx(s.force * 1e12 * 1e-18, rel=1e-12)
     assert nano.a == pytest.approx(s.a * 1e-9, rel=1e-12)
     assert nano.pressure(0.0) == pytest.approx(s.pressure(0.0) * 1e12, rel=1e-11)
@@ -174,45 +176,45 @@ def test_numerical_profiles_agree_with_closed_ones(wall):
         ),
     ]
     for closed, numerical in pairs:
-        a = layer.indent(closed, 0.1, nu=0.3, wall=wall, **UNIT)
-        b = layer.indent(numerical, 0.1, nu=0.3, wall=wall, **UNIT)
+        a = indent(Layer, closed, 0.1, nu=0.3, wall=wall, **UNIT)
+        b = indent(Layer, numerical, 0.1, nu=0.3, wall=wall, **UNIT)
         assert b.force == pytest.approx(a.force, rel=1e-12)
         assert b.pressure(0.1) == pytest.approx(a.pressure(0.1), rel=1e-10)
 
 
 def test_tips_with_corners():
     r = np.linspace(0.0, 1.0, 11)
-    s = layer.indent(profiles.piecewise_linear(np.column_stack([r, r * r / 2])), 0.02, nu=0.3, **UNIT)
+    s = indent(Layer, profiles.piecewise_linear(np.column_stack([r, r * r / 2])), 0.02, nu=0.3, **UNIT)
     assert disc_integral(s, [b for b in r[1:] if b < s.a]) == pytest.approx(s.force, rel=2e-6)
-    rounded = layer.indent(profiles.cone(70.0, 1e-4), 0.1, nu=0.3, **UNIT)
-    assert rounded.force == pytest.approx(layer.indent(CONE, 0.1, nu=0.3, **UNIT).force, rel=2e-4)
+    rounded = indent(Layer, profiles.cone(70.0, 1e-4), 0.1, nu=0.3, **UNIT)
+    assert rounded.force == pytest.approx(indent(Layer, CONE, 0.1, nu=0.3, **UNIT).force, rel=2e-4)
     assert math.isfinite(rounded.pressure(0.0))
-    assert layer.indent(CONE, 0.1, nu=0.3, **UNIT).pressure(0.0) == math.inf
-    blunt = layer.indent(profiles.flat_punch(0.5, 1e-3), 0.01, nu=0.3, **UNIT)
-    sharp = layer.indent(PUNCH, 0.01, nu=0.3, **UNIT)
+    assert indent(Layer, CONE, 0.1, nu=0.3, **UNIT).pressure(0.0) == math.inf
+    blunt = indent(Layer, profiles.flat_punch(0.5, 1e-3), 0.01, nu=0.3, **UNIT)
+    sharp = indent(Layer, PUNCH, 0.01, nu=0.3, **UNIT)
     assert 0.499 < blunt.a < 0.5 and 0.997 < blunt.force / sharp.force < 1.0
     assert sharp.pressure(0.5) == math.inf
 
 
 def test_many_points_converge_to_the_smooth_tip():
-    exact = layer.indent(PARABOLOID, 0.02, nu=0.3, **UNIT).force
+    exact = indent(Layer, PARABOLOID, 0.02, nu=0.3, **UNIT).force
     errors = []
     for count in (20, 80):
         r = np.linspace(0.0, 1.0, count + 1)
         chords = profiles.piecewise_linear(np.column_stack([r, r * r / 2]))
-        errors.append(abs(layer.indent(chords, 0.02, nu=0.3, **UNIT).force / exact - 1.0))
+        errors.append(abs(indent(Layer, chords, 0.02, nu=0.3, **UNIT).force / exact - 1.0))
     assert errors[1] < errors[0] / 8.0
 
 
 def test_curve_equals_single_depths_and_is_quick():
     depths = np.linspace(-0.001, 0.01, 12)
-    layer.Layer.of(PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)  # kernels cached, scipy imported
+    one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)  # kernels cached, scipy imported
     start = time.perf_counter()
-    curve = layer.Layer.of(PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)
+    curve = one_layer(Layer, PARABOLOID, nu=0.3, wall=2.0, **UNIT).curve(depths)
     assert time.perf_counter() - start < 0.5  # a few ms on an idle core
     for depth, s in zip(depths, curve, strict=True):
         assert s.delta == depth
-        single = layer.indent(PARABOLOID, depth, nu=0.3, wall=2.0, **UNIT)
+        single = indent(Layer, PARABOLOID, depth, nu=0.3, wall=2.0, **UNIT)
         assert s.force == pytest.approx(single.force, rel=1e-12)
     assert curve[0].force == 0.0 and curve[0].a == 0.0 and curve[0].pressure(np.zeros(3)).shape == (3,)
 
@@ -248,7 +250,7 @@ def test_symbols():
 def test_nonsense_is_refused(change):
     arguments = {"tip": PARABOLOID, "delta": 0.01, "E": 1.0, "nu": 0.3, "h": 1.0, **change}
     with pytest.raises(ValueError):
-        layer.indent(**arguments)
+        indent(Layer, **arguments)
 
 
 @pytest.mark.parametrize(
@@ -270,18 +272,18 @@ def test_impossible_tips_are_refused(make):
 def test_curvatures_of_tip_and_body_add():
     """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up to its edge."""
     stack = Stack((Ply(1.0, 1.0, 0.3),), "fixed")
-    known = layer.Layer.on(PARABOLOID, stack).curve([0.01])[0]
+    known = Layer.on(PARABOLOID, stack).curve([0.01])[0]
     for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.plane(), 1.0), (PUNCH, 1.0)):
-        found = layer.Layer.on(profiles.over_dome(tip, dome), stack).curve([0.01])[0]
+        found = Layer.on(profiles.over_dome(tip, dome), stack).curve([0.01])[0]
         assert (found.force, found.a) == pytest.approx((known.force, known.a), rel=1e-12)
     with pytest.raises(ValueError):
-        layer.Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
+        Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
 
 
 @pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.cone(70.0), profiles.flat_punch(0.2)])
 def test_solutions_up_to_a_known_one_lie_on_the_curve(tip: profiles.Tip) -> None:
     """What is found by the contact's size is what is found by the depth, to the 1e-11 of its search."""
-    contact = layer.Layer.of(tip, E=1.0, nu=0.3, h=0.5)
+    contact = one_layer(Layer, tip, E=1.0, nu=0.3, h=0.5)
     (deepest,) = contact.curve([0.02])
     found = contact.up_to(deepest, 5)
     again = contact.curve([s.delta for s in found])

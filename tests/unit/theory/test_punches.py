@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from theory_bodies import one_layer
 
 from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
@@ -16,7 +17,7 @@ E_STAR = 1 / (1 - 0.3**2)
 
 
 def layer(tip: profiles.Tip, nu: float = 0.3, h: float = 1.0) -> Layer:
-    return Layer.of(tip, E=1.0, nu=nu, h=h)
+    return one_layer(Layer, tip, E=1.0, nu=nu, h=h)
 
 
 def test_a_half_space() -> None:
@@ -35,8 +36,9 @@ def test_the_stiffness_is_that_of_a_flat_punch(a: float, nu: float, kappa: float
     assert punch.stiffness == pytest.approx(2 * a / (1 - nu**2) * kappa, rel=3e-6)
 
 
-@pytest.mark.parametrize("tip", [profiles.paraboloid(1.0), profiles.sphere(2.0), profiles.cone(70.0),
-                                 profiles.cone(70.0, 0.1)])  # fmt: skip
+@pytest.mark.parametrize(
+    "tip", [profiles.paraboloid(1.0), profiles.sphere(2.0), profiles.cone(70.0), profiles.cone(70.0, 0.1)]
+)
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 def test_the_slope_of_the_curve_is_the_stiffness(tip: profiles.Tip, nu: float) -> None:
     """dF = K ddelta and dK = K' da by central differences over 2e-4 of the radius, which cost its square."""

@@ -6,25 +6,25 @@ import math
 
 import numpy as np
 import pytest
+from theory_bodies import indent, stack_of
 
 from indent_sim.theory import half_space as hs
-from indent_sim.theory import layer, profiles
+from indent_sim.theory import profiles
 from indent_sim.theory.layer import Layer
 from indent_sim.theory.profiles import Tip
 from indent_sim.theory.solution import largest_pressure, no_contact
-from indent_sim.theory.stack import Stack
 
 
 def test_largest_pressure_of_hertz() -> None:
     """2 E* a/(pi R) on the axis; 1e-8: the layer is 1e6 radii of contact deep."""
-    found = layer.indent(profiles.paraboloid(1.0), 1e-4, E=1.0, nu=0.3, h=1e4)
+    found = indent(Layer, profiles.paraboloid(1.0), 1e-4, E=1.0, nu=0.3, h=1e4)
     assert largest_pressure(found) == pytest.approx(2 * hs.E_star(1.0, 0.3) * 0.01 / math.pi, rel=1e-6)
 
 
 def test_largest_pressure_beside_a_rounded_edge() -> None:
     """A punch whose edge is rounded presses hardest near the edge of the contact, not on the axis; a dense scan finds
     no larger pressure and one within its own spacing."""
-    found = layer.indent(profiles.flat_punch(0.3, 0.02), 0.01, E=1.0, nu=0.3, h=1.0)
+    found = indent(Layer, profiles.flat_punch(0.3, 0.02), 0.01, E=1.0, nu=0.3, h=1.0)
     r = np.linspace(0.0, found.a, 20001)
     scanned = found.pressure(r)
     assert r[np.argmax(scanned)] > 0.8 * found.a
@@ -37,12 +37,12 @@ def test_largest_pressure_beside_a_rounded_edge() -> None:
 )
 def test_an_infinite_pressure_is_not_a_number(tip: Tip) -> None:
     """Under a sharp apex or corner it grows as a logarithm, at a sharp edge as 1/sqrt."""
-    contact = Layer.on(tip, Stack.of([(1.0, 1.0, 0.3)]))
+    contact = Layer.on(tip, stack_of([(1.0, 1.0, 0.3)]))
     assert math.isnan(largest_pressure(contact.curve([0.01])[0]))
 
 
 def test_a_finely_rounded_apex_has_a_largest_pressure() -> None:
-    found = layer.indent(profiles.cone(70.0, 1e-4), 0.01, E=1.0, nu=0.3, h=1.0)
+    found = indent(Layer, profiles.cone(70.0, 1e-4), 0.01, E=1.0, nu=0.3, h=1.0)
     assert largest_pressure(found) == pytest.approx(float(found.pressure(np.zeros(1))[0]), rel=1e-9)
 
 

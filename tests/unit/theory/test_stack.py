@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from theory_bodies import stack_of
 
 from indent_sim.theory import half_space as hs
 from indent_sim.theory import hankel, profiles, strip
@@ -14,10 +15,10 @@ from indent_sim.theory.strip import Strip
 
 INF = math.inf
 HARD = [
-    Stack.of([(1, 1, 0.5), (1, 1e3, 0.3), (3, 1e-3, 0.499)]),
-    Stack.of([(1, 1, 0.3), (0.2, 1e3, 0.5), (3, 1, 0.5)], "roller"),
-    Stack.of([(1, 1e3, 0.5), (INF, 1, 0)], None),
-    Stack.of([(0.02, 1e-3, 0.5), (1, 1, 0.3), (INF, 1e-3, 0.45)], None),
+    stack_of([(1, 1, 0.5), (1, 1e3, 0.3), (3, 1e-3, 0.499)]),
+    stack_of([(1, 1, 0.3), (0.2, 1e3, 0.5), (3, 1, 0.5)], "roller"),
+    stack_of([(1, 1e3, 0.5), (INF, 1, 0)], None),
+    stack_of([(0.02, 1e-3, 0.5), (1, 1, 0.3), (INF, 1e-3, 0.45)], None),
 ]
 # L of HARD at k = 1e-4, 1e-2, 0.3, 2: Love's function in every layer, one dense system solved with 120 digits
 WAVENUMBERS = np.array([1e-4, 1e-2, 0.3, 2.0])
@@ -49,7 +50,7 @@ TIPS = {
 
 
 def film(E, base_E=1.0, nu=0.3):
-    return Stack.of([(1, E, nu), (INF, base_E, 0.3)], None)
+    return stack_of([(1, E, nu), (INF, base_E, 0.3)], None)
 
 
 def integral(f, edges, count=80):
@@ -72,7 +73,7 @@ def refined(monkeypatch):
 
     def refine():
         finest, smooth, nodes = Stack.finest.fget, Layer._smooth_count, Strip._node_count
-        for name, value in {"PER_PANEL": 36, "PER_PHASE": 1.2, "S_MAX": 33.0, "FEW": 64}.items():
+        for name, value in {"PER_PANEL": 36, "PER_PHASE": 1.2, "S_MAX": 33.0, "SINGLE_MODES": 64}.items():
             monkeypatch.setattr(hankel, name, value)
         monkeypatch.setattr(Stack, "finest", property(lambda self: 0.1 * finest(self)))
         monkeypatch.setattr(Layer, "_smooth_count", lambda self, a: 2 * smooth(self, a))
@@ -98,9 +99,9 @@ def test_compliance_against_120_digits(stack, exact):
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.4999, 0.5])
 def test_layers_of_one_material_are_one_layer(base, nu):
     k = np.geomspace(1e-8, 30.0, 150)
-    one = Stack.of([(1, 2, nu)], base)
+    one = stack_of([(1, 2, nu)], base)
     for parts in [(0.5, 0.5), (0.02, 0.98), (0.3, 0.3, 0.4)]:
-        split = Stack.of([(part, 2, nu) for part in parts], base)
+        split = stack_of([(part, 2, nu) for part in parts], base)
         assert split.complement(k) == pytest.approx(one.complement(k), abs=1e-15)
         assert split.confined * split.h == pytest.approx(one.confined)
         for tip in TIPS.values():
@@ -115,7 +116,7 @@ def test_layers_of_one_material_are_one_layer(base, nu):
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
 def test_layer_on_its_own_half_space(nu):
     k = np.geomspace(1e-8, 30.0, 150)
-    stack = Stack.of([(1, 3, nu), (0.5, 3, nu), (INF, 3, nu)], None)
+    stack = stack_of([(1, 3, nu), (0.5, 3, nu), (INF, 3, nu)], None)
     assert np.max(np.abs(stack.complement(k))) < 1e-15
     s = Layer.on(profiles.paraboloid(1.0), stack).curve([0.04])[0]
     assert s.force == pytest.approx(hs.paraboloid_force(0.04, 1.0, hs.E_star(3.0, nu)), rel=1e-14)
@@ -126,7 +127,7 @@ def test_both_ways_through_a_layer_agree(monkeypatch):
     # where k h is 0.5 ... 2 exp(-A s) and the waves both cross a layer; one loses e^(2s), the other s^-3
     k = np.linspace(0.5, 2.0, 40)
     for base in ("fixed", "roller"):
-        stack = Stack.of([(1, 1, 0.5), (1, 1e3, 0.3), (1, 1e-2, 0.499)], base)
+        stack = stack_of([(1, 1, 0.5), (1, 1e3, 0.3), (1, 1e-2, 0.499)], base)
         monkeypatch.setattr("indent_sim.theory.stack.THICK", 0.0)
         thick = stack.complement(k)
         monkeypatch.setattr("indent_sim.theory.stack.THICK", 9.0)
@@ -136,9 +137,9 @@ def test_both_ways_through_a_layer_agree(monkeypatch):
 def test_very_thin_and_very_thick_films():
     k = np.array([1e-3, 0.1, 1.0])
     # thinner by 1e-10 than the wavelength, a film does nothing; thicker by 1e3, it is all there is
-    thin = Stack.of([(1e-9, 1, 0.3), (INF, 2, 0.4)], None)
+    thin = stack_of([(1e-9, 1, 0.3), (INF, 2, 0.4)], None)
     assert 1.0 - thin.complement(k) == pytest.approx(hs.E_star(1, 0.3) / hs.E_star(2, 0.4), rel=1e-8)
-    thick = Stack.of([(1e3, 1, 0.3), (1e3, 5, 0.4)])
+    thick = stack_of([(1e3, 1, 0.3), (1e3, 5, 0.4)])
     assert thick.complement(k[1:]) == pytest.approx(0.0, abs=1e-80)
 
 
@@ -170,16 +171,16 @@ def test_film_under_a_paraboloid(E, delta, force):
 )
 def test_stack_in_a_cylinder(layers, force, a):
     # bonded base, frictionless wall at 2, paraboloid R = 1, delta = 0.02: eleven and eight digits
-    s = Layer.on(profiles.paraboloid(1.0), Stack.of(layers), wall=2.0).curve([0.02])[0]
+    s = Layer.on(profiles.paraboloid(1.0), stack_of(layers), wall=2.0).curve([0.02])[0]
     assert s.force == pytest.approx(force, rel=2e-11)
     assert s.a == pytest.approx(a, abs=6e-9)
 
 
 BODIES = [
-    (Stack.of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), None),
-    (Stack.of([(0.3, 20, 0.5), (0.7, 1, 0.2)], "roller"), None),
-    (Stack.of([(0.3, 1, 0.5), (0.7, 0.05, 0.5)]), 1.5),
-    (Stack.of([(0.3, 5, 0.0), (0.2, 1, 0.49), (INF, 0.5, 0.5)], None), None),
+    (stack_of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), None),
+    (stack_of([(0.3, 20, 0.5), (0.7, 1, 0.2)], "roller"), None),
+    (stack_of([(0.3, 1, 0.5), (0.7, 0.05, 0.5)]), 1.5),
+    (stack_of([(0.3, 5, 0.0), (0.2, 1, 0.49), (INF, 0.5, 0.5)], None), None),
 ]
 
 
@@ -202,7 +203,7 @@ def test_conservation(name, stack, wall):
 
 def test_surface_outside_the_contact():
     # closed forms of the half-space: punch 2/pi delta arcsin(a/r), paraboloid (Johnson 1985, 3.42a)
-    half_space = Stack.of([(1, 1, 0.3), (INF, 1, 0.3)], None)
+    half_space = stack_of([(1, 1, 0.3), (INF, 1, 0.3)], None)
     r = np.array([0.5, 0.6, 1.0, 3.0, 50.0])
     punch = Layer.on(profiles.flat_punch(0.5), half_space).curve([0.01])[0]
     assert punch.u_z(r) == pytest.approx(-0.02 / math.pi * np.arcsin(0.5 / r), rel=1e-12)
@@ -232,7 +233,7 @@ def test_surface_inside_the_contact_is_the_tip(name, stack, wall):
 @pytest.mark.parametrize("nu", [0.3, 0.5])
 def test_volume_between_walls_is_that_of_uniform_compression(nu):
     # only the mean pressure squeezes volume out: ∫ -u_z dA = F sum h_i/M_i, whatever the tip; none at nu = 0.5
-    stack, wall = Stack.of([(0.3, 1, nu), (0.7, 5, nu)]), 2.0
+    stack, wall = stack_of([(0.3, 1, nu), (0.7, 5, nu)]), 2.0
     compliance = sum(h * (1 + n) * (1 - 2 * n) / (1 - n) / E for h, E, n in stack.plies)
     tip = profiles.paraboloid(1.0)
     s = Layer.on(tip, stack, wall).curve([0.1])[0]
@@ -248,7 +249,7 @@ def test_volume_between_walls_is_that_of_uniform_compression(nu):
 @pytest.mark.parametrize("wall", [None, 2.0])
 def test_surface_is_continuous_and_below_the_tip(Theory, name, wall):
     tip, delta = TIPS[name], 0.1
-    s = Theory.on(tip, Stack.of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), wall).curve([delta])[0]
+    s = Theory.on(tip, stack_of([(0.3, 1, 0.3), (0.7, 20, 0.45)]), wall).curve([delta])[0]
     inside, outside = s.a * (1 - 1e-9), s.a * (1 + 1e-9)
     assert s.u_z(inside) == pytest.approx(s.u_z(outside), rel=1e-4 if tip.edge else 1e-7)
     r = np.linspace(s.a, min(tip.reach, 1.9), 40)[1:]
@@ -257,7 +258,7 @@ def test_surface_is_continuous_and_below_the_tip(Theory, name, wall):
 
 
 def test_far_walls_and_sums_over_many_modes(monkeypatch):
-    stack, tip = Stack.of([(0.02, 30, 0.3), (1, 1, 0.45)]), profiles.paraboloid(1.0)
+    stack, tip = stack_of([(0.02, 30, 0.3), (1, 1, 0.45)]), profiles.paraboloid(1.0)
     for Theory in (Layer, Strip):
         infinite, far = (Theory.on(tip, stack, wall).curve([0.05])[0] for wall in (None, 150.0))
         # bonded to a rigid base, what the wall returns has decayed by exp(-pi W/H) and better
@@ -265,7 +266,7 @@ def test_far_walls_and_sums_over_many_modes(monkeypatch):
         assert far.u_z(np.array([0.1, 3.0])) == pytest.approx(infinite.u_z(np.array([0.1, 3.0])), abs=1e-12)
         assert Theory.on(tip, stack, 1e9).curve([0.05])[0].force == infinite.force
     with monkeypatch.context() as every_mode:  # 52 500 of them, one by one
-        every_mode.setattr(hankel, "FEW", 10**9)
+        every_mode.setattr(hankel, "SINGLE_MODES", 10**9)
         hankel._cylinder_kernel.cache_clear()
         direct = Layer.on(tip, stack, 150.0).curve([0.05])[0].force
     hankel._cylinder_kernel.cache_clear()
@@ -286,7 +287,7 @@ def test_thin_compressible_stacks_are_springs_in_series():
     compliance = sum(h * (1 + n) * (1 - 2 * n) / (1 - n) / E for h, E, n in layers)
     excess = []
     for a in (25.0, 50.0, 100.0):
-        force = Layer.on(profiles.flat_punch(a), Stack.of(layers)).curve([1.0])[0].force
+        force = Layer.on(profiles.flat_punch(a), stack_of(layers)).curve([1.0])[0].force
         excess.append(force * compliance / (math.pi * a**2) - 1.0)
     assert 0.0 < excess[2] < 0.03
     assert excess[0] / excess[1] == pytest.approx(2.0, rel=0.02)
@@ -295,8 +296,8 @@ def test_thin_compressible_stacks_are_springs_in_series():
 
 def test_units_only_scale():
     layers = [(0.3, 1.0, 0.3), (0.7, 20.0, 0.45)]
-    s = Layer.on(profiles.sphere(1.0), Stack.of(layers), 2.0).curve([0.1])[0]
-    small = Stack.of([(h * 1e-9, E * 1e12, nu) for h, E, nu in layers])
+    s = Layer.on(profiles.sphere(1.0), stack_of(layers), 2.0).curve([0.1])[0]
+    small = stack_of([(h * 1e-9, E * 1e12, nu) for h, E, nu in layers])
     nano = Layer.on(profiles.sphere(1e-9), small, 2e-9).curve([1e-10])[0]
     assert nano.force == pytest.approx(s.force * 1e-6, rel=1e-12)
     assert nano.u_z(5e-10) == pytest.approx(s.u_z(0.5) * 1e-9, rel=1e-12)
@@ -309,7 +310,7 @@ def test_units_only_scale():
 @pytest.mark.parametrize("base", ["fixed", "roller"])
 def test_strips_of_one_material_are_one_strip(wall, base):
     for name in ("paraboloid", "cone", "punch"):
-        stacks = Stack.of([(0.2, 1, 0.4), (0.8, 1, 0.4)], base), Stack.of([(1, 1, 0.4)], base)
+        stacks = stack_of([(0.2, 1, 0.4), (0.8, 1, 0.4)], base), stack_of([(1, 1, 0.4)], base)
         two, one = (Strip.on(TIPS[name], stack, wall).curve([0.05])[0] for stack in stacks)
         # a wedge between walls leaves |q|^3 behind, which two units of length cut off differently
         rel = 1e-8 if name == "cone" else 1e-12
@@ -318,7 +319,7 @@ def test_strips_of_one_material_are_one_strip(wall, base):
 
 
 def test_stacked_strip_conserves():
-    stack, delta, step = Stack.of([(0.3, 1, 0.3), (0.7, 0.05, 0.5)]), 0.1, 1e-4
+    stack, delta, step = stack_of([(0.3, 1, 0.3), (0.7, 0.05, 0.5)]), 0.1, 1e-4
     for wall in (None, 2.0):
         less, s, more = Strip.on(TIPS["paraboloid"], stack, wall).curve([delta * (1 + i * step) for i in (-1, 0, 1)])
         assert 2 * integral(s.pressure, [0, s.a]) == pytest.approx(s.force, rel=1e-9)
@@ -338,10 +339,10 @@ def test_twice_as_fine_is_the_same(refined, size, contrast):
     # a from 1/20 to 50 times the top layer's thickness, to 49 times the stack's; 1e-8 is claimed of forces and depths
     tip = profiles.paraboloid(100.0)
     stacks = [
-        Stack.of([(1, contrast, 0.5), (0.3, 1, 0.3), (2, contrast, 0.0)]),
-        Stack.of([(1, contrast, 0.5), (0.02, 1, 0.5)]),
-        Stack.of([(1, contrast, 0.3), (20, 1, 0.5)], "roller"),
-        Stack.of([(1, contrast, 0.45), (INF, 1, 0.3)], None),
+        stack_of([(1, contrast, 0.5), (0.3, 1, 0.3), (2, contrast, 0.0)]),
+        stack_of([(1, contrast, 0.5), (0.02, 1, 0.5)]),
+        stack_of([(1, contrast, 0.3), (20, 1, 0.5)], "roller"),
+        stack_of([(1, contrast, 0.45), (INF, 1, 0.3)], None),
     ]
 
     def numbers():
@@ -379,7 +380,7 @@ def test_twice_as_fine_is_the_same(refined, size, contrast):
 )
 def test_impossible_stacks_are_refused(plies, base, word):
     with pytest.raises(ValueError, match=word):
-        Stack.of(plies, base)
+        stack_of(plies, base)
 
 
 def test_half_space_has_no_walls_and_no_plane_depth():
@@ -390,16 +391,16 @@ def test_half_space_has_no_walls_and_no_plane_depth():
 
 
 def test_ply_is_what_its_fields_say():
-    assert Stack.of([[1, 2, 0.3]]).plies == (Ply(thickness=1.0, E=2.0, nu=0.3),)
+    assert stack_of([[1, 2, 0.3]]).plies == (Ply(thickness=1.0, E=2.0, nu=0.3),)
 
 
 @pytest.mark.parametrize("plies", [[(0.123, 3.68, 0.3), (0.877, 0.14, 0.2)], [(0.05, 100, 0.3), (INF, 1, 0.5)]])
 def test_a_plate_bends_away_from_the_middle_of_a_punch(plies):
     # by the integral of the negative part of the pressure; none where the soft layer is the upper one
-    stack = Stack.of(plies, None if plies[-1][0] == INF else "fixed")
+    stack = stack_of(plies, None if plies[-1][0] == INF else "fixed")
     contact = Layer.on(profiles.flat_punch(0.2), stack)
     found = contact.curve([0.05])[0]
     pulled = -2 * math.pi * integral(lambda r: r * np.minimum(found.pressure(r), 0), [0, 0.5 * found.a, found.a])
     assert contact.tension(found) == pytest.approx(pulled / found.force, rel=0.02)  # 40 rings: 1 %
-    soft = Layer.on(profiles.flat_punch(0.2), Stack.of([(h, 1 / E, nu) for h, E, nu in plies], stack.base))
+    soft = Layer.on(profiles.flat_punch(0.2), stack_of([(h, 1 / E, nu) for h, E, nu in plies], stack.base))
     assert soft.tension(soft.curve([0.05])[0]) == 0

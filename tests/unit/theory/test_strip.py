@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from theory_bodies import indent, one_layer
 
 from indent_sim.theory import half_space as hs
 from indent_sim.theory import profiles
@@ -25,7 +26,7 @@ def width_integral(solution):
 
 def test_reference_numbers():
     # E = 1, h = 1, R = 1, bonded, half-width 2; all digits are converged
-    s = ps.indent(PARABOLOID, 0.01, nu=0.3, wall=2.0, **UNIT)
+    s = indent(ps.Strip, PARABOLOID, 0.01, nu=0.3, wall=2.0, **UNIT)
     assert s.force == pytest.approx(5.38351500073e-03, rel=1e-12)
     assert s.a == pytest.approx(7.88040343271e-02, rel=1e-12)
     assert s.pressure(0.0) == pytest.approx(4.349102404e-02, rel=1.2e-10)
@@ -34,7 +35,7 @@ def test_reference_numbers():
 @pytest.mark.parametrize("wall", [None, 2.0])
 def test_small_contact_is_the_line_contact(wall):
     # F' = pi E* a^2/(4R), p = E*/(2R) sqrt(a^2 - x^2) (Johnson 1985, sect. 4.2)
-    s = ps.indent(PARABOLOID, 1e-9, nu=0.3, wall=wall, **UNIT)
+    s = indent(ps.Strip, PARABOLOID, 1e-9, nu=0.3, wall=wall, **UNIT)
     assert s.force == pytest.approx(math.pi * E_STAR * s.a**2 / 4.0, rel=1e-8)
     x = np.array([0.0, 0.5, 0.999]) * s.a
     assert s.pressure(x) == pytest.approx(E_STAR / 2.0 * np.sqrt(s.a**2 - x**2), rel=1e-8)
@@ -43,7 +44,7 @@ def test_small_contact_is_the_line_contact(wall):
 def test_small_wedge_is_the_half_plane_one():
     # F' = E* a cot(alpha), p = E* cot(alpha)/pi arcosh(a/x) (Johnson 1985, sect. 5.2)
     cot = 1.0 / math.tan(math.radians(70.0))
-    s = ps.indent(profiles.cone(70.0), 1e-6, nu=0.3, **UNIT)
+    s = indent(ps.Strip, profiles.cone(70.0), 1e-6, nu=0.3, **UNIT)
     assert s.force == pytest.approx(E_STAR * s.a * cot, rel=1e-9)
     assert s.pressure(s.a / 2) == pytest.approx(E_STAR * cot / math.pi * math.acosh(2.0), rel=1e-9)
 
@@ -51,18 +52,18 @@ def test_small_wedge_is_the_half_plane_one():
 def test_wedge_agrees_with_a_plain_profile():
     # without its corner declared the same wedge converges, only slowly
     wedge = profiles.cone(70.0)
-    known = ps.indent(wedge, 0.1, nu=0.3, wall=1.0, **UNIT)
-    plain = ps.indent(replace(wedge, corner=0.0), 0.1, nu=0.3, wall=1.0, **UNIT)
+    known = indent(ps.Strip, wedge, 0.1, nu=0.3, wall=1.0, **UNIT)
+    plain = indent(ps.Strip, replace(wedge, corner=0.0), 0.1, nu=0.3, wall=1.0, **UNIT)
     assert known.force == pytest.approx(plain.force, rel=1e-3)
     assert width_integral(known) == pytest.approx(known.force, rel=1e-6)
 
 
 def test_walls_far_away():
-    infinite = ps.indent(PARABOLOID, 0.01, nu=0.3, **UNIT)
-    far = ps.indent(PARABOLOID, 0.01, nu=0.3, wall=50.0, **UNIT)
+    infinite = indent(ps.Strip, PARABOLOID, 0.01, nu=0.3, **UNIT)
+    far = indent(ps.Strip, PARABOLOID, 0.01, nu=0.3, wall=50.0, **UNIT)
     assert far.force == pytest.approx(infinite.force, rel=1e-12)
     assert far.pressure(0.03) == pytest.approx(infinite.pressure(0.03), rel=1e-10)
-    near = ps.indent(PARABOLOID, 0.01, nu=0.3, wall=2.0, **UNIT)
+    near = indent(ps.Strip, PARABOLOID, 0.01, nu=0.3, wall=2.0, **UNIT)
     assert 7e-4 < near.force / infinite.force - 1 < 8e-4
 
 
@@ -72,7 +73,7 @@ def test_walls_far_away():
 def test_conservation(tip, nu, base, wall):
     delta = 0.05
     depths = [delta * (1 - 1e-4), delta, delta * (1 + 1e-4)]
-    less, s, more = ps.Strip.of(tip, nu=nu, base=base, wall=wall, **UNIT).curve(depths)
+    less, s, more = one_layer(ps.Strip, tip, nu=nu, base=base, wall=wall, **UNIT).curve(depths)
     assert width_integral(s) == pytest.approx(s.force, rel=1e-6)
     assert np.all(s.pressure(np.linspace(-1.2 * s.a, 1.2 * s.a, 24)) >= 0.0)
     assert (more.energy - less.energy) / (2e-4 * delta) == pytest.approx(s.force, rel=1e-7)
@@ -83,7 +84,7 @@ def test_thin_strip_is_an_oedometer():
     # a >> h, bonded, compressible: p = M_c (delta - f)/h, a = sqrt(2 R delta), F' = 4/3 M_c a delta/h
     nu, R, delta = 0.3, 1e4, 0.1
     modulus = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-    s = ps.indent(profiles.paraboloid(R), delta, nu=nu, **UNIT)
+    s = indent(ps.Strip, profiles.paraboloid(R), delta, nu=nu, **UNIT)
     assert s.a == pytest.approx(math.sqrt(2.0 * R * delta), rel=0.02)
     assert s.force == pytest.approx(4.0 / 3.0 * modulus * s.a * delta, rel=0.03)
     assert s.pressure(0.0) == pytest.approx(modulus * delta, rel=1e-3)
@@ -93,17 +94,17 @@ def test_thin_strip_is_an_oedometer():
 def test_a_punch_that_nearly_fills_the_strip_is_an_oedometer(gap):
     """F = 2 W E_oed delta/h between roller walls, of which a gap changes the square of gap/W."""
     E_oed = 0.7 / (1.3 * 0.4)
-    found = ps.indent(profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
+    found = indent(ps.Strip, profiles.flat_punch(1 - gap), 0.01, E=1.0, nu=0.3, h=2.0, wall=1.0, base="roller")
     assert found.force == pytest.approx(2 * E_oed * 0.01 / 2, rel=1e-9)
 
 
 def test_units_only_scale_and_lifting_off():
-    s = ps.indent(PARABOLOID, 0.1, nu=0.5, wall=2.0, **UNIT)
-    nano = ps.indent(profiles.paraboloid(1e-9), 1e-10, E=1e12, nu=0.5, h=1e-9, wall=2e-9)
+    s = indent(ps.Strip, PARABOLOID, 0.1, nu=0.5, wall=2.0, **UNIT)
+    nano = indent(ps.Strip, profiles.paraboloid(1e-9), 1e-10, E=1e12, nu=0.5, h=1e-9, wall=2e-9)
     assert nano.force == pytest.approx(s.force * 1e12 * 1e-9, rel=1e-11)
     assert nano.pressure(0.0) == pytest.approx(s.pressure(0.0) * 1e12, rel=1e-11)
-    assert ps.indent(PARABOLOID, -0.1, nu=0.3, **UNIT).force == 0.0
-    assert ps.indent(profiles.flat_punch(0.5), 0.1, nu=0.3, **UNIT).pressure(0.5) == math.inf
+    assert indent(ps.Strip, PARABOLOID, -0.1, nu=0.3, **UNIT).force == 0.0
+    assert indent(ps.Strip, profiles.flat_punch(0.5), 0.1, nu=0.3, **UNIT).pressure(0.5) == math.inf
 
 
 @pytest.mark.parametrize(
@@ -122,4 +123,4 @@ def test_units_only_scale_and_lifting_off():
 def test_nonsense_is_refused(change):
     arguments = {"tip": PARABOLOID, "delta": 0.01, "E": 1.0, "nu": 0.3, "h": 1.0, **change}
     with pytest.raises(ValueError):
-        ps.indent(**arguments)
+        indent(ps.Strip, **arguments)

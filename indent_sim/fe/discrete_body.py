@@ -1,0 +1,317 @@
+"""The body: unknown fields, how they are held, the measures of its volume and surfaces."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from itertools import chain
+from operator import add
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dolfinx_mesh
+from mpi4py import MPI
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from indent_sim.fe import compat
+from indent_sim.fe.mesh import BodyMesh
+from indent_sim.fe.observe.surface import QUADRATURE_DEGREE, Trace, facet_nodes
+from indent_sim.mesh.modelled_part import Part, Region
+from indent_sim.scene.scene import Scene
+
+HeldDofs = list[tuple[int, np.ndarray]]  # component and local dofs
+ORDER = 2  # of the displacement
+# Of the quadrature of the volume, by dimension. In three dimensions four points a cell, exact for the strain energy of
+# linear bodies; in hyperelastic ones they change the force by a thirtieth of what the mesh does (test_hyperelastic.py),
+# and 14 points cost three times as much. In two the weight r, and u_r/r, ask for more.
+VOLUME_DEGREE = {2: 4, 3: 2}
+
+
+@dataclass(frozen=True)
+class Field:
+    """An unknown field: continuous piecewise polynomials of an order.
+
+    along: the axes of its components, none of a scalar; where such a component of the displacement is held, the field's
+    is too. where: the regions, or the surface, that it lives on; all of the body where empty. weight: the factor that
+    turns its rows into forces, by which residuals are measured."""
+
+    name: str
+    order: int
+    along: tuple[int, ...] = ()
+    where: tuple[Region, ...] | str = ""
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Moment:
+    """The unknowns at one time: the function that holds them, its fields as UFL expressions, and the tip's depth
+    [length]; test and trial are the variations of the virtual work and of its derivative."""
+
+    function: fem.Function
+    fields: Mapping[str, Expr]
+    delta: fem.Constant
+    test: Expr = None
+    trial: Expr = None
+
+
+class Unknowns:
+    """Space, solution and dof numbering of fields, held at zero off what they live on; the first one is u."""
+
+    def __init__(self, mesh: dolfinx_mesh.Mesh, fields: Sequence[Field]):
+        self.kinds = {field.name: field for field in fields}
+        self.names, self.dim = tuple(self.kinds), mesh.geometry.dim
+        elements = [compat.lagrange(self.dim, field.order, len(field.along)) for field in fields]
+        self.space = compat.function_space(mesh, elements[0] if len(elements) == 1 else compat.mixed(*elements))
+        self.solution = fem.Function(self.space)
+        self.x = compat.vector(self.solution)
+        rows, width = self.space.dofmap.index_map, self.space.dofmap.index_map_bs
+        # number of dofs that this rank owns, which come first in its local array, and of those on all ranks
+        self.owned, self.total = rows.size_local * width, rows.size_global * width
+
+    def of(self, function: Expr) -> dict[str, Expr]:
+        """The fields of any function of the space, by their names."""
+        parts = (function,) if len(self.names) == 1 else ufl.split(function)
+        return dict(zip(self.names, parts, strict=True))
+
+    def variation(self, name: str, argument: Expr) -> Expr:
+        """A test or trial function of one field alone as a variation of the whole solution."""
+        if len(self.names) == 1:
+            return argument
+        parts = {field.name: [0.0] * max(len(field.along), 1) for field in self.kinds.values()}
+        parts[name] = [argument[k] for k in range(len(parts[name]))] if argument.ufl_shape else [argument]
+        return ufl.as_vector(list(chain.from_iterable(parts.values())))
+
+    def subspace(self, name: str, component: int | None = None) -> fem.FunctionSpace:
+        """The part of the space that holds a field, or one component of it."""
+        space = self.space if len(self.names) == 1 else self.space.sub(self.names.index(name))
+        return space if component is None else space.sub(component)
+
+    @cached_property
+    def _collapsed(self) -> dict[str, tuple[fem.FunctionSpace, np.ndarray]]:
+        """For each field a space of its own, and the place of its dofs in the solution's local array."""
+        if len(self.names) == 1:
+            return {"u": (self.space, np.arange(len(self.solution.x.array)))}
+        found = {name: self.subspace(name).collapse() for name in self.names}
+        return {name: (space, np.asarray(places)) for name, (space, places) in found.items()}
+
+    def own_space(self, name: str) -> fem.FunctionSpace:
+        """A space of the field alone."""
+        return self._collapsed[name][0]
+
+    def places(self, name: str) -> np.ndarray:
+        """Where the dofs of the field's own space stand in the solution's local array."""
+        return self._collapsed[name][1]
+
+    def components(self, name: str) -> dict[int | None, np.ndarray]:
+        """`places` of each component of the field, None for that of a scalar."""
+        places, size = self.places(name), len(self.kinds[name].along)
+        return {c: places[c::size] for c in range(size)} if size > 1 else {None: places}
+
+    def displacement_places(self, nodes: np.ndarray) -> np.ndarray:
+        """Indices (..., dim) into the local array of the displacement components at nodes of u's own space."""
+        return self.places("u")[nodes[..., None] * self.dim + np.arange(self.dim)]
+
+    def dofs_on(self, name: str, component: int | None, dim: int, entities: np.ndarray) -> np.ndarray:
+        """Local dofs of a field on facets, cells or vertices, of whatever rank they are (collective)."""
+        topology = self.space.mesh.topology
+        topology.create_connectivity(dim, topology.dim)  # newer dolfinx wants it for the cells of a region, too
+        return fem.locate_dofs_topological(self.subspace(name, component), dim, entities)
+
+
+def components(expression: Expr) -> list[Expr]:
+    """The components of a vector; of a scalar itself."""
+    return [expression[k] for k in range(len(expression))] if expression.ufl_shape else [expression]
+
+
+def held_sides(part: Part) -> list[tuple[int, str]]:
+    """Each component of the displacement that a support holds, and its surface."""
+    sides: list[tuple[int, str]] = []
+    for surface, support in part.supports.items():
+        normal = part.normal(surface)  # a curved wall has none and is guided weakly
+        components = {"fixed": list(range(part.dim)), "roller": [] if normal is None else [normal]}.get(support, [])
+        sides += [(c, surface) for c in components]
+    return sides
+
+
+def held(space: fem.FunctionSpace, body_mesh: BodyMesh) -> tuple[HeldDofs, HeldDofs]:
+    """What supports and pins hold at zero in a space of displacements: component and local dofs (collective)."""
+    part, dim, surfaces = body_mesh.part, body_mesh.dim - 1, body_mesh.surfaces
+    supports = [(c, fem.locate_dofs_topological(space.sub(c), dim, surfaces[side])) for c, side in held_sides(part)]
+    pins = [(c, fem.locate_dofs_topological(space.sub(c), 0, body_mesh.vertices_at(point))) for point, c in part.pins]
+    return supports, pins
+
+
+def zero(space: fem.FunctionSpace, dofs: np.ndarray) -> fem.DirichletBC:
+    """Hold dofs of a space: their rows and columns of a tangent are those of the identity."""
+    return fem.dirichletbc(PETSc.ScalarType(0), dofs.astype(np.int32), space)
+
+
+def symbolic(item: Any, mesh: dolfinx_mesh.Mesh) -> Any:
+    """The same dataclass with every real number a `Constant`: a changed value never recompiles a kernel. Whole numbers
+    count something (faces of a pyramid) and decide the formula itself."""
+
+    def constant(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(constant, value))
+        if dataclasses.is_dataclass(value):
+            return symbolic(value, mesh)
+        return fem.Constant(mesh, value) if isinstance(value, float) else value
+
+    return dataclasses.replace(item, **{f.name: constant(getattr(item, f.name)) for f in dataclasses.fields(item)})
+
+
+class Body:
+    """The unknown fields of a scene's body on a mesh, what is held, and the measures of its volume and surfaces."""
+
+    def __init__(self, scene: Scene, body_mesh: BodyMesh, beside: Sequence[Field] = ()):
+        """beside: the fields that the terms of the virtual work need beside the displacement."""
+        self.scene, self.body_mesh, self.mesh, self.comm = scene, body_mesh, body_mesh.mesh, body_mesh.comm
+        self.unknowns = Unknowns(self.mesh, [Field("u", ORDER, along=tuple(range(body_mesh.dim))), *beside])
+        self.x = self.unknowns.x
+        self.X = ufl.SpatialCoordinate(self.mesh)
+        self.weight = scene.physics.part.kinematics.weight(self.X)
+        self.dt = fem.Constant(self.mesh, 0.0)  # of the step's present stage [time]
+        self.now = self._moment(self.unknowns.solution)
+        self._before: Moment | None = None
+        self.trace, self.skin = map(self._trace_of, (body_mesh.surfaces["top"], body_mesh.skin))
+        self._tag()
+        self._constrain()
+
+    def _moment(self, function: fem.Function) -> Moment:
+        space, depth = self.unknowns.space, fem.Constant(self.mesh, 0.0)
+        return Moment(function, self.unknowns.of(function), depth, ufl.TestFunction(space), ufl.TrialFunction(space))
+
+    @property
+    def before(self) -> Moment:
+        """The last accepted state; made when a term first asks for it, which few do."""
+        self._before = self._before or self._moment(fem.Function(self.unknowns.space))
+        return self._before
+
+    @property
+    def before_depth(self) -> float:
+        """The depth that was accepted last [length]; the present one where no term asks for the state before."""
+        return float((self._before or self.now).delta.value)
+
+    def accept(self) -> None:
+        """Make the present state the last accepted one."""
+        if self._before:
+            self._before.function.x.array[:] = self.now.function.x.array
+            self._before.delta.value = self.now.delta.value
+
+    def _tag(self) -> None:
+        regions = self.body_mesh.regions.astype(np.int32)
+        cells = np.arange(len(regions), dtype=np.int32)
+        self._cell_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.dim, cells, regions)
+        # tags are in the kernels: 1 and 2 are those of the same surfaces, whatever others a body has
+        names = dict.fromkeys(["top", "r_max", *sorted(self.body_mesh.surfaces)])
+        self._tags = {name: tag for tag, name in enumerate(names, start=1)}
+        parts = [self.body_mesh.surfaces.get(name, np.empty(0, dtype=np.int32)) for name in names]
+        facets, order = np.concatenate(parts), np.argsort(np.concatenate(parts))
+        tags = np.repeat(np.arange(1, len(parts) + 1, dtype=np.int32), [len(part) for part in parts])
+        self._facet_tags = dolfinx_mesh.meshtags(self.mesh, self.body_mesh.dim - 1, facets[order], tags[order])
+
+    def over_region(self, density: Expr, region: Region) -> ufl.Form:
+        """The integral of a density over a region, as a UFL form; without `weight` over its section."""
+        return density * self.weight * self.section(region)
+
+    def section(self, region: Region) -> ufl.Measure:
+        """The measure of a region of the mesh."""
+        metadata = {"quadrature_degree": VOLUME_DEGREE[self.body_mesh.dim]}
+        regions = self.scene.physics.part.regions
+        if len(regions) == 1:
+            return ufl.dx(domain=self.mesh, metadata=metadata)
+        return ufl.dx(regions.index(region), domain=self.mesh, subdomain_data=self._cell_tags, metadata=metadata)
+
+    def over(self, field: Field, density: Expr) -> ufl.Form:
+        """The integral of a density over what a field lives on, as a UFL form."""
+        if isinstance(field.where, str):
+            return self.over_surface(field.where, density)
+        return reduce(add, (self.over_region(density, region) for region in field.where))
+
+    def over_contact(self, integrand: Expr) -> ufl.Form:
+        """The integral of an expression over the contact surface, as a UFL form."""
+        return self.over_surface("top", integrand, QUADRATURE_DEGREE[self.body_mesh.dim])
+
+    def over_surface(self, name: str, integrand: Expr, degree: int = 2 * ORDER) -> ufl.Form:
+        """The integral of an expression over a named surface, as a UFL form."""
+        metadata = {"quadrature_degree": degree}
+        measure = ufl.ds(self._tags[name], domain=self.mesh, subdomain_data=self._facet_tags, metadata=metadata)
+        return integrand * self.weight * measure
+
+    def _trace_of(self, facets: np.ndarray) -> Trace:
+        nodes = facet_nodes(self.mesh, space := self.unknowns.own_space("u"), facets)
+        X = space.tabulate_dof_coordinates()[:, : self.body_mesh.dim][nodes]
+        return Trace(nodes, X, self.unknowns.displacement_places(nodes))
+
+    def _constrain(self) -> None:
+        unknowns, part, body_mesh = self.unknowns, self.scene.physics.part, self.body_mesh
+        displacement = unknowns.subspace("u")
+        supported, pins = held(displacement, body_mesh)
+        self.bcs = [zero(displacement.sub(c), dofs) for c, dofs in supported + pins]
+        self.supports = _owned([dofs for _, dofs in supported + pins], unknowns.owned)
+        self.z_supports = _owned([dofs for c, dofs in supported if c == part.dim - 1], unknowns.owned)
+        self.pinned = _owned([dofs for _, dofs in pins], unknowns.owned)
+        self.constrained, self.active_dofs = self.supports, unknowns.total
+        self._imposed: list[tuple[np.ndarray, float]] = []
+        for field in unknowns.kinds.values():
+            self._confine(field)
+            if field.name != "u":
+                self._follow_supports(field)
+
+    def _confine(self, field: Field) -> None:
+        """A field is held at zero where it does not live, and costs nothing there."""
+        if field.where in ("", self.scene.physics.part.regions):
+            return
+        if isinstance(field.where, str):
+            dim, home = self.body_mesh.dim - 1, self.body_mesh.surfaces[field.where]
+        else:
+            numbers = [self.scene.physics.part.regions.index(region) for region in field.where]
+            dim, home = self.body_mesh.dim, np.flatnonzero(np.isin(self.body_mesh.regions, numbers)).astype(np.int32)
+        dofs = self.unknowns.dofs_on(field.name, None, dim, home)
+        for component, places in self.unknowns.components(field.name).items():
+            self.hold(field.name, component, np.setdiff1d(places, dofs))
+
+    def _follow_supports(self, field: Field) -> None:
+        """A field along an axis is zero where that component of u is held: it does no work there, and would be free."""
+        dim, surfaces = self.body_mesh.dim - 1, self.body_mesh.surfaces
+        for component, surface in held_sides(self.body_mesh.part):
+            if component in field.along:
+                along = component if len(field.along) > 1 else None
+                self.hold(field.name, along, self.unknowns.dofs_on(field.name, along, dim, surfaces[surface]))
+
+    def hold(self, name: str, component: int | None, dofs: np.ndarray, value: float = 0.0) -> None:
+        """Hold local dofs of a field, or of one component of it, at a value (collective)."""
+        self.bcs.append(zero(self.unknowns.subspace(name, component), dofs))
+        own = np.setdiff1d(dofs[dofs < self.unknowns.owned], self.constrained)
+        self.constrained = np.union1d(self.constrained, own)
+        self.active_dofs -= self.comm.allreduce(len(own), op=MPI.SUM)
+        if value:
+            self._imposed.append((dofs, value))
+
+    def impose(self) -> None:
+        """Give the dofs that are held at a value other than zero that value; Newton leaves them there."""
+        for dofs, value in self._imposed:
+            self.local_array()[dofs] = value
+
+    def set_solution(self, x: PETSc.Vec) -> None:
+        """Take a solver's vector as the solution (owned and ghost values)."""
+        x.copy(self.x)
+        self.x.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def local_array(self) -> np.ndarray:
+        """The solution's dofs on this rank, ghosts included."""
+        return self.unknowns.solution.x.array
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement (facets, nodes, dim) at the nodes of the contact facets [length]."""
+        return self.local_array()[self.trace.dofs]
+
+
+def _owned(groups: list[np.ndarray], owned: int) -> np.ndarray:
+    dofs = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *groups]))
+    return dofs[dofs < owned]

@@ -1,0 +1,57 @@
+"""The gap between the contact surface and the tip, and its derivatives, as UFL expressions."""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from ufl.core.expr import Expr
+
+from indent_sim.fe.discrete_body import Body, Moment, symbolic
+from indent_sim.model.tips import gap_current, gap_reference
+
+
+class Gap:
+    """g [length] at the contact surface, >= 0 open, and its normal dg/dx, the direction of the traction on the body.
+    The reference gap depends on u_z alone, and linearly; the current one on the deformed point x = X + u."""
+
+    def __init__(self, body: Body, at: Moment):
+        scene, dim, u = body.scene, body.body_mesh.dim, at.fields["u"]
+        tip = symbolic(scene.physics.indenter, body.mesh)
+        center = [fem.Constant(body.mesh, float(c)) for c in scene.physics.center]
+        self._delta, self._dim = ufl.variable(at.delta), dim
+        X = body.X
+        self._x = None if scene.physics.gap == "reference" else ufl.variable(X + u)
+        horizontal = scene.physics.part.kinematics.horizontal(X if self._x is None else self._x, center)
+        if self._x is None:
+            self.g = gap_reference(tip, *horizontal, X[dim - 1] + u[dim - 1], self._delta)
+            self.normal = ufl.as_vector([0.0] * (dim - 1) + [-1.0])
+        else:
+            self.g = gap_current(tip, *horizontal, self._x[dim - 1], self._delta)
+            self.normal = ufl.diff(self.g, self._x)
+
+    @property
+    def rate(self) -> Expr:
+        """dg/ddelta: -1 for a reference gap."""
+        return ufl.diff(self.g, self._delta)
+
+    @property
+    def tangents(self) -> tuple[Expr, ...]:
+        """Unit tangents m_k of the tip, one for each horizontal axis: the axes, turned as -e_z is turned into the
+        normal n = grad g/|grad g|,
+
+            m_k = e_k - n_k/(1 - n_z) (n - e_z).
+        """
+        last = self._dim - 1
+        axes = [ufl.as_vector([float(i == k) for i in range(self._dim)]) for k in range(self._dim)]
+        if self._x is None:
+            return tuple(axes[:last])
+        n = self.normal / ufl.sqrt(ufl.dot(self.normal, self.normal))
+        return tuple(axes[k] - n[k] / (1 - n[last]) * (n - axes[last]) for k in range(last))
+
+    @property
+    def slope(self) -> Expr:
+        """d2g/dx2 (dim, dim) [1/length]."""
+        if self._x is None:
+            return ufl.as_matrix(np.zeros((self._dim,) * 2).tolist())
+        return ufl.diff(self.normal, self._x)

@@ -1,0 +1,95 @@
+"""Term: a part of the virtual work over one step, with what it remembers of the steps before.
+
+A step leads from the state that was accepted last to a new one in one stage or two, each an equilibrium of its own:
+
+    begin(stage), Newton, end(stage)   for each stage;   accept() after the last one, or back to before the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import ufl
+from dolfinx import fem
+from petsc4py import PETSc
+
+from indent_sim.fe.discrete_body import Moment
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of a step: backward Euler over `dt` [time], to the share `end` of the step. It sets out from before +
+    share (one - before), with the result `one` of the stage before."""
+
+    dt: float
+    end: float = 1.0
+    share: float = 0.0
+
+
+GAMMA = 1 - 0.5**0.5  # of SDIRK2, which is L-stable and of second order with it (Alexander 1977)
+
+
+def flowing_stages(dt: float) -> list[Stage]:
+    """The two stages of SDIRK2 for a step of `dt` [time]."""
+    return [Stage(GAMMA * dt, end=GAMMA), Stage(GAMMA * dt, share=(1 - GAMMA) / GAMMA)]
+
+
+class Term:
+    """A part of the virtual work. What a term does not have it does not say: these are the answers of a plain energy.
+
+    energy: its share of the potential, a UFL form, or None. fields: the names of the fields that came with it. history:
+    functions that carry what it remembers beside the unknowns; they are kept with every state, never extrapolated, and
+    change in `accept` alone. frozen: functions of the present guess that Newton does not solve for. has_memory: whether
+    an equilibrium depends on the path to it."""
+
+    energy: ufl.Form = None
+    fields: tuple[str, ...] = ()
+    history: tuple[fem.Function, ...] = ()
+    frozen: tuple[fem.Function, ...] = ()
+    has_memory = False
+    has_symmetric_tangent = True
+    is_matter = False  # whether it is there without the tip
+    is_constant = False  # whether its tangent is the same at every state
+    flows = False  # whether a step in time takes two stages
+
+    def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+        """The virtual work along now.test, a UFL form; None of a term that adds its rows itself."""
+        return ufl.derivative(self.energy, now.function, now.test)
+
+    def tangent(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
+        """The derivative of the virtual work along now.trial."""
+        work = self.work(now, before, dt)
+        return None if work is None else ufl.derivative(work, now.function, now.trial)
+
+    def add_residual(self, b: PETSc.Vec) -> None:
+        """Add rows that no form has."""
+
+    def add_tangent(self, A: PETSc.Mat) -> None:
+        """Add their derivatives."""
+
+    def begin(self, stage: Stage) -> None:
+        """Set out on a stage."""
+
+    def begin_solve(self) -> None:
+        """Forget what the last Newton iteration has remembered."""
+
+    def end(self, stage: Stage) -> None:
+        """The stage's equilibrium is found."""
+
+    def accept(self) -> None:
+        """The step is done: what is remembered moves on."""
+
+    def soften(self, factor: float) -> None:
+        """Multiply the stiffness of contact; 1 makes it the law's own again."""
+
+    def force(self) -> float:
+        """The virtual work of pressing deeper [force], this rank's share of the modelled part."""
+        return 0.0
+
+    def side_force(self, axis: int) -> float:
+        """Force on the tip along a horizontal axis [force], this rank's share of the modelled part."""
+        return 0.0
+
+    def dissipation(self) -> float:
+        """What is lost in the step to the present state [energy], this rank's share of the modelled part."""
+        return 0.0

@@ -1,0 +1,201 @@
+"""The modelled piece of a body: its outline with named surfaces, its regions of matter, and how it is held."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2, pi, sin
+
+import numpy as np
+
+from indent_sim.model.body import Inclusion
+from indent_sim.model.kinematics import Kinematics
+from indent_sim.model.materials import Material
+
+Point = tuple[float, ...]
+Places = float | np.ndarray
+Pins = tuple[tuple[Point, int], ...]
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of an outline from `start` to `end`; an arc turns anticlockwise about `middle` [length]."""
+
+    surface: str
+    start: Point
+    end: Point
+    middle: Point | None = None
+
+    @property
+    def normal(self) -> int | None:
+        """The axis a straight side is normal to; None for any other."""
+        level = [axis for axis in (0, 1) if self.start[axis] == self.end[axis]]
+        return level[0] if level and self.middle is None else None
+
+    @property
+    def radius(self) -> float:
+        """Radius of an arc [length]."""
+        assert self.middle is not None
+        return float(np.hypot(self.start[0] - self.middle[0], self.start[1] - self.middle[1]))
+
+    def inwards(self, x: Places, y: Places) -> np.ndarray:
+        """How far inside [length] of the line or circle, which the side is a part of, points are: on the left of it."""
+        if self.middle is not None:
+            return self.radius - np.hypot(x - self.middle[0], y - self.middle[1])
+        (x0, y0), (x1, y1) = self.start, self.end
+        return ((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) / np.hypot(x1 - x0, y1 - y0)
+
+    def distance(self, x: Places, y: Places) -> np.ndarray:
+        """Distance [length] of points to the arc, or to the line that a straight side is a part of."""
+        to_whole = np.abs(self.inwards(x, y))
+        if self.middle is None:
+            return to_whole
+        along = (np.arctan2(y - self.middle[1], x - self.middle[0]) - self._begin) % (2 * pi)
+        to_ends = [np.hypot(x - end[0], y - end[1]) for end in (self.start, self.end)]
+        return np.where(along <= self.turn, to_whole, np.minimum(*to_ends))
+
+    def points(self, n: int) -> tuple[np.ndarray, float]:
+        """n points (n, 2) on the side, evenly spread, and the length of it that belongs to each."""
+        share = ((np.arange(n) + 0.5) / n)[:, None]
+        if self.middle is None:
+            start, end = np.array(self.start), np.array(self.end)
+            return start + share * (end - start), float(np.linalg.norm(end - start)) / n
+        angle = self._begin + share * self.turn
+        around = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        return np.array(self.middle) + self.radius * around, self.radius * abs(self.turn) / n
+
+    @property
+    def turn(self) -> float:
+        """Angle [radians] of an arc."""
+        assert self.middle is not None
+        return (atan2(self.end[1] - self.middle[1], self.end[0] - self.middle[0]) - self._begin) % (2 * pi)
+
+    @property
+    def swept(self) -> float:
+        """Area that the side sweeps as seen from the origin: of its chord, and of the circle beyond it [length^2]."""
+        (x0, y0), (x1, y1) = self.start, self.end
+        chord = (x0 * y1 - x1 * y0) / 2
+        return chord if self.middle is None else chord + self.radius**2 / 2 * (self.turn - sin(self.turn))
+
+    @property
+    def _begin(self) -> float:
+        """Direction [radians] in which an arc begins, seen from its middle."""
+        assert self.middle is not None
+        return atan2(self.start[1] - self.middle[1], self.start[0] - self.middle[0])
+
+
+@dataclass(frozen=True)
+class Region:
+    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure)."""
+
+    name: str
+    material: Material
+    formulation: str
+    bottom: float = 0.0  # z of a layer's lower face [length]
+    inclusion: Inclusion | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """The modelled piece; `copies` of it are the whole body. Its regions are layers from the top to the base, then
+    inclusions.
+
+    outline: its sides, anticlockwise; in two dimensions of the section (r or x, z), in three of the section z = const,
+    which goes from z = -height to z = 0 between the surfaces base and top.
+    supports: free | roller | fixed by surface, free where there is none; symmetry planes are rollers.
+    pins: (point, component) that take the rigid modes left.
+    """
+
+    kinematics: Kinematics
+    symmetry: str  # axisymmetric | quarter | half | full
+    copies: int
+    outline: tuple[Side, ...]
+    height: float
+    regions: tuple[Region, ...]
+    supports: Mapping[str, str]
+    pins: Pins = ()
+
+    @property
+    def dim(self) -> int:
+        """Dimensions of the mesh."""
+        return self.kinematics.dim
+
+    @property
+    def extent(self) -> tuple[tuple[float, float], ...]:
+        """(min, max) along each axis [length]; arcs bulge no further than their ends, being quarters of a turn."""
+        along = [[side.start[axis] for side in self.outline] for axis in (0, 1)]
+        plane = tuple((min(values), max(values)) for values in along)
+        return plane if self.dim == 2 else (*plane, (-self.height, 0.0))
+
+    @property
+    def interfaces(self) -> tuple[float, ...]:
+        """z of the faces between regions [length], from below."""
+        layers = [region for region in self.regions if region.inclusion is None]
+        return tuple(region.bottom for region in reversed(layers[:-1]))
+
+    @property
+    def inclusions(self) -> tuple[Inclusion, ...]:
+        """Those that are in the piece, wholly or in part: not those beyond a mirror plane."""
+
+        def is_inside(one: Inclusion) -> bool:
+            return all(low - one.half(k) < one.center[k] < high + one.half(k) for k, (low, high) in across)
+
+        across = list(enumerate(self.extent[:-1]))
+        return tuple(filter(is_inside, (region.inclusion for region in self.regions if region.inclusion)))
+
+    @property
+    def longest(self) -> float:
+        """The longest side of the box around it [length]."""
+        return max(high - low for low, high in self.extent)
+
+    @property
+    def width(self) -> float:
+        """The longest horizontal side of the box around it [length]."""
+        return max(high - low for low, high in self.extent[:-1])
+
+    @property
+    def area(self) -> float:
+        """Area inside the outline [length^2]."""
+        return sum(side.swept for side in self.outline)
+
+    @property
+    def bend(self) -> float | None:
+        """Radius of the curved wall in three dimensions [length]; None: every wall is flat."""
+        radii = [side.radius for side in self.outline if side.middle is not None]
+        return min(radii) if radii and self.dim == 3 else None
+
+    @property
+    def dome(self) -> float | None:
+        """Radius of a spherical top, whose apex is the origin [length]; None: the top is flat."""
+        radii = [side.radius for side in self.outline if side.surface == "top" and side.middle is not None]
+        return radii[0] if radii else None
+
+    def distances(self, center: Point) -> dict[str, float]:
+        """The distance [length] from a tip's axis to each wall, along the surface; 0: a mirror plane."""
+        x, y = (*center, 0.0)[:2]
+        walls = [side for side in self.outline if side.surface not in ("top", "base")]
+        return {side.surface: float(side.inwards(x, y)) for side in walls}
+
+    def normal(self, surface: str) -> int | None:
+        """The component of u that a roller holds on a surface; None where no one axis is normal to it."""
+        if surface in ("top", "base"):
+            return self.dim - 1
+        return next(side.normal for side in self.outline if side.surface == surface)
+
+
+def polygon(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side, ...]:
+    """The straight sides between corners; the last goes back to the first."""
+    ends = pairwise((*corners, corners[0]))
+    return tuple(Side(surface, start, end) for surface, (start, end) in zip(surfaces, ends, strict=True))
+
+
+def on_dome(radius: float, r: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The point of a spherical top nearest to a point (r, z) of its mesh, whose facets are chords [length].
+
+    The distance d from the center (0, -radius) by d^2 - radius^2 = r^2 + z (z + 2 radius), to all digits near the apex.
+    """
+    beyond = r * r + z * (z + 2 * radius)
+    d = np.sqrt(beyond + radius * radius)
+    share = beyond / (d * (d + radius))
+    return r - share * r, z - share * (z + radius)

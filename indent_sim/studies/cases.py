@@ -1,0 +1,164 @@
+"""Points of the grid -> Cases: every config checked and resolved, and its physics given a name, before any run."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from indent_sim.config.scene_file import located, varied
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import inline
+from indent_sim.process.errors import ConfigError, ConfigErrors
+from indent_sim.results.writer import to_json
+from indent_sim.scene.scene import Scene, resolve
+from indent_sim.studies.points import Multiple, Point, Setting
+from indent_sim.studies.study_file import StudyFile
+
+DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
+HOW = ("accuracy", "material.formulation", "loading.steps")  # keys that do
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a study: a row of its table. `id` names the physics: equal ids are one run.
+
+    `name`, of its folder, says what varies before that.
+    """
+
+    index: int
+    values: dict[str, Any]
+    config: Config = field(repr=False)
+    scene: Scene = field(repr=False)
+    id: str
+
+    @property
+    def words(self) -> str:
+        """The varied keys in words."""
+        return ", ".join(f"{key}={short(value)}" for key, value in self.values.items())
+
+    @property
+    def name(self) -> str:
+        """As in E=2_method=penalty-3f2a...: the varied keys, as far as a file name holds them, and the id."""
+        said = {key: re.sub(r"[^A-Za-z0-9=.+-]+", "_", short(value)) for key, value in self.values.items()}
+        words = "_".join(f"{key.split('.')[-1]}={word.strip('_')}" for key, word in said.items())
+        return f"{words[:80].lstrip('.-')}-{self.id}"  # letters
+
+    @property
+    def problem(self) -> str:
+        """What is asked for, however it is solved: cases with equal problems have one answer."""
+        names = (key for key in self.values if key.split(".")[0] not in DISCRETE and key not in HOW)
+        asked, physics = {key: self.values[key] for key in names}, self.scene.physics
+        surface = {"gap": physics.gap, "friction": physics.contact.friction, "adhesion": str(physics.contact.adhesion)}
+        return inline(asked | surface | {"depth": self.depth, "control": physics.path.control})
+
+    @property
+    def depth(self) -> float:
+        """The last depth, to expect where forces are prescribed, in the user's units."""
+        return self.scene.physics.deltas[-1] * self.scene.physics.scales.depth
+
+    @property
+    def stiffness(self) -> float | None:
+        """epsilon_n or gamma in E*/h_contact; None for a method without one."""
+        law = self.scene.physics.contact
+        return law.stiffness / stiffness_unit(self.scene) if hasattr(law, "stiffness") else None
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A point that the program refuses before anything is run, and why: a row of a study with a tolerance."""
+
+    index: int
+    values: dict[str, Any]
+    error: ConfigError
+
+
+def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
+    """The cases of a study, and with a tolerance those refused; without, ConfigError when any cannot be run."""
+    cases, refusals = sorted_out(study)
+    if refusals and study.tolerance is None:
+        told = list({str(refusal.error): refusal.error for refusal in refusals}.values())
+        raise ConfigErrors.of(told[:20])
+    return cases, refusals
+
+
+def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
+    """The cases of a study that can be run, and the points that cannot."""
+    build = _Builder(study)
+    cases: list[Case] = []
+    refusals: list[Refusal] = []
+    for index, point in enumerate(study.points()):
+        try:
+            cases.append(build(index, point))
+        except ConfigError as error:
+            refusals.append(Refusal(index, {key: value for key, value, _ in point}, error))
+    return cases, refusals
+
+
+def short(value: object) -> str:
+    """A value as it is read, not to its last digit."""
+    return f"{value:.4g}" if isinstance(value, float) else inline(value)
+
+
+def identity(scene: Scene) -> str:
+    """A name for the physics, discretisation and experiment of a scene; titles and output have no part in it."""
+    parts = [scene.physics, scene.sizes, scene.solver, scene.plan.fineness]
+    parts += [scene.experiment] if scene.experiment is not None else []
+    return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
+
+
+def stiffness_unit(scene: Scene) -> float:
+    """E*/h_contact in the scene's own units."""
+    return scene.physics.material.E_star / scene.sizes.h_contact
+
+
+class _Builder:
+    """Makes cases; remembers the unit of stiffness of each body and mesh."""
+
+    def __init__(self, study: StudyFile):
+        self.study = study
+        self._units: dict[str, float] = {}
+
+    def __call__(self, index: int, point: Point) -> Case:
+        point = tuple((key, self._number(value, point), place) for key, value, place in point)
+        config = self._config(point)
+        scene = _resolved(config, point)
+        return Case(index, {key: value for key, value, _ in point}, config, scene, identity(scene))
+
+    def _number(self, value: object, point: Point) -> object:
+        """A value at a point, a multiple of E*/h_contact in the user's units."""
+        return float(f"{value.factor * self._unit(point):.15g}") if isinstance(value, Multiple) else value
+
+    def _config(self, point: Point) -> Config:
+        return varied(self.study.base, self.study.source, (*self.study.common, *point))
+
+    def _unit(self, point: Point) -> float:
+        """E*/h_contact of the scene at a point, in the user's units."""
+        others = tuple(setting for setting in point if setting[0].split(".")[0] != "contact")
+        name = inline([[key, value] for key, value, _ in others])
+        if name not in self._units:
+            auto: Setting = ("contact", {"method": "auto"}, ("", None))
+            scene = _resolved(self._config((*others, auto)), point)
+            self._units[name] = stiffness_unit(scene) * scene.physics.scales.stiffness
+        return self._units[name]
+
+
+def _resolved(config: Config, point: Point) -> Scene:
+    """The scene of a point; an error about a section says which value varied there, and where that stands."""
+    try:
+        return resolve(config)
+    except ConfigError as error:
+        section = error.key.split(".")[0]
+        for key, value, (file, line) in point:
+            if key.split(".")[0] == section:
+                told = f"{error.problem} (with {key}={short(value)})"
+                raise dataclasses.replace(error, problem=told, file=file, line=line) from None
+        raise located(config, error) from None
+
+
+def unique(cases: Iterable[Case]) -> list[Case]:
+    """The cases that have to be run: the first of every id."""
+    return list({case.id: case for case in reversed(list(cases))}.values())[::-1]

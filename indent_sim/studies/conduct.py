@@ -1,0 +1,148 @@
+"""The whole of a study: read and check it, do its runs, write its table and picture."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.process.usage import machine_memory
+from indent_sim.results import reader
+from indent_sim.results.folder import Report
+from indent_sim.run import chain
+from indent_sim.studies import cases as case_list
+from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
+from indent_sim.studies.cases import Case
+from indent_sim.studies.study_folder import StudyFolder
+from indent_sim.studies.study_table import Row
+from indent_sim.studies.truth import Truth
+from indent_sim.studies.worker import Ending, Workers
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study that was carried out: where it lies, its table, and what to choose.
+
+    rows: empty for a shard, whose part of the runs is all it does.
+    """
+
+    directory: Path
+    title: str
+    keys: tuple[str, ...]
+    compared_with: str
+    rows: Sequence[Row]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def recommendations(self) -> list[str]:
+        """For 5 %, 1 % and 0.1 % of the force, what to choose; with a tolerance the count of each verdict."""
+        if any(self.verdicts.values()):
+            return [", ".join(f"{count} {name}" for name, count in self.verdicts.items())]
+        return study_table.recommendations(self.rows, self.keys)
+
+    @property
+    def verdicts(self) -> dict[str, int]:
+        """How many rows are right, flagged, refused and wrong; all 0 without a tolerance."""
+        return study_table.counts(self.rows)
+
+    @property
+    def failures(self) -> list[Row]:
+        """The rows without an answer."""
+        return [row for row in self.rows if row["status"] != "done"]
+
+
+def carry_out(
+    path: Path | str,
+    *,
+    output: Path | None = None,
+    resume: bool = False,
+    shard: tuple[int, int] | None = None,
+    jobs: int = 1,
+    tell: Tell = lambda line: None,
+) -> Study:
+    """Do the study of a file. `shard` (i, n): do every n-th run from the i-th on, and write no table.
+
+    `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row. Raises UsageError,
+    ConfigError (before any run), BackendError; NotConverged when no run at all gave a result.
+    """
+    study = study_file.read(path)
+    asked = cases, _ = case_list.asked_for(study)
+    against = Truth(study, cases)
+    first, every = shard or (1, 1)
+    mine = case_list.unique(cases)[first - 1 :: every]
+    largest = sorted((case.scene.plan.prediction.get("memory_MB", 0.0) for case in mine), reverse=True)[:jobs]
+    available = machine_memory() / 1e6
+    if jobs > 1 and sum(largest) > available:
+        need = f"{len(largest)} runs at a time need about {sum(largest):.3g} MB"
+        raise UsageError(f"{need}, this machine has {available:.3g}: fewer --jobs")
+    finished = Study(output or study.directory, study.title, study.keys, against.name, [], against.notes)
+    load = chain.warm_up if any(case.scene.is_meshed for case in cases) else lambda: None
+    names = [case.name for case in mine]
+    folder = study_folder.opened(finished.directory, resume=resume, shared=shard is not None, names=names)
+    with folder as place, Workers(jobs, load) as workers:
+        place.write_record(title=study.title, study=str(study.path), keys=study.keys, compare_to=against.name)
+        if shard is not None:
+            _do(mine, place, workers, tell)
+            return finished
+        try:
+            _do(mine, place, workers, tell)
+        finally:
+            done = {case.id: reader.read_run(place.run(case.name)) for case in mine if place.has_ended(case.name)}
+            folders = {case.id: place.run(case.name).name for case in mine}
+            rows = study_table.rows(study, asked, done, against, folders)
+            finished = replace(finished, rows=rows, notes=against.notes)
+            place.write(study_folder.STUDY_TABLE, study_table.write(rows))
+            place.write(study_folder.CURVES, curve_table.write(curve_table.rows(mine, study.keys, done)))
+        where, families = finished.directory, curve_table.families(mine, study.keys, done)
+        picture.draw(rows, study.keys, study.title, against.name, where / study_folder.STUDY_PICTURE)
+        picture.draw_curves(families, study.title, where / study_folder.CURVES_PICTURE)
+        if len(finished.failures) == len(rows):
+            raise NotConverged(f"no run of this study gave a result; the first: {rows[0]['reason']}")
+    return finished
+
+
+def _do(cases: Sequence[Case], place: StudyFolder, workers: Workers, tell: Tell) -> None:
+    """Do the runs, as many at a time as there are workers, those left out that have ended before."""
+    waiting = [case for case in cases if not place.is_finished(case.name)]
+    if len(waiting) < len(cases):
+        tell(f"{len(cases) - len(waiting)} of {len(cases)} runs are there already")
+    began, effort = time.monotonic(), sum(map(_effort, waiting))
+    left = effort
+    jobs = ((case, case.config, place.run(case.name)) for case in waiting)
+    for count, (case, ending) in enumerate(workers.done(jobs), start=1):
+        if ending[0]:
+            place.fail(case.name, *ending)
+        place.forget_old()
+        left -= _effort(case)
+        remains = _duration((time.monotonic() - began) * left / (effort - left)) if count < len(waiting) else ""
+        tell(f"run {count}/{len(waiting)}  {case.words}  {_told(place.run(case.name), ending)}{remains}")
+
+
+def _told(run: Path, ending: Ending) -> str:
+    code, reason = ending
+    if code:
+        return f"failed ({code}): {reason}"
+    found = reader.read_run(run)
+    return f"force {found['force'][-1]:.6g}  {sum(found.report.get('cpu_timings', {}).values()):.2f} s"
+
+
+def _effort(case: Case) -> float:
+    """The seconds that a run is expected to take; by theory alone a part of one."""
+    return float(case.scene.plan.prediction.get("seconds", 0.2))
+
+
+def _duration(seconds: float) -> str:
+    minutes, hours = seconds / 60, seconds / 3600
+    said = f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min" if hours < 2 else f"{hours:.1f} h"
+    return f"  about {said} left"
+
+
+def as_json(study: Study) -> Report:
+    """A study as one JSON object."""
+    names = ("directory", "title", "compared_with", "rows", "pareto", "recommendations", "notes", "verdicts")
+    pareto = [row["index"] for row in study_table.pareto(study.rows)]
+    return {name: pareto if name == "pareto" else getattr(study, name) for name in names}

@@ -1,0 +1,107 @@
+"""curves.csv: the curves of a study in long form, and the families of them that a picture shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.config.quantities import QUANTITY_PATTERN
+from indent_sim.process.errors import UsageError
+from indent_sim.results.reader import Results, read_run
+from indent_sim.studies import study_table
+from indent_sim.studies.cases import Case, short
+from indent_sim.studies.study_table import Row
+
+CURVE_COLUMNS = ("step", "delta", "force", "a", "force_error")
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The curve of a run and the values of the varied keys that made it."""
+
+    values: Row
+    results: Results
+
+    def name(self, keys: Sequence[str]) -> str:
+        """These of the varied keys in words."""
+        given = [key for key in keys if self.values.get(key) is not None]
+        words = [value if isinstance(value := self.values[key], str) else short(value) for key in given]
+        return ", ".join(f"{key.split('.')[-1]} {word}" for key, word in zip(given, words, strict=True))
+
+
+@dataclass(frozen=True)
+class Families:
+    """The curves of a study and the varied keys that tell them apart, those that decide others first."""
+
+    curves: tuple[Curve, ...]
+    keys: tuple[str, ...]
+
+    def apart(self) -> list[str]:
+        """The name of each curve."""
+        return [curve.name(self.keys) for curve in self.curves]
+
+    def numeric(self) -> tuple[str, ...]:
+        """The keys whose values are numbers, or quantities in one unit."""
+        return tuple(key for key in self.keys if len(units := self._units(key)) == 1 and None not in units)
+
+    def numbers(self, key: str) -> list[float]:
+        """The values of a numeric key."""
+        return [amount(curve.values[key])[0] for curve in self.curves]
+
+    def unit(self, key: str) -> str:
+        """The unit of a numeric key's values; "" of plain numbers."""
+        return self._units(key).pop() or ""
+
+    def _units(self, key: str) -> set[str | None]:
+        return {amount(curve.values.get(key))[1] for curve in self.curves}
+
+
+def amount(value: object) -> tuple[float, str | None]:
+    """A value as a number and its unit, "" of a plain number; the unit of a word, nan, is None."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+        return float(value), ""
+    match = QUANTITY_PATTERN.fullmatch(value) if isinstance(value, str) else None
+    return (float(match["number"]), match["unit"].strip()) if match else (math.nan, None)
+
+
+def rows(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> list[Row]:
+    """One row per run and step: run, every varied key, then `CURVE_COLUMNS`; what is unknown is None."""
+    found: list[Row] = []
+    for case, results in ((case, done[case.id]) for case in cases if case.id in done):
+        head = {"run": results.path.name} | {key: case.values.get(key) for key in keys}
+        columns = {name: results.table.get(name, np.full(len(results), math.nan)) for name in CURVE_COLUMNS}
+        for i in range(len(results)):
+            values = {name: float(column[i]) for name, column in columns.items()}
+            known = {name: value if math.isfinite(value) else None for name, value in values.items()}
+            found.append(head | known | {"step": int(results["step"][i])})
+    return found
+
+
+def write(curves: Sequence[Row]) -> str:
+    """The rows as CSV text, numbers to the last digit."""
+    return study_table.write(curves) if curves else ",".join(["run", *CURVE_COLUMNS]) + "\n"
+
+
+def families(cases: Sequence[Case], keys: Sequence[str], done: Mapping[str, Results]) -> Families:
+    """The curves of all runs that came to their end."""
+    ended = [case for case in cases if case.id in done and done[case.id].report.get("status") == "done"]
+    return _family([Curve({key: case.values.get(key) for key in keys}, done[case.id]) for case in ended], keys)
+
+
+def of_runs(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> Families:
+    """The same of the rows of a study's table, from those of its runs that are still in their folder."""
+    named = {row["run"]: row for row in runs if row["status"] == "done" and row["run"]}
+    found = []
+    for name, row in named.items():
+        with suppress(UsageError):
+            found.append(Curve({key: row[key] for key in keys}, read_run(folder / str(name))))
+    return _family([curve for curve in found if len(curve.results)], keys)
+
+
+def _family(found: Sequence[Curve], keys: Sequence[str]) -> Families:
+    return Families(tuple(found), tuple(study_table.telling([curve.values for curve in found], keys)))

@@ -1,0 +1,254 @@
+"""Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
+
+curves.png: force over depth of every run, and the last force over each varied number. study.png: force error against
+CPU seconds, and against the varied number if there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures.axes import Axis, axis, in_picture
+from indent_sim.results.pictures.canvas import Axes, Look
+from indent_sim.results.pictures.curves import Colour, shade
+from indent_sim.results.pictures.curves import look as curve_look
+from indent_sim.results.pictures.forces import draw_force
+from indent_sim.studies import study_table
+from indent_sim.studies.cases import short
+from indent_sim.studies.curve_table import Curve, Families, amount
+from indent_sim.studies.study_table import Row
+
+MOST_COLOURS = len(canvas.COLOURS)
+MOST_NAMED = 8  # points of the front that are named
+LABEL_DISTANCE = (0.03, 0.045)  # of the panel's width or height: points that are nearer have no room for a number each
+FEW_COLOURS, INCHES = 4, 0.2  # from how many groups on the picture grows, and by how much for each
+MOST_LEGEND_LETTERS = 48  # of a name
+SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
+ONE_PERCENT = 0.01
+CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
+MOST_GROUPS = 12  # lines in them that are named
+MOST_CURVES_NAMED, LINES_BESIDE = 20, 20  # curves that are named beside the panels, and lines in a column there
+LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
+
+
+def draw(rows: Sequence[Row], keys: Sequence[str], title: str, reference: str, path: Path) -> None:
+    """Draw the picture of a study; without any error to show there is none."""
+    shown = study_table.measured(rows)
+    if not shown:
+        path.unlink(missing_ok=True)
+        return
+    several = [key for key in keys if _is_numeric(shown, key) and len({row[key] for row in shown}) > 1]
+    number = several[0] if len(several) == 1 else None
+    groups = _groups(shown, keys, number)
+    height = 5.0 + INCHES * max(0, len(groups) - FEW_COLOURS)
+    names, widths = (["work", "number", "names"], [1, 1, 0.62]) if number else (["work", "names"], [1, 0.5])
+    with canvas.canvas((12.4 if number else 9.6, height)) as figure:
+        panels: dict[str, Axes] = figure.subplot_mosaic([names], width_ratios=widths)
+        failed = sum(row["status"] == "failed" for row in rows)
+        runs = f"{len(rows)} runs" + (f", {failed} failed" if failed else "")
+        canvas.head(figure, title, f"{runs}  ·  force error against {reference}")
+        _work(panels["work"], groups)
+        front = study_table.pareto(rows)
+        named = _front(panels["work"], front)
+        if number:
+            _against(panels["number"], groups, number)
+        _names(panels["names"], panels["work"], named, len(front), study_table.telling(shown, keys))
+        canvas.save(figure, path)
+
+
+def draw_curves(families: Families, title: str, path: Path) -> None:
+    """Draw the curves of a study's runs, and their last forces over every varied number; without a run nothing."""
+    if not families.curves:
+        path.unlink(missing_ok=True)
+        return
+    numbers, count = families.numeric()[:3], len(families.curves)  # panels
+    is_coloured = len(numbers) > 0 and (len(families.keys) == 1 or count > MOST_CURVES_NAMED)
+    columns, longest = -(-count // LINES_BESIDE), max(len(name) for name in families.apart())
+    beside = 0.9 if is_coloured else 0.7 + canvas.LETTER * min(longest, MOST_LEGEND_LETTERS) * columns
+    groups = {key: _groups_of(families, key) for key in numbers}
+    named = [len(found) for found in groups.values() if 1 < len(found) <= MOST_GROUPS]  # two names to a line
+    lines = canvas.LINE * max([1, *(-(-names // 2) + 1 for names in named)])
+    widths, heights = [*[CURVE_PANEL] * (1 + len(numbers)), beside], [CURVE_PANEL - lines, lines]
+    rows = [["curves", *numbers, "names"], [".", *(f"{key} groups" for key in numbers), "names"]]
+    with canvas.canvas((CURVE_PANEL * (1 + len(numbers)) + beside, CURVE_PANEL)) as figure:
+        axes: dict[str, Axes] = figure.subplot_mosaic(rows, width_ratios=widths, height_ratios=heights)
+        canvas.head(figure, title, f"{count} run{'s' * (count > 1)}  ·  every force at its run's own depth")
+        if is_coloured:
+            colours = _colours_of(axes["names"], families, numbers[0])
+        else:
+            colours = [curve_look(i, count)["color"] for i in range(count)]
+        _curves(axes["curves"], families, colours)
+        for key in numbers:
+            _over(axes[key], families, key, groups[key])
+            canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
+        if not is_coloured:
+            canvas.legend_in(axes["names"], axes["curves"], columns)
+        canvas.save(figure, path)
+
+
+def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
+    """Colours of the curves by a number that varies; what they stand for is drawn into the axes."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
+
+    values = families.numbers(key)
+    low, high = min(values), max(values)
+    norm = (LogNorm if low > 0 and high > LOG_SPAN * low else Normalize)(low, high if high > low else low + 1)
+    shades = LinearSegmentedColormap.from_list("shades", [shade(i, 256) for i in range(256)])
+    axes.axis("off")
+    look: Look = {"fraction": 0.9, "aspect": 25, "label": _label(families, key)}
+    bar = axes.figure.colorbar(ScalarMappable(norm, shades), ax=axes, **look)
+    bar.outline.set_visible(False)
+    return [colormaps["viridis"](0.9 * float(norm(value))) for value in values]
+
+
+def _label(families: Families, key: str) -> str:
+    """The name of a varied number with its unit."""
+    return Axis(in_picture(key.split(".")[-1]), unit=families.unit(key)).label
+
+
+def _curves(axes: Axes, families: Families, colours: Sequence[Colour]) -> None:
+    """Force over depth of every run."""
+    runs = [curve.results for curve in families.curves]
+    depth, force = axis("delta", runs), axis("force", runs)
+    for run, name, colour in zip(runs, families.apart(), colours, strict=True):
+        look = {"color": colour, "marker": ""}
+        draw_force(axes, run, depth, force, look, in_picture(name, MOST_LEGEND_LETTERS))
+    axes.set(xlabel=depth.label, ylabel=force.label)
+    axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+
+
+def _over(axes: Axes, families: Families, key: str, groups: dict[str, list[Curve]]) -> None:
+    """The last force of every run over a varied number, a line for each group of those that differ in it alone."""
+    force = axis("force", [curve.results for curve in families.curves])
+    for i, (name, curves) in enumerate(groups.items()):
+        along = sorted(curves, key=lambda curve: amount(curve.values[key])[0])
+        x = [amount(curve.values[key])[0] for curve in along]
+        y = force([curve.results["force"][-1] for curve in along])
+        look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
+        label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
+        axes.plot(x, y, lw=1.0, ms=5, color=look["color"], marker=look["marker"] or ".", label=label)
+    values = families.numbers(key)
+    if min(values) > 0 and max(values) > LOG_SPAN * min(values):
+        axes.set_xscale("log")
+    axes.set(xlabel=_label(families, key), ylabel=f"last {force.label}")
+
+
+def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:
+    """The curves by their other varied keys, in words."""
+    groups: dict[str, list[Curve]] = {}
+    others = [other for other in families.keys if other != key]
+    for curve in families.curves:
+        groups.setdefault(curve.name(others), []).append(curve)
+    return groups
+
+
+def _work(axes: Axes, groups: dict[str, list[Row]]) -> None:
+    for i, (name, rows) in enumerate(groups.items()):
+        look = _mark(i) | {"label": in_picture(name) or "runs"}
+        axes.plot([row["cpu_s"] for row in rows], [_error(row) for row in rows], ls="", **look)
+    _log_axes(axes, "CPU seconds of a run", [row["cpu_s"] for rows in groups.values() for row in rows], 1)
+
+
+def _front(axes: Axes, front: Sequence[Row]) -> list[Row]:
+    """The Pareto front as a line, the points with room for it numbered; returns these."""
+    points = [(row["cpu_s"], _error(row)) for row in front]
+    axes.plot(*zip(*points, strict=True), color=canvas.INK, lw=1.2, zorder=2, label="Pareto front")
+    places = axes.transLimits.transform(axes.transScale.transform(points))  # in parts of the panel
+    apart = _with_room(places)
+    named = [apart[i] for i in np.linspace(0, len(apart) - 1, min(MOST_NAMED, len(apart))).round().astype(int)]
+    left_below: Look = {"xytext": (-6, -6), "textcoords": "offset points", "ha": "right", "va": "top"}
+    for number, i in enumerate(named, start=1):
+        axes.annotate(f"{number}", points[i], fontsize=9, fontweight="bold", **left_below)
+    return [front[i] for i in named]
+
+
+def _with_room(places: np.ndarray) -> list[int]:
+    """The points of a front that lie apart from one another, the last among them."""
+    kept = [len(places) - 1]
+    for i in reversed(range(len(places) - 1)):
+        if np.any(np.abs(places[i] - places[kept[-1]]) >= LABEL_DISTANCE):
+            kept.append(i)
+    return kept[::-1]
+
+
+def _against(axes: Axes, groups: dict[str, list[Row]], key: str) -> None:
+    for i, (name, rows) in enumerate(groups.items()):
+        along = sorted((row for row in rows if row[key] is not None), key=lambda row: row[key])
+        x = [row[key] for row in along]
+        style = "-" if len(set(x)) == len(x) else ""  # else several curves share the colour
+        axes.plot(x, [_error(row) for row in along], ls=style, lw=1.0, **_mark(i), label=in_picture(name))
+    _log_axes(axes, in_picture(key), [row[key] for rows in groups.values() for row in rows if row[key] is not None])
+
+
+def _names(axes: Axes, work: Axes, named: Sequence[Row], of: int, keys: Sequence[str]) -> None:
+    """What the colours and the numbers on the front stand for."""
+    axes.axis("off")
+    handles, labels = work.get_legend_handles_labels()
+    axes.legend(handles, labels, loc="upper left", fontsize=9, borderaxespad=0)
+    lines = ["Pareto front" if len(named) == of else f"Pareto front, {len(named)} of its {of} points"]
+    for number, row in enumerate(named, start=1):
+        cost = f"    {row['cpu_s']:.2g} s, {row['force_error_vs']:+.2g}"
+        lines += [f"{number}  {_brief(row, keys)}", cost]
+    axes.text(0, 0, "\n".join(lines), fontsize=8, va="bottom", ha="left", linespacing=1.35, transform=axes.transAxes)
+
+
+def _brief(row: Row, keys: Sequence[str]) -> str:
+    """The telling keys of a row: words alone, numbers with their key."""
+    known = [key for key in keys if row[key] is not None]
+    parts = [f"{key.split('.')[-1]} {short(row[key])}" if _is_number(row[key]) else short(row[key]) for key in known]
+    return in_picture(", ".join(parts), MOST_LEGEND_LETTERS)
+
+
+def _groups(rows: Sequence[Row], keys: Sequence[str], number: str | None) -> dict[str, list[Row]]:
+    """The rows by what few colours can tell apart: the contact method, else a varied word, else a number."""
+    others = [key for key in keys if key != number]
+    by_words = [key for key in others if not _is_numeric(rows, key)]
+    methods = ["method"] if any(key.split(".")[0] == "contact" for key in keys) else []
+    for key in [*methods, *by_words, *others]:
+        values = list(dict.fromkeys(short(row[key]) for row in rows))
+        if 1 < len(values) <= MOST_COLOURS:
+            word = f"{key.split('.')[-1]} " if any(_is_number(row[key]) for row in rows) else ""
+            return {f"{word}{value}": [row for row in rows if short(row[key]) == value] for value in values}
+    return {"": list(rows)}
+
+
+def _is_numeric(rows: Sequence[Row], key: str) -> bool:
+    """Whether every known value of a varied key is a number: `friction: [0.1, stick]` has words too."""
+    return all(_is_number(row[key]) for row in rows if row[key] is not None)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _error(row: Row) -> float:
+    return abs(row["force_error_vs"])
+
+
+def _mark(i: int) -> Look:
+    colour = canvas.COLOURS[i % MOST_COLOURS]
+    return {"color": colour, "marker": canvas.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
+
+
+def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
+    """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
+    from matplotlib.ticker import LogLocator
+
+    axes.set(yscale="log", xlabel=x, ylabel="|relative error of the force|")
+    if min(values) > 0 and max(values) > span * min(values):
+        axes.set_xscale("log")
+        if (ratio := max(values) / min(values)) < 100:
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
+            axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter("")
+    axes.axhline(ONE_PERCENT, color=canvas.GREY, lw=0.6, ls=":", zorder=1)
+    at_right: Look = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom", "fontsize": 8}
+    axes.annotate("1 %", (1, ONE_PERCENT), color=canvas.GREY, **at_right)
+    axes.grid(True, which="major", color="#e4e4e4", lw=0.6, zorder=0)
+    axes.margins(0.08)

@@ -1,0 +1,57 @@
+"""What a study would do: its runs, what each costs, and what there would be to compare; nothing is run or written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from indent_sim.run.accuracy import foreseen
+from indent_sim.studies import cases as case_list
+from indent_sim.studies import study_file
+from indent_sim.studies.study_table import Row
+from indent_sim.studies.truth import Truth
+
+EXPECTED = ("force", "delta", "dofs", "memory_MB", "seconds")
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """The runs of a study before any is done: a row each, with what is expected of it.
+
+    same: points that ask for the same physics as another and are no run of their own; refused: those with an error.
+    """
+
+    title: str
+    keys: tuple[str, ...]
+    compared_with: str
+    rows: Sequence[Row]
+    same: int
+    refused: Sequence[str]
+    notes: tuple[str, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Of all runs, one after another."""
+        return float(sum(row["seconds"] or 0.0 for row in self.rows))
+
+    def as_json(self) -> Row:
+        """The plan as one JSON object."""
+        names = ("title", "compared_with", "rows", "same", "refused", "seconds", "notes")
+        return {name: getattr(self, name) for name in names}
+
+
+def plan(path: Path | str, error_bars: bool = False) -> StudyPlan:
+    """The plan of a study file, each run at its cost with error bars where asked for; errors as of `carry_out` before
+    its first run."""
+    study = study_file.read(path)
+    cases, refusals = case_list.asked_for(study)
+    against, runs = Truth(study, cases), case_list.unique(cases)
+    rows: list[Row] = []
+    for case in runs:
+        said = foreseen(case.scene, error_bars).plan
+        row = {"index": case.index + 1, "run": case.name} | {key: case.values.get(key) for key in study.keys}
+        row |= {"method": case.scene.method} | {name: said.prediction.get(name) for name in EXPECTED}
+        rows.append(row | {"warnings": list(said.warnings)})
+    refused = [str(refusal.error) for refusal in refusals]
+    return StudyPlan(study.title, study.keys, against.name, rows, len(cases) - len(runs), refused, against.notes)

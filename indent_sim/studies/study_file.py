@@ -1,0 +1,196 @@
+"""STUDY.yaml -> StudyFile: which scene, which keys are varied over which values, what the forces are compared with."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from indent_sim.config.messages import closest
+from indent_sim.config.scene_file import OF_A_STUDY, Place, read_document
+from indent_sim.config.schema import Source, keys_at, outside
+from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
+from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
+from indent_sim.studies.points import LARGEST_RANGE_END, MOST_RUNS, Block, Point, points, read_block
+
+Document = dict[str, Any]  # as YAML says it
+KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
+SCENE = {"body", "material", "indenter", "contact", "loading", "mesh", "solver", "accuracy"}  # of a scene alone
+QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study as its file says it; nothing of it is tried on the scene yet.
+
+    base: the scene's document, and `source` where each of its keys stands; common: settings of every run;
+    compare_to: "theory", "finest", a force, or the path of a result; tolerance: of the force, for a verdict on every
+    row and with rows for what the program refuses to run (None: no verdicts, and everything must be runnable).
+    """
+
+    path: Path
+    title: str
+    base: Document
+    source: Source
+    common: Point
+    blocks: tuple[Block, ...]
+    compare_to: str | float | Path
+    compare_place: Place
+    tolerance: float | None
+    directory: Path
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Every varied key once, in the order of the file."""
+        return tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
+
+    def points(self) -> list[Point]:
+        """The grid in the order of study.csv: the last key of a block varies fastest, block after block."""
+        return [point for block in self.blocks for point in points(block)]
+
+
+def read(path: Path | str) -> StudyFile:
+    """The study of a file. UsageError when it cannot be read, ConfigError for anything wrong in it."""
+    path = Path(path)
+    document, source = read_document(path)
+    if not OF_A_STUDY & document.keys() and set(document) & SCENE:
+        problem, remedy = "this is a scene, not a study", f"indent-sim run {path}"
+        raise ConfigError("", problem, remedy, *source.place((next(key for key in document if key in SCENE),)))
+    if unknown := [key for key in document if key not in KEYS]:
+        raise ConfigErrors.of([_unknown(key, source) for key in unknown])
+    reader = _StudyReader(path, document, source)
+    base, where = reader.base()
+    if not isinstance(title := document.get("title", ""), str):
+        raise reader.error(("title",), "must be a text")
+    title = title or str(base.get("title") or path.stem)
+    runs, compared = (reader.common(), reader.blocks()), (reader.compared(), reader.place(("compare_to",)))
+    return StudyFile(path, title, base, where, *runs, *compared, reader.tolerance(), reader.directory())
+
+
+def _unknown(key: str, source: Source) -> ConfigError:
+    match = closest(key, KEYS)
+    problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
+    remedy = "it belongs in the base scene, or in set" if key in keys_at((), {}) else f"valid here: {', '.join(KEYS)}"
+    file, line = source.place((key,))
+    return ConfigError(key, problem, "" if match else remedy, file, line)
+
+
+class _StudyReader:
+    """Reads the keys of one study document; its errors know their lines."""
+
+    def __init__(self, path: Path, document: Document, source: Source):
+        self.path, self.document, self.source, self.place = path, document, source, source.place
+
+    def error(self, keys: KeyPath, problem: str, remedy: str = "") -> ConfigError:
+        return ConfigError(key_text(keys), problem, remedy, *self.place(keys))
+
+    def base(self) -> tuple[Document, Source]:
+        """The scene's document and where its keys stand, in a file of its own or written out here."""
+        base = self.document.get("base")
+        if isinstance(base, str) and base:
+            return self.scene_of(self.path.parent / base)
+        if not isinstance(base, dict):
+            problem = "missing" if base is None else "is no scene"
+            raise self.error(("base",), problem, "give the path of a scene file, or the scene itself")
+        inside = {keys[1:]: place for keys, place in self.source.places.items() if keys[:1] == ("base",)}
+        return base, Source(self.source.name, inside)
+
+    def scene_of(self, path: Path) -> tuple[Document, Source]:
+        """The document of another file; of one that is no scene nothing is told, for studies come from strangers."""
+        no_scene = self.error(("base",), f"{path} is no scene file", "give the path of a scene, or the scene itself")
+        try:
+            if path.suffix not in (".yaml", ".yml", ".json") or (path.exists() and not path.is_file()):
+                raise no_scene
+            document, source = read_document(path)
+        except (UsageError, OSError, ValueError) as error:
+            raise self.error(("base",), str(error)) from None
+        except ConfigError as error:
+            raise dataclasses.replace(error, key="") from None
+        if not isinstance(document.get("body"), dict):
+            raise no_scene
+        return document, source
+
+    def common(self) -> Point:
+        """The settings of every run: the study's quiet output, then `output`, then `set`."""
+        output = self.section("output")
+        here = self.place(("output",))
+        quiet = {f"output.{key}": (value, here) for key, value in QUIET.items()}
+        named = {f"output.{k}": (v, self.place(("output", k))) for k, v in output.items() if k != "directory"}
+        chosen = {key: (value, self.place(("set", key))) for key, value in self.section("set").items()}
+        for key in chosen:
+            self.check_key(("set", key), key)
+        self.check_apart(list(chosen), ("set",))
+        return tuple((key, value, place) for key, (value, place) in (quiet | named | chosen).items())
+
+    def section(self, key: str) -> Document:
+        value = self.document.get(key, {})
+        if not isinstance(value, dict):
+            raise self.error((key,), "must be a section of keys")
+        return value
+
+    def blocks(self) -> tuple[Block, ...]:
+        """The grids of `vary`: one, or a list of them that follow one another."""
+        vary = self.document.get("vary")
+        if not vary:
+            raise self.error(("vary",), "says nothing to vary", "give keys and values, e.g. material.nu: [0.2, 0.3]")
+        listed = isinstance(vary, list)
+        parts = list(enumerate(vary)) if isinstance(vary, list) else [(0, vary)]
+        blocks = []
+        for index, part in parts:
+            keys: KeyPath = ("vary", index) if listed else ("vary",)
+            if not isinstance(part, dict) or not set(part) - {"zip"}:
+                raise self.error(keys, "must be keys and values, e.g. material.nu: [0.2, 0.3]")
+            varied = [key for key in part if key != "zip"]
+            for key in varied:
+                self.check_key((*keys, key), key)
+            self.check_apart(varied, keys)
+            blocks.append(read_block(part, keys, self.source))
+            if sum(block.size for block in blocks) > MOST_RUNS:
+                raise self.error(keys, f"more than {MOST_RUNS} runs")
+        return tuple(blocks)
+
+    def check_apart(self, given: list[str], keys: KeyPath) -> None:
+        """No section beside a key inside it, here or in `set`: one of the two would be lost."""
+        written = {key: ("set", key) for key in self.section("set")} | {key: (*keys, key) for key in given}
+        for whole in given:
+            for part in [key for key in written if key.startswith(f"{whole}.")]:
+                problem = f"contradicts {whole}, which is given as a whole"
+                raise self.error(written[part], problem, "give one of the two")
+
+    def check_key(self, keys: KeyPath, key: str) -> None:
+        if not key or key != key_text(key_path(key)) or len(key_path(key)) > MAX_DEPTH:
+            raise self.error(keys, "is no key", "write it with dots, e.g. mesh.h_far")
+        if key.split(".")[0] in ("title", "units", "output"):
+            raise self.error(keys, "does not change the physics", f"a study has one {key.split('.')[0]} of its own")
+
+    def compared(self) -> str | float | Path:
+        """What the forces are compared with ["finest"]."""
+        wanted = self.document.get("compare_to", "finest")
+        if type(wanted) in (int, float) and 0 < abs(wanted) <= LARGEST_RANGE_END:
+            return float(wanted)
+        if isinstance(wanted, str) and wanted in ("theory", "finest"):
+            return wanted
+        if isinstance(wanted, str) and wanted and os.path.exists(self.path.parent / wanted):  # whatever the name
+            return self.path.parent / wanted
+        problem = f"is neither theory nor finest, nor a force, nor a result: {wanted!r}"
+        raise self.error(("compare_to",), problem, "a path counts from the study's folder")
+
+    def tolerance(self) -> float | None:
+        """The relative error of the force that is still right; None without."""
+        wanted = self.document.get("tolerance")
+        if wanted is None:
+            return None
+        if isinstance(wanted, bool) or not isinstance(wanted, (int, float)) or not 0 < wanted < 1:
+            raise self.error(("tolerance",), "must be a number between 0 and 1", "0.01 is 1 % of the force")
+        return float(wanted)
+
+    def directory(self) -> Path:
+        """Where the study goes [results/<stem of the file>], relative to the working directory."""
+        directory = self.section("output").get("directory", f"results/{self.path.stem}")
+        if not isinstance(directory, str) or not directory:
+            raise self.error(("output", "directory"), "must be the path of a folder")
+        if problem := outside(directory):
+            raise self.error(("output", "directory"), problem, "choose any other folder with --output")
+        return Path(directory)

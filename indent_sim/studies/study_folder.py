@@ -1,0 +1,190 @@
+"""The folder of a study: study.json, one result folder per physics under runs/, and who may write it.
+
+Any process may read back a finished run; several shards share the folder, anything else has it alone. study.json says
+that the folder is a study's; in it only result folders that this program made are ever deleted.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from indent_sim.process.errors import UsageError
+from indent_sim.process.limits import unwritable
+from indent_sim.process.version import VERSION
+from indent_sim.results import folder as results
+from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
+from indent_sim.results.reader import read_run
+from indent_sim.results.writer import to_json
+
+RECORD, STUDY_TABLE, STUDY_PICTURE = results.STUDY, "study.csv", "study.png"
+CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
+OLD_RUNS, LOCK = ".runs.old", ".lock"
+WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
+SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)
+OF_THE_MACHINE = {128 + number for number in SENT}  # exit codes
+LACKING = ("MemoryError", "cannot write results")  # how the reason of a run begins that ran out of memory or disk
+
+
+class StudyFolder:
+    """Where a study lies; a context manager that holds its lock.
+
+    Without `resume` the runs of an earlier call are replaced: they go when the first new one has ended.
+    names: of the runs that it is to have. Raises UsageError when the folder, or that of one of them, is foreign,
+    unwritable or in use.
+    """
+
+    def __init__(self, path: Path, *, resume: bool, shared: bool = False, names: Iterable[str] = ()):
+        self.path, self._runs, self._old = path, path / RUNS, path / OLD_RUNS
+        self._physics = {name.rpartition("-")[2] for name in names}
+        self._resume, self._shared = resume or shared, shared
+        self._lock = -1
+        self._names: dict[str, str] = {}  # of the folders of runs, by the name of their physics
+
+    def __enter__(self) -> StudyFolder:
+        results.refuse_foreign(self.path, "study", (STUDY_PICTURE, CURVES_PICTURE))
+        for folder in (self._runs, self._old):
+            if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+                raise UsageError(f"{folder} is a link, or no folder: the runs of a study stand in its own folder")
+        for run in self._runs.iterdir() if self._runs.exists() else ():
+            if run.name.rpartition("-")[2] in self._physics:  # this study writes there
+                results.refuse_foreign(run)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._take_lock()
+            self._recover()
+            if not self._resume and self._runs.exists():
+                self._runs.rename(self._old)
+            self._runs.mkdir(exist_ok=True)
+            self._names = {entry.name.rpartition("-")[2]: entry.name for entry in self._runs.iterdir()}
+        except (OSError, UsageError) as error:
+            self._release()
+            raise (unwritable(self.path, error) if isinstance(error, OSError) else error) from error
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._release()
+
+    def run(self, name: str) -> Path:
+        """The result folder of a run: that of the same physics where there is one, whatever was varied then."""
+        physics = name.rpartition("-")[2]
+        if physics not in self._names:
+            self._names[physics] = name
+        return self._runs / self._names[physics]
+
+    def is_finished(self, name: str) -> bool:
+        """Whether a run has ended and would end so again: the machine did not kill it, and gave it memory and disk."""
+        report = read_report(self.run(name))
+        was_killed = report.get("exit_code") in OF_THE_MACHINE or str(report.get("reason")).startswith(LACKING)
+        return self.has_ended(name) and not was_killed
+
+    def has_ended(self, name: str) -> bool:
+        """Whether a run has ended, well or not, under this version of the program, and its result can be read."""
+        report = read_report(self.run(name))
+        if report.get("status") not in ("done", "failed") or report.get("version") != VERSION:
+            return False
+        with suppress(UsageError):  # damaged since
+            read_run(self.run(name))
+            return True
+        return False
+
+    def fail(self, name: str, exit_code: int, reason: str) -> None:
+        """Write down a failure that left no report of its own."""
+        report = read_report(self.run(name))
+        if report.get("status") == "failed" and report.get("exit_code") == exit_code:
+            return
+        identity = {"program": PROGRAM, "version": VERSION, "status": "failed"}
+        self.run(name).mkdir(exist_ok=True)
+        said = identity | {"exit_code": exit_code, "reason": reason, "rows": 0}
+        write_atomically(self.run(name) / REPORT, to_json(report | said) + "\n")
+
+    def forget_old(self) -> None:
+        """Delete the runs that this study replaces; what else stands among them goes back to where it was, and a run
+        with such in it, which is to be done again, as a whole: its new one will know what to keep."""
+        if not self._old.is_dir():
+            return
+        mine = [entry for entry in self._old.iterdir() if entry.name.rpartition("-")[2] in self._physics]
+        awaited = [entry for entry in mine if not os.path.lexists(self._runs / entry.name)]
+        kept = [entry.name for entry in awaited if results.guests(entry) - {results.FIELDS_FOLDER}]
+        _discard_runs(self._old, kept)
+        if self._old.is_dir():  # what has no room among the new ones stays where it is
+            _merge(self._old, self._runs)
+
+    def write(self, name: str, content: str) -> None:
+        """Replace a file of the study at once."""
+        write_atomically(self.path / name, content)
+
+    def write_record(self, **entries: Any) -> None:
+        """study.json: that this folder is a study, and what it says of itself."""
+        self.write(RECORD, to_json({"program": PROGRAM, "version": VERSION, **entries}) + "\n")
+
+    def _take_lock(self) -> None:
+        self._lock = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+        mode = fcntl.LOCK_SH if self._shared else fcntl.LOCK_EX
+        deadline = time.monotonic() + WORKER_TIMEOUT
+        while True:
+            try:
+                return fcntl.flock(self._lock, mode | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise UsageError(f"{self.path} is in use by another study") from None
+                time.sleep(0.05)
+            except OSError:
+                return None  # a file system without locks: go on without
+
+    def _release(self) -> None:
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+    def _recover(self) -> None:
+        """Undo a replacement that was killed before its first run had ended, or finish it."""
+        if not self._old.exists():
+            return
+        if self._runs.exists() and any(self.is_finished(entry.name) for entry in self._runs.iterdir()):
+            self.forget_old()
+        else:
+            _discard_runs(self._runs)
+            _merge(self._old, self._runs)
+
+
+@contextmanager
+def opened(path: Path, **how: Any) -> Iterator[StudyFolder]:
+    """The folder of a study, locked; one that this call made and left empty is taken away again."""
+    before = next((parent for parent in (path, *path.parents) if parent.exists()), path)
+    with StudyFolder(path, **how) as folder:
+        try:
+            yield folder
+        finally:
+            if before != path and not (path / RECORD).exists():
+                for made in (path / RUNS, path / LOCK, path):
+                    with suppress(OSError):
+                        made.rmdir() if made.is_dir() else made.unlink()
+
+
+def _discard_runs(folder: Path, apart_from: Sequence[str] = ()) -> None:
+    """Delete the results that this program wrote, and the folder when nothing else is in it."""
+    for entry in folder.iterdir() if folder.is_dir() else ():
+        if results.is_ours(entry) and entry.name not in apart_from:
+            results.discard(entry)
+    with suppress(OSError):
+        folder.rmdir()
+
+
+def _merge(source: Path, target: Path) -> None:
+    """Move what is in a folder into another, folder by folder where both have one, and delete what is empty then."""
+    target.mkdir(exist_ok=True)
+    for entry in source.iterdir():
+        place = target / entry.name
+        if not os.path.lexists(place):
+            entry.rename(place)
+        elif entry.is_dir() and place.is_dir() and not (entry.is_symlink() or place.is_symlink()):
+            _merge(entry, place)
+    with suppress(OSError):
+        source.rmdir()

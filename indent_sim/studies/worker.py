@@ -1,0 +1,108 @@
+"""One process that does the runs of a study, one after another; when it dies, only the run it was at is lost.
+
+It is forked before any MPI is up, so a run there is a run of its own; where it died another is forked for the next.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, suppress
+from functools import partial
+from multiprocessing import connection
+from pathlib import Path
+from typing import TypeVar
+
+from indent_sim.config.schema import Config
+from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, UsageError
+from indent_sim.process.forked import Crash, Forked
+from indent_sim.run import chain
+
+# What mpirun and srun tell their processes: a worker is none of theirs, and they need not know when it is ended
+OPEN_MPI = tuple(f"OMPI_{part}" for part in ("COMM_", "UNIVERSE_", "MCA_orte_", "MCA_ess"))
+LAUNCHERS = ("SLURM_", "PMI_", "PMIX_", "PRTE_MCA_ess", *OPEN_MPI)
+
+Ending = tuple[int, str]  # exit code and reason
+Load = Callable[[], object]  # loads libraries
+Named = TypeVar("Named")
+Job = tuple[Named, Config, Path]  # a name, a config, and the folder it runs into
+
+
+class Worker(ExitStack):
+    """Does runs in a process of its own, which calls `load` first, by default for what solves meshes; a context
+    manager."""
+
+    def __init__(self, load: Load = chain.warm_up) -> None:
+        super().__init__()
+        self._process = Forked(_ending, partial(_prepare, load), uses_mpi=True)
+        self.callback(self._process.stop)
+        self._answer: Callable[[], Ending] = lambda: (0, "")
+        self._done = 0
+
+    def begin(self, config: Config, directory: Path) -> None:
+        """Begin a run; `end` waits for it."""
+        if self._done % 100 == 0:  # PETSc and the compiled forms keep half a MB of each run
+            self._process.stop()
+        self._done += 1
+        self._answer = self._process.ask((config, directory))
+
+    def end(self) -> Ending:
+        """How the run that was begun ended: exit code and reason. UsageError and BackendError are raised."""
+        try:
+            return self._answer()
+        except Crash as crash:
+            return crash.exit_code, f"the process of the run {crash}"
+
+    def fileno(self) -> int:
+        """What can be read once the run has ended."""
+        return self._process.fileno()
+
+
+def _prepare(load: Load) -> None:
+    """Forget the launcher, and load the libraries."""
+    for name in [name for name in os.environ if name.startswith(LAUNCHERS)]:
+        del os.environ[name]
+    load()
+    gc.freeze()  # libraries stay: every run ends with a search for what it left behind
+
+
+def _ending(job: tuple[Config, Path]) -> Ending:
+    """Do a run, or what an earlier call left of it to do; what cannot be gone on with is begun anew."""
+    config, directory = job
+    try:
+        if directory.exists():
+            with suppress(ConfigError, UsageError):
+                chain.simulate(config, directory=directory, resume=True)
+                return 0, ""
+        chain.simulate(config, directory=directory, overwrite=True)
+    except (UsageError, BackendError):  # no fault of the run: the next one would end the same way
+        raise
+    except IndentSimError as error:
+        return error.exit_code, str(error)
+    except Exception as error:
+        return 1, f"{type(error).__name__}: {error}"
+    return 0, ""
+
+
+class Workers(ExitStack):
+    """Several workers, each doing one run after another; a context manager."""
+
+    def __init__(self, count: int, load: Load):
+        super().__init__()
+        self._workers = [self.enter_context(Worker(load)) for _ in range(count)]
+
+    def done(self, jobs: Iterable[Job[Named]]) -> Iterator[tuple[Named, Ending]]:
+        """Do the jobs, as many at a time as there are workers; each with its ending as soon as that is known."""
+        waiting, busy = iter(jobs), {}
+        idle = list(self._workers)
+        while True:
+            for worker, (name, config, directory) in zip(list(idle), waiting, strict=False):
+                idle.remove(worker)
+                worker.begin(config, directory)
+                busy[worker] = name
+            if not busy:
+                return
+            ready: Worker = connection.wait(list(busy))[0]  # type: ignore[assignment, arg-type]
+            idle.append(ready)
+            yield busy.pop(ready), ready.end()

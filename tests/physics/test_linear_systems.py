@@ -1,0 +1,169 @@
+"""PETSc's solvers of a run: what the program chooses, what PETSC_OPTIONS may change of it, what a failure is called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.fe.path import steps
+from indent_sim.fe.problem import Problem
+from indent_sim.fe.solve import uzawa
+from indent_sim.fe.solve.newton import Newton
+from indent_sim.process.errors import NotConverged
+from indent_sim.run.chain import Outcome, simulate
+
+SCENE: dict[str, Any] = {
+    "body": {"shape": "cylinder", "radius": 1.0, "height": 1.0},
+    "material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3},
+    "indenter": {"shape": "paraboloid", "R": 1.0},
+    "contact": {"method": "penalty"},
+    "loading": {"delta": 0.01, "steps": 1},
+    "mesh": {"h_contact": 0.05, "h_far": 0.5},
+    "solver": {"method": "newton"},
+    "output": {"plot": False, "fields": "none"},
+}
+FORCE = 1.6e-3
+CUBE: dict[str, Any] = {
+    "body": {"shape": "box", "size": [1.0, 1.0, 1.0]},
+    "mesh": {"h_contact": 0.15, "h_far": 0.5},
+    "solver": {"linear": "iterative"},
+}
+SAME = 1e-8  # of the force, whoever solves the systems: Newton's residual is 1e-9 of the reactions
+
+
+def solved(folder: Path, **sections: Any) -> Outcome:
+    """A run of the scene with other sections."""
+    return simulate(from_mapping(SCENE | sections), MPI.COMM_SELF, directory=folder / "out")
+
+
+@contextmanager
+def tuned(**options: Any) -> Iterator[None]:
+    """PETSc as it is after reading these PETSC_OPTIONS, which it does once a process."""
+    database = PETSc.Options()
+    for name, value in options.items():
+        database.setValue(name, value)
+    try:
+        yield
+    finally:
+        for name in options:
+            database.delValue(name)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"ksp_type": "gmres", "pc_type": "jacobi"},
+        {"ksp_type": "cg", "pc_type": "gamg", "ksp_rtol": 1e-8},
+        {"ksp_type": "cg", "pc_type": "ilu"},  # MUMPS has none: its name must not stand beside it
+        {"pc_type": "lu", "pc_factor_mat_solver_type": "petsc"},
+    ],
+    ids=str,
+)
+def test_the_environment_stands_over_the_programs_choice(tmp_path, options, monkeypatch):
+    found = []
+    solve = Newton._runs
+    monkeypatch.setattr(Newton, "_runs", lambda self, x: found.append(self.snes.ksp.pc.getType()) or solve(self, x))
+    usual = solved(tmp_path).states[-1].force
+    with tuned(**options):
+        assert solved(tmp_path).states[-1].force == pytest.approx(usual, rel=SAME)
+    assert usual == pytest.approx(FORCE, rel=0.02) and set(found) == {"cholesky", options["pc_type"]}
+
+
+def test_what_the_scene_says_and_when_it_has_converged_is_not_the_environments(tmp_path):
+    """`-snes_convergence_test skip` would take any residual for an equilibrium."""
+    usual = solved(tmp_path).states[-1].force
+    with tuned(snes_convergence_test="skip", snes_rtol=1.0, snes_max_it=1):
+        assert solved(tmp_path).states[-1].force == usual
+        with pytest.raises(NotConverged, match="no equilibrium within 1 iterations"):
+            solved(tmp_path, solver={"method": "newton", "max_iterations": 1})
+
+
+@pytest.mark.parametrize("scene", [{}, CUBE], ids=["direct", "iterative"])
+def test_a_monitor_sees_every_linear_system(tmp_path, scene):
+    with tuned(ksp_monitor=f"ascii:{tmp_path / 'residuals'}"):
+        state = solved(tmp_path, **scene).states[-1]
+    seen = (tmp_path / "residuals").read_text().splitlines()
+    systems = [line for line in seen if line.split()[0] == "0"]
+    assert len(seen) - len(systems) >= (state.krylov_iterations or state.newton_iterations) > 0
+
+
+def test_the_levels_of_the_multigrid_have_a_prefix_of_their_own(tmp_path):
+    usual = solved(tmp_path, **CUBE).states[-1]
+    with tuned(pmultigrid_mg_levels_ksp_max_it=1):  # of 3: a worse smoother needs more iterations
+        rough = solved(tmp_path, **CUBE).states[-1]
+    assert rough.force == pytest.approx(usual.force, rel=SAME)
+    assert rough.krylov_iterations > usual.krylov_iterations
+    assert not [name for name in PETSc.Options().getAll() if "pmultigrid" in name or "linesearch" in name]
+
+
+@pytest.mark.parametrize(
+    ("method", "factors"),
+    [
+        ("penalty", "cholesky"),
+        ("augmented_lagrangian", "cholesky"),
+        ("uzawa", "cholesky"),
+        ("nitsche", "lu"),  # theta = 0: not the derivative of a potential
+        ("active_set", "lu"),  # the rows of its nodes depend on the set
+    ],
+)
+def test_a_symmetric_tangent_is_factored_as_such(tmp_path, monkeypatch, method, factors):
+    """L D L^T exactly where the tangent is its own transpose."""
+    found = []
+    assemble = Problem.assemble_tangent
+
+    def watched(problem, A):
+        assemble(problem, A)
+        found.append((problem.has_symmetric_tangent, A.isSymmetric(1e-14 * A.norm())))
+
+    made: list[Newton] = []
+    create = Newton._create
+    monkeypatch.setattr(Problem, "assemble_tangent", watched)
+    monkeypatch.setattr(Newton, "_create", lambda self, **said: made.append(self) or create(self, **said))
+    coarse = {"h_contact": 0.1, "h_far": 0.5}  # symmetric or not on any mesh
+    solved(tmp_path, contact={"method": method}, material=SCENE["material"] | {"model": "neo_hookean"}, mesh=coarse)
+    assert {newton.snes.ksp.pc.getType() for newton in made} == {factors}
+    assert all(is_so == said for said, is_so in found)
+
+
+def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypatch):
+    """Here because MUMPS is given a hundredth of the memory that it wants."""
+    create, tried = Newton._create, []
+
+    def starved(self, *, symmetric):
+        tried.append(symmetric)
+        PETSc.Options().setValue("mat_mumps_icntl_14", -99 if symmetric else 60)
+        return create(self, symmetric=symmetric)
+
+    monkeypatch.setattr(Newton, "_create", starved)
+    with tuned(mat_mumps_icntl_14=60):
+        assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.02)
+    assert tried == [True, False]
+
+
+@pytest.mark.parametrize("method", ["newton", "condensed"])
+def test_a_failed_uzawa_says_so(tmp_path, monkeypatch, method):
+    monkeypatch.setattr(uzawa, "LOOPS", 3)
+    monkeypatch.setattr(steps, "SMALLEST_CUT", 0.5)
+    contact = {"method": "uzawa", "epsilon_n": 0.01}
+    with pytest.raises(NotConverged, match=r"contact method uzawa.*multiplier does not settle.*delta = 0") as caught:
+        solved(tmp_path, contact=contact, solver={"method": method})
+    assert "Newton" not in str(caught.value)
+
+
+def test_a_failed_linear_solver_is_named_at_a_depth_in_the_users_lengths(tmp_path):
+    sections = {
+        "body": {"shape": "cylinder", "radius": 1e3, "height": 1e3},
+        "indenter": {"shape": "paraboloid", "R": 1e3},
+        "loading": {"deltas": [10.0]},
+        "mesh": {"h_contact": 50.0, "h_far": 500.0},
+    }
+    options = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_max_it": 1}
+    with tuned(**options), pytest.raises(NotConverged, match="delta = 10: the linear solver failed"):
+        solved(tmp_path, **sections)

@@ -1,0 +1,136 @@
+"""What stands beside the rows of a run may fail in any way: it is missing then, which is said, and the rows stay."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import CYLINDER, ELASTIC, PARABOLOID
+
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.fe.observe.fields import Fields
+from indent_sim.model.kinematics import Axisymmetric
+from indent_sim.process.errors import MeshError, NotConverged
+from indent_sim.results.pictures import experiment as experiments
+from indent_sim.results.pictures import forces
+from indent_sim.results.reader import read
+from indent_sim.run import chain, readings, simulation, summary
+from indent_sim.run import experiment as conducted
+
+# Every thing that stands beside the rows, by the words of its warning, and where it is found
+OUTER: dict[str, tuple[Any, str]] = {
+    "stiffness": (readings.Readings, "_stiffness"),
+    "area": (Axisymmetric, "contact_area"),
+    "E_hertz": (readings.Readings, "_hertz"),
+    "fields": (Fields, "gather"),
+    "check of its rows": (simulation, "contradiction"),
+    "theory": (summary, "theory_comparison"),
+    "Hertz fit": (summary, "hertz_fit"),
+    "experiment.csv": (conducted, "conduct"),
+    "a run beside this one": (chain, "states"),
+    "what no slip would change": (chain, "sticks"),
+    "force_indentation.png": (forces, "force_indentation"),
+}
+INNER: dict[str, tuple[Any, str]] = {
+    "half-space formula": (summary, "_half_space"),
+    "film formulas": (summary, "_formulas"),
+    "experiment.png": (experiments, "draw"),
+}
+ERRORS = (
+    np.linalg.LinAlgError,
+    KeyError,
+    MemoryError,
+    NotConverged,
+    ZeroDivisionError,
+    MeshError,
+    AssertionError,
+    RecursionError,
+    OSError,
+    StopIteration,
+    UnicodeError,
+)
+SCENE = {
+    "body": CYLINDER,
+    "material": ELASTIC,
+    "indenter": PARABOLOID,
+    "loading": {"deltas": [0.02, 0.03, 0.04]},
+    "mesh": {"h_contact": 0.04},
+    "experiment": {"adhesion": {"work": 1e-3}},
+    "output": {"fields": "all"},
+}
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    """The force table without what is read beside the rows, and without seconds."""
+    with open(folder / "force_indentation.csv", newline="", encoding="utf-8") as table:
+        found = list(csv.DictReader(table))
+    beside = ("stiffness", "area", "E_hertz", "wall_s", "force_error", "a_error", "p_max_error")
+    return [{name: cell for name, cell in row.items() if name not in beside} for row in found]
+
+
+def break_(monkeypatch: pytest.MonkeyPatch, things: dict[str, tuple[Any, str]], shift: int) -> None:
+    """Let each of the things fail, in another way each."""
+    kinds = cycle(ERRORS[shift:] + ERRORS[:shift])
+    for (owner, name), kind in zip(things.values(), kinds, strict=False):
+
+        def fail(*args: Any, kind: type[Exception] = kind, **options: Any) -> Any:
+            raise kind("on purpose")
+
+        monkeypatch.setattr(owner, name, fail)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run in which nothing fails."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    chain.simulate(from_mapping(SCENE), directory=folder)
+    assert "missing" not in json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> list[dict[str, str]]:
+    """Its rows."""
+    return rows(folder)
+
+
+def test_an_error_bar_wider_than_its_force_is_drawn(folder: Path, tmp_path: Path) -> None:
+    """Its lower end pulls, and is joined by chords: so is the upper one."""
+    copy = shutil.copytree(folder, tmp_path / "run")
+    head, *lines = (copy / "force_indentation.csv").read_text(encoding="utf-8").splitlines()
+    wide = [f"{head},force_error", *(f"{line},{10.0 * (k == 0)}" for k, line in enumerate(lines))]
+    (copy / "force_indentation.csv").write_text("\n".join(wide) + "\n", encoding="utf-8")
+    forces.force_indentation(read(copy), copy / "again.png")
+    assert (copy / "again.png").exists()
+
+
+@pytest.mark.parametrize("things", [OUTER, INNER], ids=["outer", "inner"])
+def test_what_fails_beside_the_rows_is_missing_and_the_rows_stay(
+    things: dict[str, tuple[Any, str]], whole: list[dict[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    break_(monkeypatch, things, len(whole))
+    outcome = chain.simulate(from_mapping(SCENE), directory=tmp_path / "run", error_bars=things is OUTER)
+    assert rows(tmp_path / "run") == whole
+    report = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
+    assert (report["status"], report["exit_code"]) == ("done", 0)
+    for what in things:
+        assert any(said.startswith(f"{what} is missing: ") for said in report["warnings"]), what
+        assert any(said.startswith(f"{what} is missing: ") for said in outcome.report["warnings"]), what
+        assert "on purpose" in report["missing"][what]
+
+
+def test_a_signal_beside_the_rows_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is no Exception passes through."""
+
+    def interrupt(*args: Any) -> float:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(readings.Readings, "_stiffness", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        chain.simulate(from_mapping(SCENE), directory=tmp_path / "run")

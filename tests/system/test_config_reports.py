@@ -1,0 +1,24 @@
+"""Every scene of configs/ has a report, whose pictures have room."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import html_page
+import pytest
+from mpi4py import MPI
+from test_configs import COARSER, CONFIGS, SCENES, Run
+
+from indent_sim.config.scene_file import load
+from indent_sim.results.report import of_run
+from indent_sim.run.chain import simulate
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scene_gives_a_report(name: str, tmp_path: Path) -> None:
+    overrides = ("output.plot=false", *COARSER.get(name, Run()).overrides)
+    simulate(load(CONFIGS / name, overrides), MPI.COMM_SELF, directory=tmp_path / "result")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout")  # panels without room
+        html_page.check(of_run(tmp_path / "result"))

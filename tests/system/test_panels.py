@@ -1,0 +1,381 @@
+"""Pictures on request, their drawn data read back: curves are the tables, legends hide nothing, units are as asked."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import warnings
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_results import a_result
+from matplotlib.collections import TriMesh
+from test_results import some_fields
+
+from indent_sim.model.tips import Paraboloid, Sphere
+from indent_sim.process.errors import UsageError
+from indent_sim.results.outline import outline
+from indent_sim.results.pictures import canvas, fields, forces, panels
+from indent_sim.results.pictures.fields import FIELDS, section_of
+from indent_sim.results.xdmf import FieldWriter
+
+SCENE = """\
+body: {{shape: {body}, radius: 1.0, height: 1.0}}
+material: {{model: linear_elastic, E: 1.0, nu: 0.3}}
+indenter: {tip}
+loading: {{delta: 0.1}}
+mesh: {{h_contact: 0.05}}
+"""
+
+
+@pytest.fixture
+def drawn(tmp_path, monkeypatch):
+    """The figure of a wish, laid out."""
+    figures = []
+
+    def keep(figure, path):
+        canvas.keep_ticks_apart(figure)
+        figures.append(figure)
+
+    for module in (panels.canvas, forces):
+        monkeypatch.setattr(module, "save", keep)
+
+    def draw(runs, **wish):
+        panels.draw(runs, panels.wish(wish), tmp_path / "picture.png")
+        return figures[-1]
+
+    return draw
+
+
+def in_folder(folder: Path, result, tip="{shape: paraboloid, R: 1.0}"):
+    """A result beside its scene."""
+    folder.mkdir(exist_ok=True)
+    (folder / "config.yaml").write_text(SCENE.format(body="cylinder", tip=tip))
+    return dataclasses.replace(result, path=folder)
+
+
+def up_and_down():
+    result = a_result(units={}, theory=None)
+    both = {name: np.concatenate([result[name], result[name][-2::-1]]) for name in ("delta", "force", "a")}
+    result.table.update(both)
+    result.table["step"] = np.arange(1.0, len(result["delta"]) + 1)
+    return result
+
+
+class TestForces:
+    def test_a_curve_is_its_table(self, drawn):
+        result = a_result(units={}, theory=None)
+        lines = drawn([result], what=("force",)).axes[0].get_lines()
+        marks = next(line for line in lines if line.get_marker() not in ("", "None"))
+        assert marks.get_xdata() == pytest.approx(result["delta"]) and marks.get_ydata() == pytest.approx(
+            result["force"]
+        )
+
+    def test_loading_is_told_from_unloading(self, drawn):
+        result = up_and_down()
+        axes = drawn([result], what=("force",)).axes[0]
+        dashed = [line for line in axes.get_lines() if line.get_linestyle() == "--" and len(line.get_xdata())]
+        hollow = [line for line in axes.get_lines() if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
+        assert len(dashed) == len(hollow) == 1
+        assert hollow[0].get_xdata() == pytest.approx(result["delta"][5:])
+        assert forces.UNLOADING in axes.get_legend_handles_labels()[1]
+
+    def test_error_bands_follow_the_branches(self, drawn):
+        """One band for the way in and one for the way out, each as wide at a row as its error on both sides."""
+        result = up_and_down()
+        result.table["force_error"] = 0.1 * result["force"]
+        bands = [part for part in drawn([result], what=("force",)).axes[0].collections if len(part.get_paths())]
+        assert len(bands) == 2
+        for band, rows in zip(bands, (slice(0, 5), slice(4, 9)), strict=True):
+            x, y = band.get_paths()[0].vertices.T
+            for delta, force in zip(result["delta"][rows], result["force"][rows], strict=True):
+                at = y[np.isclose(x, delta, rtol=1e-12)]
+                assert at.min() == pytest.approx(0.9 * force) and at.max() == pytest.approx(1.1 * force)
+
+    def test_way_in_and_out_of_an_elastic_body_are_one_curve(self, drawn):
+        """Hertz' law in three rows up and two down: both branches are F = 1000 delta^1.5 between the rows too."""
+        result = a_result(units={}, theory=None, steps=3)
+        for name in ("delta", "force", "a"):
+            result.table[name] = np.append(result[name], [result[name][1], 0.0])
+        result.table["step"] = np.arange(1.0, 6.0)
+        lines = [line for line in drawn([result], what=("force",)).axes[0].get_lines() if len(line.get_xdata()) > 5]
+        assert len(lines) == 2
+        for line in lines:
+            assert line.get_ydata() == pytest.approx(1e3 * np.asarray(line.get_xdata()) ** 1.5, rel=1e-9, abs=1e-15)
+
+    def test_the_half_space_ends_at_its_mark(self, drawn):
+        """Under a force its depth may be beyond the run's: the dotted line goes on to it."""
+        result = a_result(units={})
+        curve = {"delta": [1e-5, 2e-5], "force": [1e3 * 1e-5**1.5, 1e3 * 2e-5**1.5]}
+        closed = {"name": "Hertz", "delta": 7e-5, "deviation": 0.4, "curve": curve}
+        theory = {"name": "layer theory", "delta": 5e-5, "force": 1e3 * 7e-5**1.5}
+        result.report["theory"] = theory | {"half_space": closed}
+        lines = drawn([result], what=("force",)).axes[0].get_lines()
+        dotted = next(line for line in lines if line.get_linestyle() == ":")
+        mark = next(line for line in lines if line.get_marker() == "D")
+        assert [dotted.get_xdata()[-1], dotted.get_ydata()[-1]] == pytest.approx([*mark.get_xdata(), *mark.get_ydata()])
+        assert dotted.get_ydata() == pytest.approx(1e3 * np.asarray(dotted.get_xdata()) ** 1.5, rel=1e-9)
+
+    @pytest.mark.parametrize("control", ["one result", "several"])
+    def test_no_legend_lies_on_a_curve(self, tmp_path, monkeypatch, control):
+        figures = []
+        monkeypatch.setattr(
+            forces, "save", lambda figure, path: (figure.draw_without_rendering(), figures.append(figure))
+        )
+        runs = [a_result(error=True), a_result(title="another")][: 1 if control == "one result" else 2]
+        forces.overlay(runs, tmp_path / "picture.png")
+        legends = [axes.get_legend() for axes in figures[0].axes if axes.get_legend()]
+        assert len(legends) == 1
+        box = legends[0].get_window_extent()
+        assert not any(box.overlaps(axes.get_window_extent()) for axes in figures[0].axes if axes.axison)
+        assert figures[0].bbox.y0 <= box.y0 and box.x1 <= figures[0].bbox.x1
+
+    def test_sixty_curves_without_a_warning(self, tmp_path, monkeypatch):
+        """And none is left out: sixty names in the legend of a picture whose words can be read."""
+        runs = [a_result(title=f"R = {k}") for k in range(60)]
+        monkeypatch.setitem(canvas.STYLE, "svg.fonttype", "none")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            panels.draw(runs, panels.wish({"what": ("force",)}), tmp_path / "p.svg")
+            forces.overlay(runs, tmp_path / "q.svg")
+        for name in ("p.svg", "q.svg"):
+            assert set(re.findall(r">(R = \d+)<", (tmp_path / name).read_text())) == {f"R = {k}" for k in range(60)}
+
+    @pytest.mark.parametrize(("kind", "unit", "factor"), [("length", "nm", 1e9), ("force", "pN", 1e12)])
+    def test_units_asked_for(self, drawn, kind, unit, factor):
+        axes = drawn([a_result(theory=None)], what=("force",), units={kind: unit}).axes[0]
+        marks = next(line for line in axes.get_lines() if line.get_marker() not in ("", "None"))
+        data, label, column = {
+            "length": (marks.get_xdata(), axes.get_xlabel(), "delta"),
+            "force": (marks.get_ydata(), axes.get_ylabel(), "force"),
+        }[kind]
+        assert data == pytest.approx(factor * a_result()[column]) and f"[{unit}]" in label
+
+    def test_width_and_font_size_are_those_asked_for(self, drawn):
+        figure = drawn([a_result()], what=("force",), width=85.0, font=7.0)
+        assert figure.get_figwidth() * 25.4 == pytest.approx(85)
+        assert figure.axes[0].xaxis.label.get_size() == pytest.approx(7)
+
+
+class TestPressure:
+    def test_a_profile_is_the_surface_table(self, drawn):
+        result = a_result(units={})
+        line = drawn([result], what=("pressure",)).axes[0].get_lines()[0]
+        assert line.get_xdata() == pytest.approx(result.surface["x"])
+        assert line.get_ydata() == pytest.approx(result.surface["pressure"])
+
+    def test_the_stick_radius_has_a_name(self, drawn):
+        """A dotted line there, and one more name in the legend; neither where nothing sticks."""
+        for sticks, shown in ((0.7, True), (0.0, False)):
+            result = a_result(units={})
+            result.surface["shear"] = 0.1 * result.surface["pressure"]
+            result.table["stick_radius"] = sticks * result["a"]
+            axes = drawn([result], what=("pressure",)).axes[0]
+            at = [line.get_xdata()[0] for line in axes.get_lines() if line.get_ls() == ":" and len(line.get_xdata())]
+            assert at == pytest.approx([0.7 * result["a"][-1]] if shown else [])
+            assert ("stick radius" in axes.get_legend_handles_labels()[1]) == shown
+
+    def test_steps_that_are_not_there_are_refused(self, drawn):
+        with pytest.raises(UsageError, match=r"no surface of step 3, only of 5; output\.surface: all"):
+            drawn([a_result()], what=("pressure",), steps=("3",))
+
+    @pytest.mark.parametrize(
+        ("tip", "place"), [("{shape: cone, half_angle: 70}", 0.0), ("{shape: flat_punch, radius: 1e-4}", 1e-4)]
+    )
+    def test_an_infinite_pressure_is_not_drawn_as_a_finite_one(self, drawn, tmp_path, tip, place):
+        """Where p_max is empty no curve goes through the place, and a line to the top says so."""
+        result = in_folder(tmp_path / "cone", a_result(units={}), tip)
+        (tmp_path / "cone" / "config.yaml").write_text(SCENE.format(body="cylinder", tip=tip).replace("0.05", "1e-6"))
+        result.table["p_max"] = np.full(len(result), np.nan)
+        curve, edge = drawn([result], what=("pressure",)).axes[0].get_lines()
+        shown = np.isfinite(curve.get_ydata())
+        assert np.abs(curve.get_xdata()[shown] - place).min() > 1.4e-6 and edge.get_xdata() == pytest.approx(
+            [place] * 2
+        )
+
+    def test_a_map_is_mirrored_and_centred(self, drawn):
+        """A quarter is modelled: the whole contact is shown, the tip in the middle, and no number touches another."""
+        result = a_result("three_dimensional", units={}, center=[0.0, 0.0])
+        figure = drawn([result], what=("pressure",))
+        axes = figure.axes[0]
+        assert axes.get_xlim() == axes.get_ylim() == pytest.approx((-1.5 * result["a"][-1], 1.5 * result["a"][-1]))
+        corners = np.concatenate([path.vertices for drawn_ in axes.collections for path in drawn_.get_paths()])
+        assert corners[:, 0].min() == pytest.approx(-corners[:, 0].max(), rel=1e-6) and corners[:, 0].min() < 0
+        ends = sorted(
+            label.get_window_extent().extents[[0, 2]].tolist() for label in axes.get_xticklabels() if label.get_text()
+        )
+        assert all(before[1] < after[0] for before, after in pairwise(ends))
+
+
+class TestProfile:
+    def test_it_is_the_deformed_surface_and_its_image(self, drawn, tmp_path):
+        result = in_folder(tmp_path / "run", a_result(units={}))
+        n = len(result.surface["x"])
+        result.surface.update(
+            {
+                "u_x": np.full(n, 1e-6),
+                "u_z": -1e-5 * np.exp(-(result.surface["x"] ** 2)),
+                "z": np.zeros(n),
+            }
+        )
+        lines = drawn([result], what=("profile",)).axes[0].get_lines()
+        line = next(line for line in lines if line.get_color() == canvas.COLOURS[0])
+        right = line.get_xdata() > 0
+        assert line.get_xdata()[right] == pytest.approx(result.surface["x"] + 1e-6)
+        assert line.get_ydata()[right] == pytest.approx(result.surface["u_z"])
+        assert line.get_xdata()[~right] == pytest.approx(-line.get_xdata()[right][::-1])
+        tip = next(line for line in lines if line.get_color() == canvas.GREY and line.get_linestyle() == "-")
+        assert tip.get_ydata() == pytest.approx(tip.get_xdata() ** 2 / 2 - result["delta"][-1])
+
+
+class TestFields:
+    POINTS = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, -2.0], [0.0, -2.0]])
+    CELLS = np.array([[0, 2, 1], [0, 3, 2]])
+
+    @pytest.fixture
+    def result(self, tmp_path):
+        result = in_folder(tmp_path / "run", a_result(units={}, steps=3))
+        result.table.update({"delta": np.array([0.1, 0.2, 0.3]), "a": np.array([0.3, 0.4, 0.5])})
+        tip = outline(Paraboloid(1.0), (0.0,), 1.0, "axisymmetric", 1)
+        writer = FieldWriter(result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all")
+        for step in (1, 2, 3):
+            writer.write(step, 0.1 * step, some_fields(step) | {"displacement": np.tile([0.1, -0.1 * step], (4, 1))})
+        return result
+
+    def test_the_section_is_the_deformed_body_and_its_image(self, result):
+        """Regions stay apart: each of the two cells has its own value up to where they meet."""
+        found = section_of(result, 2.0, FIELDS["von_mises"])
+        half = found.points[: len(found.points) // 2]
+        deformed = {tuple(point) for point in np.round(self.POINTS + np.array([0.1, -0.2]), 9)}
+        assert {tuple(point) for point in np.round(half, 9)} == deformed
+        assert found.points[len(half) :] == pytest.approx(half * [-1, 1])
+        assert sorted(set(found.values)) == pytest.approx(some_fields(2)["von_mises"])
+
+    def test_panels_of_steps_share_frame_and_colours(self, drawn, result):
+        figure = drawn([result], what=("fields",), steps=("all",), fields=("von_mises", "J"))
+        shown = [axes for axes in figure.axes if axes.get_title(loc="left")]
+        assert [axes.get_title(loc="left") for axes in shown] == ["δ = 0.1", "δ = 0.2", "δ = 0.3"] * 2
+        for row in (shown[:3], shown[3:]):
+            assert len({axes.collections[0].get_clim() for axes in row}) == 1
+            assert len({(*axes.get_xlim(), *axes.get_ylim()) for axes in row}) == 1
+
+    def test_no_cell_is_left_out(self, result, drawn, monkeypatch):
+        """Cells lower than half a pixel are drawn too, each in one colour, that of its values."""
+        found = section_of(result, 2.0, FIELDS["von_mises"])
+        assert not found.slivers(1e-3).any() and found.slivers(10.0).all() and found.areas == pytest.approx(2.0)
+        monkeypatch.setattr(fields.Section, "slivers", lambda self, least: np.arange(len(self.triangles)) == 0)
+        small, rest = drawn([result], what=("fields",), steps=("2",)).axes[0].collections[:2]
+        assert list(small.get_array()) == pytest.approx([found.values[found.triangles[0]].mean()])
+        assert isinstance(rest, TriMesh) and list(rest.get_array()) == pytest.approx(list(found.values))
+
+    def test_a_singular_point_does_not_take_the_colours(self):
+        """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the rest is within."""
+        values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
+        areas = np.append(np.ones(100), np.full(1000, 1e-7))
+        assert fields._colours(values, areas, None)[:2] == pytest.approx((0.0, 1.0))
+        assert fields._colours(values + 1, areas, 1.0)[:2] == pytest.approx((0.0, 2.0))
+
+    def test_the_contact_is_inside_the_frame(self, result, drawn):
+        left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()
+        assert left < -0.5 and right > 0.5 and left == pytest.approx(-right)
+
+    @pytest.mark.parametrize("name", FIELDS)
+    def test_every_field_can_be_drawn(self, drawn, result, name):
+        bar = drawn([result], what=("fields",), fields=(name,)).axes[-1]
+        assert bar.get_ylabel()
+
+    def test_tetrahedra_are_cut_through_the_tip(self, tmp_path):
+        """The cut is as large as the deformed cube's face, and at its lower corner |u| is that of the edge it cuts."""
+        corners = np.array([[x, y, z] for x in (0, 1) for y in (-1, 1) for z in (-1, 0)], dtype=float)
+        faces = [(0, 1, 3, 7), (0, 1, 5, 7), (0, 2, 3, 7), (0, 2, 6, 7), (0, 4, 5, 7), (0, 4, 6, 7)]
+        kinds = {
+            "plan": {
+                "choices": [{"key": "kinematics", "value": "three_dimensional"}, {"key": "symmetry", "value": "full"}]
+            }
+        }
+        result = in_folder(tmp_path / "run", a_result(units={}, center=[0.5, 0.0], **kinds))
+        tip = outline(Sphere(1.0), (0.5, 0.0), 1.0, "three_dimensional", 1)
+        writer = FieldWriter(result.path, corners, np.array(faces), np.zeros(6), tip)
+        shift = np.column_stack([3 * corners[:, 0], 0 * corners[:, 0], 4 * corners[:, 2]])
+        writer.write(5, 0.1, some_fields(1, 8, 6, 3) | {"displacement": shift})
+        found = section_of(result, 5.0, FIELDS["displacement"])
+        x, z = found.points[:, 0] / 4, found.points[:, 1] / 5
+        assert found.points[:, 0].max() == pytest.approx(4) and found.points[:, 1].min() == pytest.approx(-5)
+        inner = np.isin(
+            np.round(x * z, 9), (0.0, -1.0)
+        )  # the corners of the cube's faces, where |u| is not interpolated
+        assert found.values[inner & (np.abs(z + 1) < 1e-9)].max() == pytest.approx(5)
+        a, b, c = (found.points[found.triangles[:, k]] for k in range(3))
+        area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum() / 2
+        assert area == pytest.approx(4 * 5)
+
+    def test_fields_that_are_not_there_are_refused(self, drawn, result, tmp_path):
+        with pytest.raises(UsageError, match="no fields of step 4, only of 1, 2, 3"):
+            drawn([result], what=("fields",), steps=("4",))
+        with pytest.raises(UsageError, match="has no fields"):
+            drawn([a_result()], what=("fields",))
+        (result.path / "fields" / "step-3.h5").write_bytes(b"no file")
+        with pytest.raises(UsageError, match=r"step 3 .* cannot be read"):
+            drawn([result], what=("fields",), steps=("last",))
+
+
+class TestRoom:
+    """What is drawn is in the frame and nothing hides it, whatever is drawn."""
+
+    def shown(self, folder: Path):
+        result = in_folder(folder / "run", a_result(units={}))
+        depth = {"u_x": 0 * result.surface["x"], "u_z": -1e-5 * np.exp(-(result.surface["x"] ** 2))}
+        result.surface.update(depth | {"z": 0 * result.surface["x"]})
+        return result
+
+    @pytest.mark.parametrize("what", [("force",), ("pressure",), ("profile",), ("force", "pressure", "profile")])
+    @pytest.mark.parametrize("width", [None, 85.0, 170.0])
+    def test_no_legend_lies_on_a_panel(self, drawn, tmp_path, what, width):
+        figure = drawn([self.shown(tmp_path)], what=what, width=width)
+        panels = [axes for axes in figure.axes if axes.axison]
+        legends = [axes.get_legend().get_window_extent() for axes in figure.axes if axes.get_legend()]
+        assert len(panels) == len(what) == len(legends)
+        for box in legends:
+            assert not any(box.overlaps(axes.get_window_extent()) for axes in panels)
+            assert figure.bbox.x0 <= box.x0 and figure.bbox.y0 <= box.y0
+
+    @pytest.mark.parametrize("what", ["pressure", "profile"])
+    def test_the_contact_is_inside_the_frame(self, drawn, tmp_path, what):
+        result = self.shown(tmp_path)
+        axes = drawn([result], what=(what,)).axes[0]
+        a, delta = result["a"][-1], result["delta"][-1]
+        assert axes.get_xlim()[1] > 1.2 * a
+        if what == "profile":
+            low, high = axes.get_ylim()
+            assert low < -delta and high > 0 and axes.get_xlim()[0] == pytest.approx(-axes.get_xlim()[1])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"what": ("forces",)}, "none of force, pressure"),
+        ({"fields": ("J",)}, "--field belongs to --what fields"),
+        ({"steps": ("2",)}, "--steps belongs to"),
+        ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
+        ({"what": ("pressure",), "steps": ("two",)}, "neither a step nor last nor all"),
+        ({"units": {"stress": "kPa"}}, "there are length"),
+    ],
+)
+def test_a_wish_without_effect_is_refused(given, said):
+    with pytest.raises(UsageError, match=said):
+        panels.wish(given)
+
+
+@pytest.mark.parametrize(
+    ("units", "asked", "said"),
+    [
+        ({}, {"length": "nm"}, "has no unit"),
+        ({"length": "inch", "force": "lbf"}, {"length": "nm"}, "has the unit inch"),
+        ({"length": "m", "force": "N"}, {"pressure": "nm"}, "no unit of pressure"),
+    ],
+)
+def test_units_that_cannot_be_shown_are_refused(drawn, units, asked, said):
+    with pytest.raises(UsageError, match=said):
+        drawn([a_result(units=units)], what=("force", "pressure"), units=asked)

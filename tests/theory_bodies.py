@@ -1,0 +1,30 @@
+"""Bodies of the layer theories by plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+from indent_sim.theory.march import LayerContact
+from indent_sim.theory.profiles import Tip
+from indent_sim.theory.solution import Solution
+from indent_sim.theory.stack import Ply, Stack
+
+Kind = TypeVar("Kind", bound=LayerContact)
+
+
+def stack_of(plies: Sequence[Sequence[float]], base: str | None = "fixed") -> Stack:
+    """The stack of (thickness, E, nu) from the top."""
+    return Stack(tuple(Ply(*map(float, ply)) for ply in plies), base)
+
+
+def one_layer(
+    kind: type[Kind], tip: Tip, *, E: float, nu: float, h: float, base: str = "fixed", wall: float | None = None
+) -> Kind:
+    """The contact of a tip with one layer of thickness h, between frictionless walls where `wall` is given."""
+    return kind.on(tip, Stack((Ply(h, E, nu),), base), wall)
+
+
+def indent(kind: type[LayerContact], tip: Tip, delta: float, **body: Any) -> Solution:
+    """The contact at one depth."""
+    return one_layer(kind, tip, **body).curve([delta])[0]

@@ -1,0 +1,48 @@
+"""Which runs of a study answer the same question."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from indent_sim.studies import cases, study_file
+
+SCENE = """
+base:
+  body: {shape: cylinder, radius: 4.0, height: 1.0, base: fixed, sides: roller}
+  material: {model: linear_elastic, E: 1.0, nu: 0.3}
+  indenter: {shape: paraboloid, R: 1.0}
+  loading: {delta: 0.01, steps: 1}
+vary:
+"""
+
+
+@pytest.mark.parametrize(
+    ("varied", "questions"),
+    [
+        ("contact: [{method: penalty}, {method: nitsche}]", 1),
+        ("mesh.h_contact: [0.1, 0.05]", 1),
+        ("contact.friction: [0, 0.3, stick]", 3),
+        ("contact: [{method: auto}, {method: auto, friction: stick}]", 2),
+        ("contact.gap: [reference, current]", 2),
+    ],
+)
+def test_another_surface_is_another_question(varied: str, questions: int, tmp_path: Path) -> None:
+    """A method or a mesh is another answer to the same one; friction changes what is asked."""
+    study = tmp_path / "study.yaml"
+    study.write_text(f"{SCENE}  {varied}\n")
+    found = cases.asked_for(study_file.read(study))[0]
+    assert len({case.problem for case in found}) == questions
+
+
+def test_another_experiment_is_another_run(tmp_path: Path) -> None:
+    """On one curve: works differ in what they come to, so runs are not shared; equal ones are."""
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        f"{SCENE}  experiment: [{{adhesion: {{work: 1.0e-3}}}}, {{adhesion: {{work: 2.0e-3}}}}, "
+        "{adhesion: {work: 1.0e-3}}]\n"
+    )
+    first, second, third = cases.asked_for(study_file.read(study))[0]
+    assert first.id == third.id != second.id
+    assert len(cases.unique([first, second, third])) == 2
