@@ -272,8 +272,9 @@ SMALL = SCENE.format(
 
 def program(draw: str) -> list[str]:
     """`run scene.yaml` with something else in the place where gmsh draws."""
-    imports = "import os, time\nfrom indent_sim.cli import commands\nfrom indent_sim.mesh import gmsh"
-    script = f"{imports}\ngmsh._draw = lambda *_: {draw}\ncommands.main()"
+    imports = "import os, time\nfrom unittest import mock\nfrom indent_sim.cli import commands"
+    patch = f"mock.patch('indent_sim.mesh.gmsh._prescribe_sizes', lambda *_: {draw})"  # AttributeError once renamed
+    script = f"{imports}\nwith {patch}:\n    commands.main()"
     return ["-c", script, "run", "scene.yaml", "--output", "out"]
 
 
