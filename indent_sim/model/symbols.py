@@ -309,16 +309,3 @@ PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])
 def lookup(name: str, section: str = "") -> Symbol | None:
     """The entry of a name, the section's own before the general one; None when it has none."""
     return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)
-
-
-def symbols_markdown() -> str:
-    """docs/symbols.md."""
-    parts = [
-        "# Symbols\n\nGenerated from `indent_sim/model/symbols.py` by `python -m indent_sim.config.reference`.\n",
-        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
-    ]
-    for title, group in GROUPS.items():
-        rows = [f"| `{s.name}` | {f'${s.latex}$' if s.latex else ''} | {s.meaning} | {s.dimension} |" for s in group]
-        head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
-        parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
-    return "\n".join(parts)

@@ -8,10 +8,11 @@ import re
 from typing import get_args, get_origin
 
 import pytest
+from reference_pages import config_markdown
 
-from indent_sim.config import reference, schema
+from indent_sim.config import schema
+from indent_sim.config.json_schema import json_schema, sections_and_kinds
 from indent_sim.config.key_types import core, hints, members
-from indent_sim.config.reference import config_markdown, json_schema
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
@@ -48,7 +49,7 @@ def test_every_key_has_a_meaning(section, kind, name):
         assert symbol.dimension == unit.words
 
 
-@pytest.mark.parametrize(("section", "kind"), [("", Config), *reference._kinds()])
+@pytest.mark.parametrize(("section", "kind"), [("", Config), *sections_and_kinds()])
 def test_what_has_a_dimension_is_marked_with_it(section, kind):
     """Quantities are converted, and numbers scaled, by the marks."""
     for name, hint in hints(kind).items():
