@@ -45,9 +45,25 @@ def load_older(path: str | os.PathLike[str]) -> Config:
     """The config of a result, whose version may have known keys that are gone; errors as of `load`."""
     document, source = read_document(path)
     for name, key in schema.GONE:
-        if isinstance(section := document.get(name), dict):
-            section.pop(key, None)
+        section = document.get(name)
+        if isinstance(section, dict) and (value := section.pop(key, None)) and name == "experiment":
+            _move(document, key, value)
     return _validated(document, source)
+
+
+def _move(document: Document, key: str, value: Any) -> None:
+    """Put what stood in `experiment` where it has moved to: a history in place of the loading, a relaxation to every
+    material."""
+    if schema.MOVED[key] == "loading":
+        document["loading"] = {key: value}
+    else:
+        body = document.get("body") or {}
+        owners = (document, *(body.get("layers") or ()), *(body.get("inclusions") or ()))
+        laws = [owner["material"] for owner in owners if owner.get("material")]
+        for law in (*laws, *(body.get("regions") or {}).values()):
+            law[key] = value
+    if not document.get("experiment"):
+        document.pop("experiment", None)
 
 
 def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
@@ -282,9 +298,10 @@ def _checked(document: Document, source: Source) -> Config:
         source = dataclasses.replace(source, quantities=quantities)
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
-        if config.loading is not None and LISTS & set(config.loading.given) and "steps" in document["loading"]:
-            of, given = ("delta", "deltas") if config.loading.deltas is not None else ("force", "forces")
-            raise ConfigError("loading.steps", f"belongs to {of}, and {given} are given", "remove one of them")
+        if "steps" in document["loading"] and not {"delta", "force"} & {*config.loading.given}:
+            given = config.loading.given[0]
+            of = "force" if "force" in given else "delta"
+            raise ConfigError("loading.steps", f"belongs to {of}, and {given} is given", "remove one of them")
     except ValidationError as error:
         raise in_words(error, document) from None
     config._source = source

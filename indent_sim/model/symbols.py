@@ -31,7 +31,7 @@ material: the elastic law of the body, of its layers where they have none of the
 indenter: the rigid tip: an analytic surface, never meshed
 contact: how contact is enforced
 loading: the path of the tip: which depths are asked for
-experiment: adhesion, relaxation and the instrument, computed from the solved curve
+experiment: how the curve is measured: adhesion without range, the instrument, oscillations, calibration
 mesh: element sizes, and how much of the body is modelled
 accuracy [1]: largest relative error of the force at any step, which chooses the mesh; fast = 0.05, balanced = 0.01,
   accurate = 0.001
@@ -91,6 +91,12 @@ Jm [1] $J_m$: limit of I1 - 3 (Gent)
 lambda_m [1] $\lambda_m$: limiting chain stretch (Arruda-Boyce)
 lame_lambda [pressure] $\lambda$: first Lamé constant, kappa - 2 mu / 3
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
+relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
+prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
+  exp(-t/tau_i)))
+power_law: E(t) = E (t/time)^-exponent
+exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
+time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
 ## Indenter
@@ -122,19 +128,14 @@ loading.force [force] $F$: final force of the whole body, > 0 pushes; the depth 
 steps [1]: number of equal steps to `delta` or `force`
 deltas [length] $\delta_i$: the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of the body
 forces [force] $F_i$: the forces one by one instead of `force`, unloading too; 0: the tip just touches, at delta = 0
+history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
+force_history [time, force]: the force in time, [t, force] each
+times [time] $t_i$: of the rows of a history; auto: every point and, between them, enough for a curve
 
 ## Experiment
 adhesion: attraction of tip and body: of a contact over a range, of an experiment without
 work [energy/length^2] $w$: work of adhesion: the energy that separates a unit of area
 range [length]: gap over which attraction falls by e; an experiment's for its Tabor number alone
-relaxation: how the modulus falls with time, everywhere alike, nu being constant
-prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
-  exp(-t/tau_i)))
-power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
-time [time] $t_0$: at which the power law's modulus is `material.E`
-history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
-force_history [time, force]: the force in time, [t, force] each
 cantilever: the spring that holds the tip
 frame: what gives way beside the body
 cantilever.stiffness [force/length] $k$: spring constant of the cantilever; in plane strain per length, a pressure

@@ -21,7 +21,7 @@ from indent_sim.results.pictures import canvas, experiment, panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.pictures.pressure import strongest_step
-from indent_sim.results.reader import Results, read_experiment, read_run
+from indent_sim.results.reader import Results, read_curve, read_run
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.xdmf import kept_steps
 
@@ -184,7 +184,7 @@ def _unit(results: Results, kind: str) -> str:
 def _experiment(results: Results) -> list[Table]:
     if not (results.path / EXPERIMENT).exists():
         return []
-    columns = read_experiment(results.path)
+    columns = read_curve(results.path)
     return [table_of(f"Rows of {EXPERIMENT}", list(columns), list(zip(*columns.values(), strict=True)))]
 
 
