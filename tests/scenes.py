@@ -32,6 +32,19 @@ def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
     return resolve(from_mapping(given, overrides))
 
 
+def placed(sections: dict[str, Any]) -> dict[str, Any]:
+    """Sections of a scene with the relaxation and the history that stand in one dict with the instrument, for short,
+    where they belong: in the material and in place of the loading."""
+    given = dict(sections)
+    experiment = dict(given.pop("experiment", {}))
+    is_moved = {"relaxation", "history", "force_history"} & {*experiment}
+    if "relaxation" in experiment:
+        given["material"] = given["material"] | {"relaxation": experiment.pop("relaxation")}
+    path = {key: experiment.pop(key) for key in ("history", "force_history") if key in experiment}
+    kept = {"experiment": experiment} if experiment or ("experiment" in sections and not is_moved) else {}
+    return given | ({"loading": path} if path else {}) | kept
+
+
 def with_penalty(base: Scene, epsilon_n: float) -> Scene:
     """The same scene by the penalty method of this stiffness [E/height of the body]."""
     return base.with_physics(contact=Penalty(epsilon_n=epsilon_n))
