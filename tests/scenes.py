@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 from typing import Any
 
@@ -39,7 +40,12 @@ def placed(sections: dict[str, Any]) -> dict[str, Any]:
     experiment = dict(given.pop("experiment", {}))
     is_moved = {"relaxation", "history", "force_history"} & {*experiment}
     if "relaxation" in experiment:
-        given["material"] = given["material"] | {"relaxation": experiment.pop("relaxation")}
+        given, body = copy.deepcopy(given), copy.deepcopy(given["body"])
+        parts = [given, *(body.get("layers") or []), *(body.get("inclusions") or [])]
+        for part in (part for part in parts if "material" in part):
+            part["material"] = part["material"] | {"relaxation": experiment["relaxation"]}
+        given["body"] = body
+        del experiment["relaxation"]
     path = {key: experiment.pop(key) for key in ("history", "force_history") if key in experiment}
     kept = {"experiment": experiment} if experiment or ("experiment" in sections and not is_moved) else {}
     return given | ({"loading": path} if path else {}) | kept

@@ -16,6 +16,7 @@ Force = Annotated[float, Gt(0), FORCE]
 Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
 WAYS = ("delta", "deltas", "force", "forces", "history", "force_history")  # to say the path, one of them
+STEPPED = ("delta", "force")  # those that have steps
 Control = Literal["depth", "force"]
 
 

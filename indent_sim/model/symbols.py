@@ -145,7 +145,7 @@ calibration: relative uncertainties of the instrument
 calibration.stiffness [1]: relative uncertainty of the cantilever's stiffness
 calibration.R [1]: relative uncertainty of the tip's radius
 t [time] $t$: time
-branch: approach, hold or retract; of an equilibrium curve stable or unstable
+branch: approach, hold or retract of a history; of an equilibrium curve stable or unstable
 frequency [1/time]: cycles per time
 storage [force/length] $K'$: in-phase stiffness of the contact
 loss [force/length] $K''$: out-of-phase stiffness of the contact
@@ -205,6 +205,7 @@ p_max_error [pressure]: half-width of the error bar on the largest pressure
 delta_error [length]: half-width of the error bar on a depth that is found for a force
 stick_radius_error [length]: half-width of the error bar on the stick radius; with friction
 dissipation_error [energy]: half-width of the error bar on the dissipation; with friction
+calibration_error [force]: what the instrument's calibration leaves unknown of the force; with a history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
 intrusion [length]: how deep the tip lies inside the surface beside that which it may touch
 overlap [length]: how deep a whole surface facet lies inside the tip's own shape; current gap
@@ -263,7 +264,7 @@ peak_memory_MB [MB]: largest memory of the process during the run, and of the on
 x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene
 y [length] $y$: undeformed position along y; 0 in a scene with two dimensions
 u [length] $u$: displacement
-z [length] $z$: height of the undeformed point, 0 on a flat top; in experiment.csv the way of the cantilever's base,
+z [length] $z$: height of the undeformed point, 0 on a flat top; of a row the way of the cantilever's base,
   delta + force/k + c force
 u_x [length] $u_x$: displacement along x; along the radius in an axisymmetric scene
 u_y [length] $u_y$: displacement along y

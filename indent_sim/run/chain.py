@@ -25,14 +25,14 @@ from indent_sim.results.folder import asked_from
 from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Asked, Attempt, asked_in, attempts, entry, foreseen, refuse_other_bars, unjudged
-from indent_sim.run.by_curve import BARS, CurveWalk
-from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, bearer, beside, softer, sticks, ways
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.run.summary import stages
+from indent_sim.run.walks.by_curve import BARS, CurveWalk
+from indent_sim.run.walks.by_theory import TheoryWalk
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.given import mapped_skin, piece_of
 from indent_sim.scene.scene import Scene, resolve
@@ -208,8 +208,10 @@ class Run:
         return asdict(changed) | {"words": changed.words} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:
-        """The states of a scene without surface tables; what one failed to reach is missing, all where it ended."""
-        return self._beside("a run beside this one", lambda: list(states(scene, self.comm, with_surface=False)), [])
+        """The elastic states of a scene without surface tables; what one failed to reach is missing, all where it
+        ended."""
+        elastic = replace(scene, history=None)
+        return self._beside("a run beside this one", lambda: list(states(elastic, self.comm, with_surface=False)), [])
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:

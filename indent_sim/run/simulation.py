@@ -20,14 +20,14 @@ from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.outline import drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.by_curve import CurveWalk
-from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars
 from indent_sim.run.plausibility import contradiction
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import fields_of
 from indent_sim.run.summary import stages, summary
+from indent_sim.run.walks.by_curve import CurveWalk
+from indent_sim.run.walks.by_theory import TheoryWalk
 from indent_sim.scene.scene import Scene
 
 AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, relative

@@ -144,7 +144,9 @@ def test_a_history_is_a_loading() -> None:
         from_mapping(SCENE | {"loading": {"history": RAMP, "steps": 3}})
 
 
-@pytest.mark.parametrize(("key", "section"), [("history", "loading"), ("force_history", "loading"), ("relaxation", "material")])
+@pytest.mark.parametrize(
+    ("key", "section"), [("history", "loading"), ("force_history", "loading"), ("relaxation", "material")]
+)
 def test_keys_that_have_moved(key: str, section: str) -> None:
     with pytest.raises(ConfigError) as refused:
         from_mapping(SCENE | {"experiment": {key: SLOW if key == "relaxation" else RAMP}})
