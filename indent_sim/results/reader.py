@@ -159,6 +159,7 @@ REPORT_SHAPE = _mapping(
     adhesion=GenericAlias(dict, (str, Known | PLACE)) | None,
     experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, PLACE)) | None) | None) | None,
     mesh=_mapping(hash=str) | None,
+    time=_mapping(way=str, method=str, why=str) | None,
 )
 
 

@@ -169,8 +169,7 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     experiment: dict[str, Any] = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": TWICE}
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
-    assert base.experiment is not None
-    one = _Evaluation(base, base.experiment, chain.condense(base).equilibrium)
+    one = _Evaluation(base, chain.condense(base).equilibrium)
     surface, asked = one.surface(0.01), [t for t, _ in TWICE[1:]]
     forces = []
     for step in (0.01, 0.005):
@@ -189,8 +188,7 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
     depths, superposed by the modulus, is the same force, but for a point that touches between two of them: 1e-4."""
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
-    assert base.experiment is not None
-    one = _Evaluation(base, base.experiment, chain.condense(base).equilibrium)
+    one = _Evaluation(base, chain.condense(base).equilibrium)
     surface, t = one.surface(0.01), np.linspace(0, 1, 2001)
     elastic = SurfaceContact(surface, surface.A)
     force = [float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas)) for x in t]
@@ -329,7 +327,7 @@ def test_uncertainties_of_the_instrument() -> None:
     findings = found(HALF_SPACE, experiment)
     assert findings.report["calibration"] == pytest.approx({"force": 0.1, "modulus": math.hypot(0.1, 0.025)})
     last = findings.rows[-1]
-    assert last.force_error == pytest.approx(0.1 * last.force)
+    assert last.calibration_error == pytest.approx(0.1 * last.force)
 
 
 # E of a fit with a radius of 1.1 in place of 1, by theory: on a half-space 5 % too small, on thin layers more than 10 %
