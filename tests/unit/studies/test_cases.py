@@ -55,7 +55,7 @@ def test_another_experiment_is_another_run(tmp_path: Path) -> None:
     [
         "loading: [{history: [[0, 0], [1, 0.01]]}, {history: [[0, 0], [2, 0.01]]}]",
         "loading: [{history: [[0, 0], [1, 0.01]]}, {history: [[0, 0], [1, 0.01]], times: [0.5]}]",
-        "material.relaxation: [{prony: [[0.5, 1.0]]}, {prony: [[0.5, 2.0]]}]\n  loading: [{history: [[0, 0], [1, 0.1]]}]",
+        "material.relaxation: [{prony: [[0.5, 1]]}, {prony: [[0.5, 2]]}]\n  loading: [{history: [[0, 0], [1, 0.1]]}]",
     ],
 )
 def test_another_history_or_relaxation_is_another_run(varied: str, tmp_path: Path) -> None:
