@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import inf
 from typing import Annotated, Literal
 
 from annotated_types import Gt, Le, Len
@@ -11,7 +12,8 @@ from annotated_types import Gt, Le, Len
 from indent_sim.model.units import FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
 
 MOST_STEPS, MOST_POINTS = 100_000, 10_000
-HISTORY_ROWS = 200  # of a history at least, and at most as many more
+HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
+PIECE_ROWS = 20  # of each piece of a history on the whole body
 Force = Annotated[float, Gt(0), FORCE]
 Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
@@ -22,10 +24,23 @@ Control = Literal["depth", "force"]
 
 @dataclass(frozen=True)
 class LoadPath:
-    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]."""
+    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]; in time, the
+    time and the branch of each too, and the values that the tip passes before it, where it turns between two rows."""
 
     control: Control
     values: tuple[float, ...]
+    times: tuple[float, ...] = ()
+    branches: tuple[str, ...] = ()
+    turns: tuple[tuple[float, ...], ...] = ()
+
+    def leg(self, step: int) -> tuple[float, ...]:
+        """The values on the way to a step [from 1], its own the last."""
+        return (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
+
+    def without_units(self, unit: float) -> LoadPath:
+        """The same with values in a unit; times stay."""
+        turns = tuple(tuple(value / unit for value in passed) for passed in self.turns)
+        return replace(self, values=tuple(value / unit for value in self.values), turns=turns)
 
     @property
     def kept(self) -> frozenset[int]:
@@ -115,6 +130,31 @@ class History:
             found += [Instant(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
             found.append(Instant(t1, v1, branch))
         return tuple(found)
+
+    @property
+    def path(self) -> LoadPath:
+        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a hold, the state after a
+        jump; or those at its `times`."""
+        found = [] if len(self.from_rest) > len(self.points) else [(*self.points[0], "approach")]
+        for (t0, v0), (t1, v1) in pairwise(self.from_rest):
+            rows = PIECE_ROWS if t1 > t0 and v1 != v0 else 1
+            branch = branch_of(v0, v1)
+            found += [(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
+            found.append((t1, v1, branch))
+        if not self.times:
+            times, values, branches = zip(*found, strict=True)
+            return LoadPath(self.control, values, times, branches)
+        rows, turns = [], []
+        after = -inf
+        for t in self.times:
+            through = self.through_its_times.points
+            passed = [value for time, value in through if after < time <= t]
+            turns.append(tuple(passed[:-1]))
+            branch = next((branch for time, _, branch in found if time >= t), found[-1][2])
+            rows.append((passed[-1], branch))
+            after = t
+        values, branches = zip(*rows, strict=True)
+        return LoadPath(self.control, values, self.times, branches, tuple(turns))
 
     def without_units(self, unit: float) -> History:
         """The same with values in a unit; times stay."""
