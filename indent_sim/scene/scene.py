@@ -20,7 +20,7 @@ from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_material, of_theory, of_whole_contact
 from indent_sim.scene.expected import ExpectedAdhesion, Stick, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Given, Physics, given_by, on_finite_body
+from indent_sim.scene.given import Given, Physics, given_by, in_time, on_finite_body
 from indent_sim.scene.sizing import AT_END
 from indent_sim.theory.surface.no_slip import Rubbed
 from indent_sim.theory.theory import Theory
@@ -65,7 +65,7 @@ class Scene:
     solver: SolverSettings
     plan: Plan
     experiment: Experiment | None = None  # what is computed from the solved curve, without units
-    # What its rows follow on the elastic curve, whose path is that of the physics, without units; None: the path says it
+    # What its rows follow on the elastic curve, that of the physics' path, without units; None where the path says it
     history: History | None = None
     relaxation: Relaxation | None = None
 
