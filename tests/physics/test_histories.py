@@ -49,8 +49,8 @@ def test_rows_at_some_times_are_among_all_of_them() -> None:
     at = {state.t: state for state in every}
     assert [state.force for state in some] == [at[state.t].force for state in some]
     lost = np.cumsum([state.dissipation for state in every])
-    found = np.cumsum([state.dissipation for state in some])
-    assert found == pytest.approx([lost[every.index(at[state.t])] for state in some], rel=1e-12)
+    lossy = np.cumsum([state.dissipation for state in some])
+    assert lossy == pytest.approx([lost[every.index(at[state.t])] for state in some], rel=1e-12)
 
 
 def test_forces_in_time() -> None:
