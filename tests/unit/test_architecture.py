@@ -61,6 +61,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "mpi4py": ("fe/", "run/", "cli/"),
     "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
     "meshio": ("mesh/mesh_file.py",),
+    "afmformats": ("results/measured/afm_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
     "matplotlib": ("results/pictures/", "studies/picture.py"),
     "scipy": ("theory/", "fe/"),
