@@ -1,0 +1,171 @@
+"""Other models: what else may make a curve, and whether the scene's own model is refuted by one of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.schema import Config
+from indent_sim.fitting.elastic_table import NoTable
+from indent_sim.fitting.estimate import Estimate, Model, averaged_at
+from indent_sim.fitting.forces import Forces
+from indent_sim.fitting.noise import f_test
+from indent_sim.fitting.parameters import WORK, Parameter
+from indent_sim.model.body import HalfSpace, InfiniteLayer
+from indent_sim.process.errors import IndentSimError
+
+Name = Literal["thickness", "adhesion", "relaxation", "tip"]
+WIDEST_LAYER, THINNEST = 20.0, 1.15  # contact radii that a free thickness may have, and depths at least
+HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
+WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
+FRACTIONS, TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
+LARGEST_CHANGE, CHANGES = 1.0, (-0.2, 0.0, 0.2)  # of the depth's exponent, and where it begins
+RELAXATION = "experiment.relaxation.prony[0][0]", "experiment.relaxation.prony[0][1]"
+TIP = "tip"  # a free exponent is no key of a scene
+
+
+@dataclass(frozen=True)
+class Other:
+    """Another model on the same curve: its name, the probability p of gaining as much by accident, its estimate, the
+    keys that it fits beside the scene's, and their values."""
+
+    name: Name
+    p: float
+    estimate: Estimate
+    added: dict[str, float]
+
+
+class FreeExponent(Forces):
+    """A scene whose force rises with another power of the depth: F (delta/deepest)^q, q the last coordinate.
+
+    A tip of another shape does that; at the deepest point of the table the force is the scene's own.
+    """
+
+    def __init__(self, forces: Forces):
+        self.__dict__.update(forces.__dict__)
+        self._forces = forces
+        self.parameters = (
+            *forces.parameters,
+            Parameter(TIP, 0.0, "shape", -LARGEST_CHANGE, LARGEST_CHANGE, is_linear=True),
+        )
+
+    def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+        """The scene's forces times the power of the depth; with a spring of its way."""
+        force = self._forces(theta[:-1], x, t)
+        share = np.maximum(x, 1e-9 * self.deepest) / self.deepest
+        return force * share ** float(theta[-1])
+
+
+def others(estimate: Estimate, config: Config, radius: float) -> list[Other]:
+    """The models that may stand beside a scene's own, each fitted from several starts in its own noise.
+
+    radius: of the contact at the deepest sample [length]. A model that the scene has already, or that cannot be
+    computed for it, is left out.
+    """
+    found = (_fitted(name, estimate, config, radius) for name in ("thickness", "adhesion", "relaxation", "tip"))
+    return sorted((one for one in found if one is not None), key=lambda one: one.p)
+
+
+def _fitted(name: Name, estimate: Estimate, config: Config, radius: float) -> Other | None:
+    try:
+        best = _best(estimate, list(_candidates(name, estimate, config, radius)))
+    except (IndentSimError, NoTable, ValueError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    if best is None:
+        return None
+    p = refuted(estimate, best)
+    added = {one.key: one.value(float(x)) for one, x in zip(best.model.forces.parameters, best.theta, strict=True)}
+    return Other(name, p, best, {key: value for key, value in added.items() if key not in estimate.model.forces.keys})
+
+
+def _best(estimate: Estimate, candidates: Sequence[tuple[Forces, np.ndarray]]) -> Estimate | None:
+    """The candidate that leaves least, its noise beside it."""
+    best: tuple[float, Model, np.ndarray] | None = None
+    rest = estimate.ordinary[estimate.model.size :]
+    for forces, theta in candidates:
+        model = Model(forces, estimate.model.samples, estimate.model.unknowns)
+        try:
+            p, size = model.fitted(np.array([*theta, *rest]))
+        except (NoTable, np.linalg.LinAlgError):
+            continue
+        if best is None or size < best[0]:
+            best = size, model, p
+    return Estimate(best[1], best[2], best[2], averaged_at(best[1], best[2])) if best else None
+
+
+def refuted(scene: Estimate, richer: Estimate) -> float:
+    """The probability that a richer model gains as much by accident: an F test in the noise beside the richer one."""
+    noise = richer.found.likeliest
+    left, best = (float(r @ noise.whitened(r)[0]) for r in (scene.model.residual(_again(scene, noise)), _own(richer)))
+    m = len(richer.p) - len(scene.p)
+    return f_test(max(left - best, 0.0), m, best, len(richer.model.samples) - len(richer.p))
+
+
+def _again(scene: Estimate, noise: Any) -> np.ndarray:
+    return scene.model.fitted(scene.ordinary, noise, rounds=10)[0]
+
+
+def _own(richer: Estimate) -> np.ndarray:
+    p, _ = richer.model.fitted(richer.p, richer.found.likeliest, rounds=10)
+    return richer.model.residual(p)
+
+
+def _candidates(name: Name, estimate: Estimate, config: Config, radius: float) -> Iterator[tuple[Forces, np.ndarray]]:
+    """The model's forces and the coordinates from which it is fitted."""
+    forces, theta = estimate.model.forces, estimate.ordinary[: estimate.model.size]
+    if name == "tip":
+        free = FreeExponent(forces)
+        yield from ((free, np.array([*theta, q])) for q in CHANGES)
+    elif name == "thickness":
+        yield from _thickness(forces, theta, config, radius)
+    elif name == "adhesion" and not forces.adheres and not forces.relaxes:
+        rise = estimate.rise / radius
+        held = with_experiment(config, adhesion={"work": WORKS[0] * rise})
+        other = Forces(held, (*forces.keys, WORK), forces.deepest)
+        yield from ((other, np.array([*theta, math.log(share * rise)])) for share in WORKS)
+    elif name == "relaxation" and not forces.adheres and not forces.relaxes and estimate.model.samples.t is not None:
+        t, x = estimate.model.samples.t, estimate.model.samples.x
+        span = float(np.ptp(t[x > estimate.contact_point]))
+        for share in TIMES:
+            ramp = [[0.0, 0.0], [span, forces.deepest]]  # of no use to a fit, but relaxation needs a time
+            held = with_experiment(config, relaxation={"prony": [[FRACTIONS[0], share * span]]}, history=ramp)
+            other = Forces(held, (*forces.keys, *RELAXATION), forces.deepest)
+            instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
+            yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
+
+
+def _harder(theta: np.ndarray, scaling: int | None, factor: float) -> np.ndarray:
+    moved = theta.copy()
+    if scaling is not None:
+        moved[scaling] += math.log(factor)
+    return moved
+
+
+def _thickness(forces: Forces, theta: np.ndarray, config: Config, radius: float) -> Iterator[tuple[Forces, np.ndarray]]:
+    """A homogeneous body of free height; one whose height is fitted already has none."""
+    body, key = config.body, "body.height"
+    if key in forces.keys or not isinstance(body, HalfSpace | InfiniteLayer) or body.layers or body.inclusions:
+        return
+    least, most = THINNEST * forces.deepest, WIDEST_LAYER * radius
+    if isinstance(body, InfiniteLayer):
+        base = config
+    else:
+        document = to_mapping(config)
+        document["body"] = {"shape": "layer", "height": max(4.0 * radius, 2.0 * least)}
+        base = from_mapping(document)
+    other = Forces(base, (*forces.keys, key), forces.deepest)
+    for share in HEIGHTS:
+        height = min(max(share * radius, 1.1 * least), most)
+        yield other, np.array([*theta, math.log(height)])
+
+
+def with_experiment(config: Config, **parts: Any) -> Config:
+    """The scene with a part added to its experiment; ConfigError where that cannot be."""
+    document = to_mapping(config)
+    document["experiment"] = {**document.get("experiment", {}), **parts}
+    return from_mapping(document)
