@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Chebyshev
@@ -47,7 +47,8 @@ class Table:
     """The elastic curve of one scene: F = delta^power exp g(s), s = sqrt(delta/deepest), in the scene's units.
 
     coefficients (13,) of Chebyshev's polynomials of s; punches (4, 13) of ln delta_1, ln F_1, ln K, ln K' over ln a up
-    to the radius `widest`, where adhesion asks for them; error: relative half-width of the force's error bar.
+    to the radius `widest`, where adhesion asks for them; error: relative half-width of the force's error bar; radius
+    [length]: of the contact at the deepest.
     """
 
     deepest: float
@@ -56,6 +57,7 @@ class Table:
     punches: np.ndarray | None = None
     widest: float = 0.0
     error: float = 0.0
+    radius: float = 0.0
 
     def force(self, delta: np.ndarray) -> np.ndarray:
         """The force [force] at depths [length] (n,), 0 out of contact; beyond the deepest it goes on as a power."""
@@ -103,7 +105,7 @@ class Lattice:
     def _table(self, array: np.ndarray) -> Table:
         coefficients, rest = array[: DEGREE + 1], array[DEGREE + 1 :]
         punches, widest = (rest[:-1].reshape(4, -1), math.exp(rest[-1])) if len(rest) else (None, 0.0)
-        return Table(self.deepest, self.first.power, coefficients, punches, widest, self.first.error)
+        return replace(self.first, coefficients=coefficients, punches=punches, widest=widest)
 
     def _window(self, axis: int, value: float) -> tuple[list[int], list[float]]:
         """Nodes around a value along one axis, those that exist, and Lagrange's weights."""
@@ -173,7 +175,8 @@ def _by_theory(scene: Scene, deepest: float, wants_punches: bool, power: float |
     power = _power(depths, forces) if power is None else power
     g = Chebyshev.fit(S, np.log(forces) - power * np.log(depths), DEGREE, domain=DOMAIN)
     punches, widest = _punches(scene, punches_of(scene), deepest) if wants_punches else (None, 0.0)
-    return Table(deepest, power, g.coef, punches, widest)
+    radius = curve[-1].a * scales.length
+    return Table(deepest, power, g.coef, punches, widest, radius=radius)
 
 
 def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> Table:
@@ -198,7 +201,8 @@ def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | N
     added = np.where(S[used][0] > S, ratio(S[used][0]), ratio(S))
     g = Chebyshev.fit(S, known + added - power * np.log(depths), DEGREE, domain=DOMAIN)
     punches, widest = _punches_on_mesh(scene, deepest) if wants_punches else (None, 0.0)
-    return Table(deepest, power, g.coef, punches, widest, math.hypot(scatter, _bar(scene, found, depths)))
+    error = math.hypot(scatter, _bar(scene, found, depths))
+    return Table(deepest, power, g.coef, punches, widest, error, found[-1].a)
 
 
 def _punches_on_mesh(scene: Scene, deepest: float) -> tuple[np.ndarray, float]:

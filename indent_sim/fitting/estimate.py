@@ -28,6 +28,7 @@ MOST_PILOT, MOST_POINTS = 400, 1500  # block means
 CONTACTS, ENDS = 80, (2.0, 97.0)  # contact points that are tried, between these percentiles of x
 BASELINE_KEPT, LEAST_BASELINE = 1.5, 0.02  # depths before contact that count, and share of the range at least
 ROUNDS, LARGEST_STEP, LARGEST_SHIFT = 40, 1.0, 0.3  # of a fit, in coordinates and of the contact point in depths
+SETTLED = 1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
 WORSE = 1.1  # of the rms: a fit in correlated noise that leaves more forgives residuals
 OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)  # of a parameter's coordinate from the scene's own, where fits begin
 LINEAR_OFFSETS = (0.0, -0.1, 0.1)
@@ -141,10 +142,12 @@ class Model:
         for _ in range(rounds):
             VJ = noise.whitened(J)[0]
             A, g = J.T @ VJ, VJ.T @ r
-            diagonal = np.where(np.diag(A) > 0, np.diag(A), 1.0)
-            done = True
+            if not (np.isfinite(A).all() and np.isfinite(g).all()):
+                raise ValueError("the forces are no numbers")
+            scale = np.sqrt(np.where(np.diag(A) > 0, np.diag(A), 1.0))
+            A, g, done = A / np.outer(scale, scale), g / scale, True
             for _ in range(8):
-                step = np.linalg.lstsq(A + damping * np.diag(diagonal), g, rcond=1e-14)[0]
+                step = np.linalg.solve(A + damping * np.eye(len(g)), g) / scale
                 new = self._inside(p + self._shortened(step))
                 try:
                     r_new = self.residual(new)
@@ -152,7 +155,7 @@ class Model:
                 except NoTable:
                     smaller = math.inf
                 if smaller < size:
-                    done = size - smaller < 1e-9 * size
+                    done = size - smaller < SETTLED * size
                     p, r, size, damping = new, r_new, smaller, max(0.2 * damping, 1e-9)
                     break
                 damping *= 6.0
@@ -258,7 +261,7 @@ def refuse_hopeless(samples: Samples) -> None:
     """Refused for a curve that no scene is worth fitting to."""
     n, force = len(samples), samples.force
     if n < FEWEST_POINTS:
-        raise Refused(f"{n} points")
+        raise Refused(f"{n} points" if n != 1 else "1 point")
     if not np.ptp(force) > 0 or not np.ptp(samples.x) > 0:
         raise Refused("no contact: the force does not change")
     most = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
@@ -342,7 +345,7 @@ def fit(forces: Forces, samples: Samples, unknowns: Unknowns) -> Estimate:
     if len(near) < FEWEST_POINTS:
         raise Refused(f"no contact: {len(near)} points in contact")
     model = Model(forces, near, unknowns)
-    estimate = estimated(model, _rebased(few, model, best[0]))
+    estimate = estimated(model, rebased(few, model, best[0]))
     _refuse_weak(estimate)
     return estimate
 
@@ -360,7 +363,7 @@ def nearby(samples: Samples, c: float) -> Samples:
     return samples.where(samples.x > c - max(BASELINE_KEPT * depth, LEAST_BASELINE * span)).means(MOST_POINTS)
 
 
-def _rebased(old: Model, new: Model, p: np.ndarray) -> np.ndarray:
+def rebased(old: Model, new: Model, p: np.ndarray) -> np.ndarray:
     """The same line of the baseline in the mean and range of other samples."""
     span, spans = float(np.ptp(old.samples.x)), float(np.ptp(new.samples.x))
     slope = p[-1] / max(span, 1e-300)

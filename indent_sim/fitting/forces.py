@@ -7,6 +7,7 @@ Signs as everywhere: x > 0 in, F > 0 pushing; 0 before first touch. Units of the
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from scipy.signal import lfilter
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.elastic_table import LEAST_RADIUS, Lattice, Table
-from indent_sim.fitting.parameters import WORK, parameters_of
+from indent_sim.fitting.parameters import POWER, POWERS, WORK, Parameter, parameters_of
 from indent_sim.model.experiment import Experiment
 from indent_sim.theory.surface.relaxation import PowerLaw, Prony
 
@@ -26,6 +27,7 @@ SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
 SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
 SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power law are not seen
 MOST_ROUNDS, SETTLED = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
+NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
 SAME_PACE = 1e-6  # relative: samples at equal times
 
 
@@ -38,6 +40,7 @@ class Settings:
     work: float
     compliance: float
     modulus: Prony | PowerLaw | None
+    power: float = 0.0  # of the depth, beside the scene's own
 
 
 class Forces:
@@ -51,6 +54,7 @@ class Forces:
         self.config, self.keys, self.deepest = config, tuple(keys), deepest
         self.parameters = parameters_of(config, keys, deepest)
         self.experiment = config.experiment or Experiment()
+        self.pivot = deepest
         self.adheres = self.experiment.adhesion is not None
         self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
         self.lattice = Lattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
@@ -97,10 +101,10 @@ class Forces:
                 raise ValueError("a scene that relaxes needs times")
             return self._relaxed(table, at, x, t)
         if not at.compliance:
-            return at.scale * table.force(x)
+            return self._pressed(table, at, x)
         top = max(float(x.max(initial=0.0)), 1e-300)
         deep = min(top, 1.2 * self.deepest) * np.linspace(0.0, 1.0, SAMPLES_OF_WAY) ** 2
-        force = at.scale * table.force(deep)
+        force = self._pressed(table, at, deep)
         return np.where(x > 0, np.interp(x, deep + at.compliance * force, force), 0.0)
 
     def rigid(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -110,7 +114,12 @@ class Forces:
         if self.adheres:
             held = replace(at, compliance=0.0, modulus=None)
             return lambda delta: self._adhering(table, held, delta)
-        return lambda delta: at.scale * table.force(delta)
+        return lambda delta: self._pressed(table, at, delta)
+
+    def _pressed(self, table: Table, at: Settings, delta: np.ndarray) -> np.ndarray:
+        """The elastic force at depths: the scene's, times another power of the depth."""
+        force = at.scale * table.force(delta)
+        return force * np.maximum(delta / self.pivot, NEAR_ZERO) ** at.power if at.power else force
 
     def _settings(self, theta: np.ndarray) -> Settings:
         values = {one.key: one.value(float(x)) for one, x in zip(self.parameters, theta, strict=True)}
@@ -121,7 +130,17 @@ class Forces:
         compliance = 1.0 / values.get("experiment.cantilever.stiffness", held.stiffness) if held else 0.0
         compliance += values.get("experiment.frame.compliance", frame.compliance) if frame else 0.0
         varied = {one.key: values[one.key] for one in self.parameters if one.role == "relaxation"}
-        return Settings(scale, tuple(theta[self._shape]), work, compliance, relaxation_of(self.config, varied))
+        power = values.get(POWER, 0.0)
+        modulus = relaxation_of(self.config, varied)
+        return Settings(scale, tuple(theta[self._shape]), work, compliance, modulus, power)
+
+    def with_free_power(self, pivot: float) -> Forces:
+        """The same scene whose force rises with a free power of the depth beside its own, as under another tip; at the
+        depth `pivot` [length] the force is the scene's."""
+        other = copy.copy(self)
+        other.parameters = (*self.parameters, Parameter(POWER, 0.0, "power", *POWERS, is_linear=True))
+        other.keys, other.pivot = (*self.keys, POWER), pivot
+        return other
 
     def _adhering(self, table: Table, at: Settings, x: np.ndarray) -> np.ndarray:
         """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes off."""
@@ -141,13 +160,13 @@ class Forces:
     def _relaxed(self, table: Table, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The force of a relaxing body: depths behind a spring are found by rounds of Newton's kind."""
         law = prony_of(at.modulus, t)
-        force = relaxed(at.scale * table.force(x), t, law)
+        force = relaxed(self._pressed(table, at, x), t, law)
         if not at.compliance:
             return force
         delta, h = x.copy(), 1e-6 * self.deepest
         for _ in range(MOST_ROUNDS):
-            elastic = at.scale * table.force(delta)
-            stiffness = (at.scale * table.force(delta + h) - elastic) / h
+            elastic = self._pressed(table, at, delta)
+            stiffness = (self._pressed(table, at, delta + h) - elastic) / h
             force = relaxed(elastic, t, law)
             change = (x - delta - at.compliance * force) / (1.0 + at.compliance * stiffness)
             delta = delta + change

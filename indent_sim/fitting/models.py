@@ -12,21 +12,21 @@ import numpy as np
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.estimate import Estimate, Model, averaged_at
+from indent_sim.fitting.estimate import Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.forces import Forces
 from indent_sim.fitting.noise import f_test
-from indent_sim.fitting.parameters import WORK, Parameter
+from indent_sim.fitting.parameters import WORK
 from indent_sim.model.body import HalfSpace, InfiniteLayer
 from indent_sim.process.errors import IndentSimError
 
 Name = Literal["thickness", "adhesion", "relaxation", "tip"]
+EXPLORED, EXPLORING = 300, 15  # block means on which, and rounds for which the starts of a model are followed
 WIDEST_LAYER, THINNEST = 20.0, 1.15  # contact radii that a free thickness may have, and depths at least
 HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
 WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
 FRACTIONS, TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
-LARGEST_CHANGE, CHANGES = 1.0, (-0.2, 0.0, 0.2)  # of the depth's exponent, and where it begins
+CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
 RELAXATION = "experiment.relaxation.prony[0][0]", "experiment.relaxation.prony[0][1]"
-TIP = "tip"  # a free exponent is no key of a scene
 
 
 @dataclass(frozen=True)
@@ -38,27 +38,6 @@ class Other:
     p: float
     estimate: Estimate
     added: dict[str, float]
-
-
-class FreeExponent(Forces):
-    """A scene whose force rises with another power of the depth: F (delta/deepest)^q, q the last coordinate.
-
-    A tip of another shape does that; at the deepest point of the table the force is the scene's own.
-    """
-
-    def __init__(self, forces: Forces):
-        self.__dict__.update(forces.__dict__)
-        self._forces = forces
-        self.parameters = (
-            *forces.parameters,
-            Parameter(TIP, 0.0, "shape", -LARGEST_CHANGE, LARGEST_CHANGE, is_linear=True),
-        )
-
-    def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
-        """The scene's forces times the power of the depth; with a spring of its way."""
-        force = self._forces(theta[:-1], x, t)
-        share = np.maximum(x, 1e-9 * self.deepest) / self.deepest
-        return force * share ** float(theta[-1])
 
 
 def others(estimate: Estimate, config: Config, radius: float) -> list[Other]:
@@ -84,18 +63,24 @@ def _fitted(name: Name, estimate: Estimate, config: Config, radius: float) -> Ot
 
 
 def _best(estimate: Estimate, candidates: Sequence[tuple[Forces, np.ndarray]]) -> Estimate | None:
-    """The candidate that leaves least, its noise beside it."""
+    """The candidate that leaves least, its noise beside it; found on fewer samples, and ended on all."""
+    own = estimate.model
+    few = Model(own.forces, own.samples.means(EXPLORED), own.unknowns)
+    rest = rebased(own, few, estimate.ordinary)[own.size :]
     best: tuple[float, Model, np.ndarray] | None = None
-    rest = estimate.ordinary[estimate.model.size :]
     for forces, theta in candidates:
-        model = Model(forces, estimate.model.samples, estimate.model.unknowns)
+        model = Model(forces, few.samples, own.unknowns)
         try:
-            p, size = model.fitted(np.array([*theta, *rest]))
-        except (NoTable, np.linalg.LinAlgError):
+            p, size = model.fitted(np.array([*theta, *rest]), rounds=EXPLORING)
+        except (NoTable, ValueError, np.linalg.LinAlgError):
             continue
         if best is None or size < best[0]:
             best = size, model, p
-    return Estimate(best[1], best[2], best[2], averaged_at(best[1], best[2])) if best else None
+    if best is None:
+        return None
+    model = Model(best[1].forces, own.samples, own.unknowns)
+    p, _ = model.fitted(rebased(best[1], model, best[2]))
+    return Estimate(model, p, p, averaged_at(model, p))
 
 
 def refuted(scene: Estimate, richer: Estimate) -> float:
@@ -118,8 +103,9 @@ def _own(richer: Estimate) -> np.ndarray:
 def _candidates(name: Name, estimate: Estimate, config: Config, radius: float) -> Iterator[tuple[Forces, np.ndarray]]:
     """The model's forces and the coordinates from which it is fitted."""
     forces, theta = estimate.model.forces, estimate.ordinary[: estimate.model.size]
-    if name == "tip":
-        free = FreeExponent(forces)
+    if name == "tip" and not forces.adheres:
+        compliance = forces.experiment.compliance
+        free = forces.with_free_power(max(estimate.depth - compliance * estimate.rise, 1e-3 * estimate.depth))
         yield from ((free, np.array([*theta, q])) for q in CHANGES)
     elif name == "thickness":
         yield from _thickness(forces, theta, config, radius)

@@ -13,7 +13,8 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.model.units import Unit, field_units
 from indent_sim.process.errors import ConfigError
 
-Role = Literal["scale", "shape", "work", "relaxation", "spring"]
+Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
+POWER, POWERS = "exponent", (-1.0, 1.0)  # of the depth beside the scene's own: no key of a scene, and its range
 WORK = "experiment.adhesion.work"
 RELAXATION = ("experiment.relaxation", "material.relaxation")
 SPRINGS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")

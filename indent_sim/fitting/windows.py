@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.estimate import FEWEST_IN_CONTACT, Estimate, Model, averaged_at
+from indent_sim.fitting.estimate import FEWEST_IN_CONTACT, Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.noise import NORMAL_95
 
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the depth
@@ -51,7 +51,7 @@ def _window(estimate: Estimate, whole: np.ndarray, upper: float, end: float) -> 
         return None
     part = Model(model.forces, model.samples.where(inside), model.unknowns)
     try:
-        p, _ = part.fitted(_on(part, model, estimate.ordinary))
+        p, _ = part.fitted(rebased(model, part, estimate.ordinary))
         J = part.jacobian(p)[:, free]
         own = averaged_at(part, p)
     except (NoTable, ValueError, np.linalg.LinAlgError):
@@ -64,11 +64,3 @@ def _window(estimate: Estimate, whole: np.ndarray, upper: float, end: float) -> 
     sd = np.maximum(sd, LEAST_DEVIATION * own.sd[:k])
     theta = p[:k]
     return Window(upper, theta, own.sd[:k], (theta - estimate.ordinary[:k]) / np.where(sd > 0, sd, 1.0))
-
-
-def _on(part: Model, model: Model, p: np.ndarray) -> np.ndarray:
-    """The same baseline in the mean and range of the window's samples."""
-    span, spans = float(np.ptp(model.samples.x)), float(np.ptp(part.samples.x))
-    slope = p[-1] / max(span, 1e-300)
-    level = p[-2] + slope * (float(part.samples.x.mean()) - float(model.samples.x.mean()))
-    return np.array([*p[:-2], level, slope * spans])

@@ -79,6 +79,7 @@ def test_roles_and_numbers_of_keys():
 
 def test_two_layers_move_by_their_own_moduli():
     """F(E_1, E_2) is homogeneous of degree one, and right where both are interpolated."""
+
     def two(top, below):  # type: ignore[no-untyped-def]
         part = {"model": "linear_elastic", "nu": 0.4}
         return scene({"shape": "layer", "height": 1.2, "layers": [{"thickness": t, "material": part | {"E": E}}
