@@ -29,6 +29,7 @@ from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
+    from indent_sim.fitting.fit_folder import Fits
     from indent_sim.model.state import State
     from indent_sim.run.chain import Outcome
     from indent_sim.scene.scene import Scene
@@ -220,6 +221,8 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
     return found
 
 
+PARTS = ("approach", "hold", "retract", "all")  # of a measured curve
+SEGMENT_HELP = "Part of the curve; hold: up to its end."
 WITHIN_HELP = "Relative error of the force that is accepted."
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
@@ -326,6 +329,61 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
     with _quiet_libraries(logging.ERROR), stoppable():
         found = cheapest.require(load(config, overrides), within)
     say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
+
+
+@program.command()
+@click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, required=True, type=PATH)
+@click.option("--scene", required=True, type=PATH, help="Scene that is the model; its loading does not matter.")
+@click.option("--vary", "keys", required=True, multiple=True, metavar="KEY", help="Key to fit, e.g. material.E.")
+@set_option
+@click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help="Columns, by title or number from 1.")
+@click.option("--units", callback=_pairs, help="Units where a file says none, e.g. length=m,force=N.")
+@click.option("--segment", type=click.Choice(PARTS), default="approach", show_default=True, help=SEGMENT_HELP)
+@click.option("--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known.")
+@click.option("--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level.")
+@click.option("--models", flag_value="all", default="needed", help="Ask other models of every curve.")
+@click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Curves at the same time [1].")
+@click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
+@quiet_option
+@json_option
+def fit(curves: tuple[Path, ...], scene: Path, told: Told, form: Form, **how: Any) -> None:
+    """Fit keys of a scene to measured curves: text tables of any kind, AFM files. Prints the folder.
+
+    Contact point and baseline are always unknown. A call with the same folder goes on with the curves that lack a row.
+    """
+    _refuse_ranks()
+    require_room()
+    from indent_sim.config.scene_file import load
+
+    output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
+    with _quiet_libraries(LEVELS[told]), stoppable():
+        fits = _fit(curves, load(scene, how.pop("overrides")), output, tell if told == "all" else _silent, **how)
+    if fits.exit_code:
+        none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
+        none.beside = fits.as_json()
+        raise none
+    say_done({"directory": output} | fits.as_json()) if form == "json" else say(str(output))
+
+
+def _silent(line: str) -> None:
+    """Say nothing."""
+
+
+def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Callable[[str], None], **how: Any) -> Fits:
+    """The fits of some curves, with the options of the command line."""
+    from indent_sim.fitting import fit_folder
+    from indent_sim.fitting.curve_fit import Request
+    from indent_sim.fitting.inference.estimate import Unknowns
+
+    columns, units = how["columns"], how["units"]
+    if columns and not 2 <= len(columns) <= 3:
+        raise ConfigError("--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME")
+    if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
+        raise UsageError(f"--units {wrong[0]}: there are length, force, time")
+    unknowns = Unknowns(how["contact_point"], how["baseline"] == "tilted")
+    request = Request(config, how["keys"], how["segment"], unknowns, how["models"])
+    reading = fit_folder.Reading(columns, units)
+    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
 
 
 @program.command()

@@ -11,17 +11,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.config.scene_file import to_mapping, to_yaml
+from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting import models
 from indent_sim.fitting.elastic_table import NoTable, elastic_scene, solved
-from indent_sim.fitting.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
-from indent_sim.fitting.forces import Forces
-from indent_sim.fitting.models import Other, with_experiment
+from indent_sim.fitting.forces import Forces, Tables
+from indent_sim.fitting.inference import models
+from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
+from indent_sim.fitting.inference.models import Other, with_experiment
+from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
+from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
-from indent_sim.fitting.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
-from indent_sim.fitting.windows import windows
 from indent_sim.model.units import PRESSURE, Unit, unit_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part
@@ -32,7 +32,6 @@ from indent_sim.theory.solution import UNSOLVED
 
 ABOVE, DEEPER = 0.02, 1.3  # of the rise: where the contact begins at the latest; of its width: what is solved
 BARELY_DEEPER = 1.01  # times the width, where the body has no more
-MOST_TABLES = 100
 GRADES = 1.25  # ratio of the depths of tables, so that curves share them
 LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
 MEANS, HERTZ_POINTS = 200, 200
@@ -52,36 +51,10 @@ class Request:
     models: Models = "needed"
 
 
-class Tables:
-    """The forces of scenes to some depths, made once for all curves that share them."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, tuple[str, ...], float], Forces] = {}
-
-    def forces(self, config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
-        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
-        name = to_yaml(config), keys, deepest
-        if name not in self._known:
-            if len(self._known) >= MOST_TABLES:
-                self._known.clear()
-            self._known[name] = _new(config, keys, deepest)
-        return self._known[name]
-
-
-def _new(config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
-    for key in keys:
-        number_at(config, key)
-    try:
-        return Forces(config, keys, deepest)
-    except ConfigError as error:
-        elastic_scene(config, _own_depth(config))  # wrong whatever the depth
-        raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error
-
-
 @dataclass(frozen=True)
 class Drawn:
-    """What a picture and the curve's table show: depth and force off the baseline, the fit, each (n,), and the part
-    of the baseline that is shown; `named`: the fits of other models by name."""
+    """What a picture and the curve's table show: depth, force off the baseline and the fit, each (n,); `named`: the
+    fits of other models by name."""
 
     delta: np.ndarray
     force: np.ndarray
@@ -142,8 +115,8 @@ def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> 
     if deep > forces.deepest:
         forces = tables.forces(config, request.keys, DEEPER * deep)
         estimate = fit(forces, samples, request.unknowns)
-    verdict = _judged(estimate, config, request.models)
-    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(samples, verdict))
+    verdict = _judged(estimate, config, request.models, tables)
+    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
 
 
 def _prepared(curve: Measured, request: Request) -> tuple[Config, Samples, list[str]]:
@@ -180,19 +153,6 @@ def _forces(config: Config, keys: tuple[str, ...], samples: Samples, tables: Tab
         return tables.forces(config, keys, BARELY_DEEPER * width)
 
 
-def _own_depth(config: Config) -> float:
-    """A depth at which the scene itself must exist."""
-    loading = config.loading
-    if loading is not None and loading.delta is not None:
-        return loading.delta
-    return max(loading.deltas) if loading is not None and loading.deltas else 1e-3 * _size(config)
-
-
-def _size(config: Config) -> float:
-    height = getattr(config.body, "height", None)
-    return float(height or getattr(config.indenter, "R", None) or 1.0)
-
-
 def _width(samples: Samples, config: Config) -> float:
     """The depth of the part that lies above the baseline, at most [length]."""
     few = samples.means(MEANS)
@@ -210,12 +170,12 @@ def _depth_of(estimate: Estimate) -> float:
     return estimate.depth - estimate.model.forces.experiment.compliance * estimate.rise
 
 
-def _judged(estimate: Estimate, config: Config, wanted: Models) -> Verdict:
+def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) -> Verdict:
     forces = estimate.model.forces
     seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
     found: list[Other] = []
     if wanted == "all" or is_suspect(seen, shape, baseline):
-        found = models.others(estimate, config, forces.lattice.first.radius)
+        found = models.others(estimate, config, tables)
     uncertain = half_widths(estimate, forces.error, _calibration(config, forces))
     return Verdict(estimate, seen, shape, baseline, found, uncertain)
 
@@ -343,14 +303,14 @@ def _warnings(verdict: Verdict) -> list[str]:
 
 def _said(key: str, config: Config, value: float) -> str:
     """A value with its unit, where the scene has units."""
-    kind = _kind(config, key)
+    kind = kind_of(config, key)
     told = {"length": config.units.length, "force": config.units.force}
     if kind is None:
         return f"{value:.4g}"
     return scaled(kind, [Results(Path(), {}, {"units": told})], np.array([value]), key).said(value)
 
 
-def _kind(config: Config, key: str) -> str | None:
+def kind_of(config: Config, key: str) -> str | None:
     """Length, force or pressure, of a key of these dimensions."""
     unit = unit_of(spot_at(key_path(key), to_mapping(config)).type)
     names = {"length": "length", "force": "force", PRESSURE.words: "pressure"}
@@ -367,6 +327,16 @@ def _words(verdict: Verdict, config: Config) -> str:
     return " ".join([*said, f"The scene does not explain the curve; {other}".rstrip("; ")])
 
 
+def in_short(entry: Mapping[str, Any], config: Config) -> str:
+    """The intervals, and what stands against the scene, on one line."""
+    said = []
+    for key, stated in entry["parameters"].items():
+        value, low, high = (_said(key, config, stated[end]) for end in ("value", "low", "high"))
+        said.append(f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}")
+    against = f"not explained: {', '.join(entry['cause'])}" if entry["cause"] else "explained"
+    return "  ·  ".join([*said, against])
+
+
 def _sentence(verdict: Verdict, k: int, config: Config) -> str:
     one = verdict.estimate.model.forces.parameters[k]
     stated = verdict.stated(k)
@@ -381,13 +351,17 @@ def _sentence(verdict: Verdict, k: int, config: Config) -> str:
     return f"{text}; {alone}." if alone and not verdict.explained else f"{text}."
 
 
-def _drawn(samples: Samples, verdict: Verdict) -> Drawn:
-    """The curve off its baseline with the fit, from one and a half depths before contact on."""
+def _drawn(verdict: Verdict) -> Drawn:
+    """The curve off its baseline with the fits, over the depth behind the spring that the scene's has."""
     estimate = verdict.estimate
-    model = estimate.model
-    delta = model.samples.x - estimate.contact_point
-    named: dict[str, np.ndarray] = {one.name: one.estimate.model.contact(one.estimate.p) for one in verdict.named}
-    return Drawn(delta, model.samples.force - model.baseline(estimate.p), model.contact(estimate.p), named)
+    model, baseline = estimate.model, estimate.model.baseline(estimate.p)
+    fitted = model.contact(estimate.p)
+    delta = model.samples.x - estimate.contact_point - model.forces.experiment.compliance * fitted
+    named: dict[str, np.ndarray] = {}
+    for one in verdict.named:
+        other = one.estimate
+        named[one.name] = other.model.contact(other.p) + other.model.baseline(other.p) - baseline
+    return Drawn(delta, model.samples.force - baseline, fitted, named)
 
 
 def request_words(request: Request) -> Mapping[str, Any]:

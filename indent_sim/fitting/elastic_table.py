@@ -143,13 +143,16 @@ class Lattice:
 
 
 def elastic_scene(config: Config, deepest: float) -> Scene:
-    """The scene without its experiment, pressed to the depths of a table; ConfigError where it cannot exist."""
-    document = to_mapping(config)
-    document.pop("experiment", None)
-    document["loading"] = {"deltas": [float(deepest * s * s) for s in S]}
+    """The scene without its experiment, pressed to a depth, by a load path to the depths of a table; ConfigError where
+    it cannot exist."""
     if config.contact.adhesion:
         raise ConfigError("contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion")
-    return resolve(from_mapping(document))
+    document = to_mapping(config)
+    document.pop("experiment", None)
+    scene = resolve(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
+    if not scene.is_meshed or scene.solver.method == "condensed":
+        return scene
+    return resolve(from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}}))
 
 
 def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> Table:

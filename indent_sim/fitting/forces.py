@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import LEAST_RADIUS, Lattice, Table
-from indent_sim.fitting.parameters import POWER, POWERS, WORK, Parameter, parameters_of
+from indent_sim.fitting.elastic_table import LEAST_RADIUS, Lattice, NoTable, Table, elastic_scene
+from indent_sim.fitting.parameters import POWER, POWERS, WORK, Parameter, number_at, parameters_of
 from indent_sim.model.experiment import Experiment
+from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.relaxation import PowerLaw, Prony
 
 SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
@@ -28,6 +30,8 @@ SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
 SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power law are not seen
 MOST_ROUNDS, SETTLED = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
 NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
+MOST_TABLES = 100
+WIDEST_BODY = 20.0  # contact radii that a height may have: a thicker body is a half-space
 SAME_PACE = 1e-6  # relative: samples at equal times
 
 
@@ -58,6 +62,9 @@ class Forces:
         self.adheres = self.experiment.adhesion is not None
         self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
         self.lattice = Lattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
+
+        radius = self.lattice.first.radius
+        self.parameters = tuple(_within(one, WIDEST_BODY * radius) for one in self.parameters)
 
     @property
     def start(self) -> np.ndarray:
@@ -175,6 +182,12 @@ class Forces:
         return force
 
 
+def _within(parameter: Parameter, thickest: float) -> Parameter:
+    """A height no larger than tells anything."""
+    is_height = parameter.key.rpartition(".")[2] in ("height", "thickness")
+    return replace(parameter, high=max(thickest, 1.01 * parameter.start)) if is_height else parameter
+
+
 def relaxed(elastic: np.ndarray, t: np.ndarray, law: Prony) -> np.ndarray:
     """F = rest F_el + sum g_i h_i, dh_i/dt = dF_el/dt - h_i/tau_i: exact where F_el is linear between the times."""
     dt, rise = np.diff(t), np.diff(elastic)
@@ -217,3 +230,42 @@ def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> 
         return PowerLaw(exponent, time)
     terms = [[numbers.get(("prony", k, i), value) for i, value in enumerate(term)] for k, term in enumerate(law.prony)]
     return Prony(tuple(term[0] for term in terms), tuple(term[1] for term in terms))
+
+
+class Tables:
+    """The forces of scenes to some depths, made once for all curves that share them."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, tuple[str, ...], float], Forces] = {}
+
+    def forces(self, config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
+        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
+        name = to_yaml(config), keys, deepest
+        if name not in self._known:
+            if len(self._known) >= MOST_TABLES:
+                self._known.clear()
+            self._known[name] = _new(config, keys, deepest)
+        return self._known[name]
+
+
+def _new(config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
+    for key in keys:
+        number_at(config, key)
+    try:
+        return Forces(config, keys, deepest)
+    except ConfigError as error:
+        elastic_scene(config, _own_depth(config))  # wrong whatever the depth
+        raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error
+
+
+def _own_depth(config: Config) -> float:
+    """A depth at which the scene itself must exist."""
+    loading = config.loading
+    if loading is not None and loading.delta is not None:
+        return loading.delta
+    return max(loading.deltas) if loading is not None and loading.deltas else 1e-3 * _size(config)
+
+
+def _size(config: Config) -> float:
+    height = getattr(config.body, "height", None)
+    return float(height or getattr(config.indenter, "R", None) or 1.0)

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.forces import Forces
-from indent_sim.fitting.noise import Noise
+from indent_sim.fitting.inference.noise import Noise
 
 N = 300
 LAYER = {"shape": "layer", "height": 1.0}

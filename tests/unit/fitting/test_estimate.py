@@ -1,4 +1,4 @@
-"""Estimates of curves that were made up: the truth lies in its interval, wrong models are found, nonsense is refused."""
+"""Estimates of made-up curves: the truth lies in its interval, wrong models are found, nonsense is refused."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ import math
 
 import numpy as np
 import pytest
-from measurements import HALF_SPACE, LAYER, N, NOISES, drawn, measured, scene
+from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, scene
 from scipy.stats import binom
 
-from indent_sim.fitting import models
-from indent_sim.fitting.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
-from indent_sim.fitting.forces import Forces
-from indent_sim.fitting.noise import WHITE, NORMAL_95
+from indent_sim.fitting.forces import Forces, Tables
+from indent_sim.fitting.inference import models
+from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
+from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
+from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
+from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import WORK
-from indent_sim.fitting.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
-from indent_sim.fitting.windows import windows
 
 DEEPEST, C = 0.13, 0.013
+TABLES = Tables()
+RAMP = [[0, 0], [1, 0.1]]
 X, T = np.linspace(-0.1, 0.1, N), np.linspace(0, 2, N)
 
 
@@ -25,7 +27,7 @@ def judged(estimate: Estimate, config) -> Verdict:  # type: ignore[no-untyped-de
     """The verdict, other models asked where something stands against the scene."""
     seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
     is_asked = is_suspect(seen, shape, baseline)
-    others = models.others(estimate, config, 0.3) if is_asked else []
+    others = models.others(estimate, config, TABLES) if is_asked else []
     return Verdict(estimate, seen, shape, baseline, others)
 
 
@@ -89,7 +91,7 @@ def test_the_interval_of_a_correlated_curve_is_wide():
 @pytest.mark.parametrize("name, truth", [
     ("thickness", scene({"shape": "layer", "height": 0.46})),
     ("adhesion", scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0012}})),
-    ("relaxation", scene(HALF_SPACE, experiment={"relaxation": {"prony": [[0.6, 0.3]]}, "history": [[0, 0], [1, 0.1]]})),
+    ("relaxation", scene(HALF_SPACE, experiment={"relaxation": {"prony": [[0.6, 0.3]]}, "history": RAMP})),
 ])  # fmt: skip
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
@@ -137,7 +139,7 @@ def hopeless() -> dict[str, tuple[np.ndarray, str]]:
 def test_hopeless_curves_are_refused(force, reason):
     with pytest.raises(Refused, match=reason):
         refuse_hopeless(Samples(X, force))
-    with pytest.raises(Refused, match="^3 points$"):
+    with pytest.raises(Refused, match=r"^3 points$"):
         refuse_hopeless(Samples(X[:3], force[:3]))
 
 

@@ -7,7 +7,7 @@ import pytest
 from measurements import NOISES, drawn
 from scipy.linalg import toeplitz
 
-from indent_sim.fitting.noise import WHITE, Noise, averaged, f_test, gain, grid
+from indent_sim.fitting.inference.noise import WHITE, Noise, averaged, f_test, gain, grid
 
 
 def dense(noise: Noise, n: int) -> np.ndarray:

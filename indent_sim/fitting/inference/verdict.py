@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.estimate import Estimate, averaged_at
-from indent_sim.fitting.models import Other
-from indent_sim.fitting.noise import NORMAL_95, averaged, f_test, gain
-from indent_sim.fitting.windows import Window
+from indent_sim.fitting.inference.estimate import Estimate, averaged_at
+from indent_sim.fitting.inference.models import Other
+from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
+from indent_sim.fitting.inference.windows import Window
 
 COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
 NEAR_CONTACT = 0.2  # depths before first touch that are no baseline

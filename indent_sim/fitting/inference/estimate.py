@@ -17,7 +17,7 @@ import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.forces import Forces
-from indent_sim.fitting.noise import NORMAL_95, WHITE, Averaged, Noise, averaged
+from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged
 
 FEWEST_POINTS, FEWEST_IN_CONTACT = 30, 20
 SATURATED_SHARE, MOST_SATURATED = 0.02, 5  # of the points at the largest force

@@ -12,16 +12,16 @@ import numpy as np
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.estimate import Estimate, Model, averaged_at, rebased
-from indent_sim.fitting.forces import Forces
-from indent_sim.fitting.noise import f_test
+from indent_sim.fitting.forces import Forces, Tables
+from indent_sim.fitting.inference.estimate import Estimate, Model, averaged_at, rebased
+from indent_sim.fitting.inference.noise import f_test
 from indent_sim.fitting.parameters import WORK
 from indent_sim.model.body import HalfSpace, InfiniteLayer
 from indent_sim.process.errors import IndentSimError
 
 Name = Literal["thickness", "adhesion", "relaxation", "tip"]
 EXPLORED, EXPLORING = 300, 15  # block means on which, and rounds for which the starts of a model are followed
-WIDEST_LAYER, THINNEST = 20.0, 1.15  # contact radii that a free thickness may have, and depths at least
+THINNEST = 1.15  # depths that a free thickness must have
 HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
 WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
 FRACTIONS, TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
@@ -40,19 +40,18 @@ class Other:
     added: dict[str, float]
 
 
-def others(estimate: Estimate, config: Config, radius: float) -> list[Other]:
+def others(estimate: Estimate, config: Config, tables: Tables) -> list[Other]:
     """The models that may stand beside a scene's own, each fitted from several starts in its own noise.
 
-    radius: of the contact at the deepest sample [length]. A model that the scene has already, or that cannot be
-    computed for it, is left out.
+    tables: those that are known. A model that the scene has already, or that cannot be computed for it, is left out.
     """
-    found = (_fitted(name, estimate, config, radius) for name in ("thickness", "adhesion", "relaxation", "tip"))
+    found = (_fitted(name, estimate, config, tables) for name in ("thickness", "adhesion", "relaxation", "tip"))
     return sorted((one for one in found if one is not None), key=lambda one: one.p)
 
 
-def _fitted(name: Name, estimate: Estimate, config: Config, radius: float) -> Other | None:
+def _fitted(name: Name, estimate: Estimate, config: Config, tables: Tables) -> Other | None:
     try:
-        best = _best(estimate, list(_candidates(name, estimate, config, radius)))
+        best = _best(estimate, list(_candidates(name, estimate, config, tables)))
     except (IndentSimError, NoTable, ValueError, ArithmeticError, np.linalg.LinAlgError):
         return None
     if best is None:
@@ -100,7 +99,7 @@ def _own(richer: Estimate) -> np.ndarray:
     return richer.model.residual(p)
 
 
-def _candidates(name: Name, estimate: Estimate, config: Config, radius: float) -> Iterator[tuple[Forces, np.ndarray]]:
+def _candidates(name: Name, estimate: Estimate, config: Config, tables: Tables) -> Iterator[tuple[Forces, np.ndarray]]:
     """The model's forces and the coordinates from which it is fitted."""
     forces, theta = estimate.model.forces, estimate.ordinary[: estimate.model.size]
     if name == "tip" and not forces.adheres:
@@ -108,21 +107,26 @@ def _candidates(name: Name, estimate: Estimate, config: Config, radius: float) -
         free = forces.with_free_power(max(estimate.depth - compliance * estimate.rise, 1e-3 * estimate.depth))
         yield from ((free, np.array([*theta, q])) for q in CHANGES)
     elif name == "thickness":
-        yield from _thickness(forces, theta, config, radius)
+        yield from _thickness(forces, theta, config, tables)
     elif name == "adhesion" and not forces.adheres and not forces.relaxes:
-        rise = estimate.rise / radius
-        held = with_experiment(config, adhesion={"work": WORKS[0] * rise})
-        other = Forces(held, (*forces.keys, WORK), forces.deepest)
-        yield from ((other, np.array([*theta, math.log(share * rise)])) for share in WORKS)
+        radius = forces.lattice.first.radius
+        held = with_experiment(config, adhesion={"work": WORKS[0] * _deepest(forces) / radius})
+        other = tables.forces(held, (*forces.keys, WORK), forces.deepest)
+        yield from ((other, np.array([*theta, math.log(share * estimate.rise / radius)])) for share in WORKS)
     elif name == "relaxation" and not forces.adheres and not forces.relaxes and estimate.model.samples.t is not None:
         t, x = estimate.model.samples.t, estimate.model.samples.x
         span = float(np.ptp(t[x > estimate.contact_point]))
+        ramp = [[0.0, 0.0], [1.0, forces.deepest]]  # of no use to a fit, but relaxation needs a time
+        held = with_experiment(config, relaxation={"prony": [[FRACTIONS[0], 1.0]]}, history=ramp)
+        other = tables.forces(held, (*forces.keys, *RELAXATION), forces.deepest)
+        instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
         for share in TIMES:
-            ramp = [[0.0, 0.0], [span, forces.deepest]]  # of no use to a fit, but relaxation needs a time
-            held = with_experiment(config, relaxation={"prony": [[FRACTIONS[0], share * span]]}, history=ramp)
-            other = Forces(held, (*forces.keys, *RELAXATION), forces.deepest)
-            instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
             yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
+
+
+def _deepest(forces: Forces) -> float:
+    """The largest force of the scene as it stands."""
+    return float(forces.lattice.first.force(np.array([forces.deepest]))[0])
 
 
 def _harder(theta: np.ndarray, scaling: int | None, factor: float) -> np.ndarray:
@@ -132,22 +136,21 @@ def _harder(theta: np.ndarray, scaling: int | None, factor: float) -> np.ndarray
     return moved
 
 
-def _thickness(forces: Forces, theta: np.ndarray, config: Config, radius: float) -> Iterator[tuple[Forces, np.ndarray]]:
+def _thickness(
+    forces: Forces, theta: np.ndarray, config: Config, tables: Tables
+) -> Iterator[tuple[Forces, np.ndarray]]:
     """A homogeneous body of free height; one whose height is fitted already has none."""
-    body, key = config.body, "body.height"
+    body, key, radius = config.body, "body.height", forces.lattice.first.radius
     if key in forces.keys or not isinstance(body, HalfSpace | InfiniteLayer) or body.layers or body.inclusions:
         return
-    least, most = THINNEST * forces.deepest, WIDEST_LAYER * radius
-    if isinstance(body, InfiniteLayer):
-        base = config
-    else:
-        document = to_mapping(config)
-        document["body"] = {"shape": "layer", "height": max(4.0 * radius, 2.0 * least)}
-        base = from_mapping(document)
-    other = Forces(base, (*forces.keys, key), forces.deepest)
+    least = THINNEST * forces.deepest
+    base = config
+    if not isinstance(body, InfiniteLayer):
+        layer = {"shape": "layer", "height": max(4.0 * radius, 2.0 * least)}
+        base = from_mapping(to_mapping(config) | {"body": layer})
+    other = tables.forces(base, (*forces.keys, key), forces.deepest)
     for share in HEIGHTS:
-        height = min(max(share * radius, 1.1 * least), most)
-        yield other, np.array([*theta, math.log(height)])
+        yield other, np.array([*theta, math.log(max(share * radius, 1.1 * least))])
 
 
 def with_experiment(config: Config, **parts: Any) -> Config:
