@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from indent_sim.config.schema import Config
     from indent_sim.fitting.fit_folder import Fits
     from indent_sim.model.state import State
+    from indent_sim.results.reader import Results
     from indent_sim.run.chain import Outcome
     from indent_sim.scene.scene import Scene
 
@@ -395,8 +396,9 @@ def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Calla
 def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form) -> None:
     """Compare two results row by row. Exit code 6 when they differ.
 
-    Rows are matched by step, or by depth where a table has no steps; those of an experiment, which of two results are
-    compared as well, by number.
+    A or B may be a measured curve. Rows are matched by step, or by depth where a table has no steps; where depths
+    differ the curve with more rows is interpolated. Those of an experiment, which of two results are compared as well,
+    are matched by number.
     """
     from indent_sim.results import compare
 
@@ -413,16 +415,16 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 
 
 @program.command()
-@click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=PATH)
+@click.argument("paths", metavar="RESULT_OR_CURVE...", nargs=-1, required=True, type=PATH)
 @click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
 @click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
 @click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
 @click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
-@click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf.")
+@click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab.")
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
-    """Draw finished results over one another. Prints the picture's path.
+    """Draw finished results and measured curves over one another. Prints the picture's path.
 
     \b
     Without --what: force, contact radius and pressure of one result, force and contact radius of several.
@@ -435,12 +437,28 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     given = {name: value for name, value in wish.items() if value}
     wanted = panels.wish(given) if given else None
     runs = [reader.read(path) for path in paths]
+    if output is not None and output.suffix.lower() == ".tab":
+        return _write_tab(runs, given, output)
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
         output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.FORCE_PICTURE)
         canvas.refuse_foreign(output)
     try:
         panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
+    except OSError as error:
+        raise unwritable(output, error) from error
+    say(str(output))
+
+
+def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None:
+    """Write the force curve of a result as a .tab file."""
+    from indent_sim.results.folder import write_atomically
+    from indent_sim.results.measured.tab_file import tab_of
+
+    if given or len(runs) > 1:
+        raise UsageError(f"{output}: a .tab file holds the force curve of one result", "leave the other options out")
+    try:
+        write_atomically(output, tab_of(runs[0]))
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))

@@ -23,6 +23,7 @@ NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
 LEAST_BASELINE, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
 SUSPECT_SHAPE, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 2.5, 1e-3  # where other models are asked
 WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
+NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
 UNKNOWN_FACTOR = 3.0  # an interval beyond it is none
 
 
@@ -56,7 +57,10 @@ class Verdict:
 
     @cached_property
     def cause(self) -> list[str]:
-        """What stands against the scene: names of models, and shape, window, baseline."""
+        """What stands against the scene: names of models, and shape, window, baseline; nothing where the residuals are
+        those of arithmetic, as of a curve that was simulated."""
+        if self.estimate.rms < NEGLIGIBLE * self.estimate.rise:
+            return []
         moved = any(self._moves(k) for k in range(self.estimate.model.size))
         noisy = self.p_baseline is not None and self.p_baseline < WRONG_BASELINE
         told = {"shape": self.p_shape < WRONG_SHAPE, "window": moved, "baseline": noisy}
