@@ -515,7 +515,7 @@ def list_(kind: str | None) -> None:
 @program.command()
 def schema() -> None:
     """JSON Schema of the scene file, for editors."""
-    from indent_sim.config.reference import json_schema
+    from indent_sim.config.json_schema import json_schema
 
     say_json(json_schema())
 

@@ -258,6 +258,22 @@ verdict: right, flagged, refused, wrong or reference; only with a tolerance
 memory_MB [MB]: memory the run needed beyond what its process held before
 peak_memory_MB [MB]: largest memory of the process during the run, and of the one that meshes
 
+## Table of a fit, one row a curve
+curve: name of the measured curve: its file's, with a number where the file has several
+fit.reason: why a curve has no parameters
+explained: whether nothing in the curve stands against the scene: residuals, windows, baseline, other models
+cause: what does: thickness, adhesion, relaxation, tip (another model is better), shape, window, baseline
+contact_point [length]: where the tip touches first, on the file's own scale of depths or ways
+contact_point_low [length]: lower end of its 95 % interval
+contact_point_high [length]: upper end of its 95 % interval
+force_max [force]: largest force of the fit, its baseline taken off
+fit.depth [length]: of the deepest sample, from first touch
+rms_percent [1]: root of the mean square residual, in per cent of force_max
+fit.n [1]: samples that were fitted, means of neighbours where a file has more than 1500
+n_effective [1]: samples without correlation that tell as much
+drift_percent [1]: first varied key at half the depth over that at the whole, less one, in per cent
+hertz_E [pressure]: modulus that a half-space fit from the same contact point reads
+
 ## Contact surface
 x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene
 y [length] $y$: undeformed position along y; 0 in a scene with two dimensions
@@ -309,16 +325,3 @@ PULL_OFF = (SYMBOLS["maugis_pull_off"], SYMBOLS["jkr_pull_off"])
 def lookup(name: str, section: str = "") -> Symbol | None:
     """The entry of a name, the section's own before the general one; None when it has none."""
     return SYMBOLS.get(f"{section}.{name}") or SYMBOLS.get(name)
-
-
-def symbols_markdown() -> str:
-    """docs/symbols.md."""
-    parts = [
-        "# Symbols\n\nGenerated from `indent_sim/model/symbols.py` by `python -m indent_sim.config.reference`.\n",
-        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
-    ]
-    for title, group in GROUPS.items():
-        rows = [f"| `{s.name}` | {f'${s.latex}$' if s.latex else ''} | {s.meaning} | {s.dimension} |" for s in group]
-        head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
-        parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
-    return "\n".join(parts)

@@ -319,8 +319,8 @@ def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: Lo
     if isfinite(body.height):
         return body.height
     deepest = max(path.values)
-    depth = expected_depth(tip, layers, deepest) if path.control == "force" else abs(deepest) or 1.0
-    return float(2.0 ** round(log2(tip.radius_at(depth))))
+    depth = expected_depth(tip, layers, deepest) if path.control == "force" else abs(deepest)
+    return float(2.0 ** round(log2(tip.radius_at(depth or 1.0))))
 
 
 def _layers(config: Config) -> Layers:

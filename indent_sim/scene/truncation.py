@@ -122,7 +122,10 @@ def _truncated_half_space(body: HalfSpace, tip: Indenter, layers: Sequence[Layer
 
 
 def expected_depth(tip: Indenter, layers: Sequence[Layer], force: float) -> float:
-    """The depth at which a half-space pushes back with a force [pressure length^2]; about that for an unknown tip."""
+    """The depth at which a half-space pushes back with a force [pressure length^2], 0 for one that does not push; about
+    that for an unknown tip."""
+    if force <= 0:
+        return 0.0
     material = layers[0].material
     assert material is not None
     start = section_depth(tip.radius_at, force, material.E_star)

@@ -33,7 +33,7 @@ class StudyPlan:
     @property
     def seconds(self) -> float:
         """Of all runs, one after another."""
-        return float(sum(row["seconds"] or 0.0 for row in self.rows))
+        return round(sum(row["seconds"] or 0.0 for row in self.rows), 1)
 
     def as_json(self) -> Row:
         """The plan as one JSON object."""

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-
-from indent_sim.config.reference import pages
+from reference_pages import pages
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -19,7 +18,7 @@ CODE = re.compile(r"^```.*?^```|`[^`\n]*`", re.MULTILINE | re.DOTALL)
 @pytest.mark.parametrize("name", pages())
 def test_generated_pages_are_current(name):
     written = (ROOT / "docs" / name).read_text(encoding="utf-8")
-    assert written == pages()[name], "run python -m indent_sim.config.reference"
+    assert written == pages()[name], "run scripts/reference_pages.py"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

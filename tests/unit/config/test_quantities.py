@@ -10,9 +10,9 @@ from typing import Annotated
 import numpy as np
 import pytest
 
+from indent_sim.config.json_schema import json_schema
 from indent_sim.config.key_types import hints
 from indent_sim.config.quantities import Conversion
-from indent_sim.config.reference import json_schema
 from indent_sim.config.scene_file import from_mapping, load, loads, to_mapping, to_yaml
 from indent_sim.config.schema import Spot
 from indent_sim.model.units import FORCE, TIME, Scales, Unit, UnitRow

@@ -8,12 +8,14 @@ import re
 from typing import get_args, get_origin
 
 import pytest
+from reference_pages import config_markdown
 
-from indent_sim.config import reference, schema
+from indent_sim.config import schema
+from indent_sim.config.json_schema import json_schema, sections_and_kinds
 from indent_sim.config.key_types import core, hints, members
-from indent_sim.config.reference import config_markdown, json_schema
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
+from indent_sim.fitting import fit_table
 from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
@@ -48,7 +50,7 @@ def test_every_key_has_a_meaning(section, kind, name):
         assert symbol.dimension == unit.words
 
 
-@pytest.mark.parametrize(("section", "kind"), [("", Config), *reference._kinds()])
+@pytest.mark.parametrize(("section", "kind"), [("", Config), *sections_and_kinds()])
 def test_what_has_a_dimension_is_marked_with_it(section, kind):
     """Quantities are converted, and numbers scaled, by the marks."""
     for name, hint in hints(kind).items():
@@ -63,6 +65,11 @@ def test_every_column_has_a_meaning(name):
 @pytest.mark.parametrize("name", ["index", "run", *study_table.STUDY_COLUMNS])
 def test_every_column_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
+
+
+@pytest.mark.parametrize("name", [*fit_table.BEGIN, *fit_table.END])
+def test_every_column_of_a_fit_has_a_meaning(name):
+    assert lookup(name, "fit"), f"add {name} to indent_sim/model/symbols.py"
 
 
 @pytest.mark.parametrize("name", [*study_file.KEYS, *points.RANGE, "zip"])
@@ -83,6 +90,7 @@ def test_one_entry_a_name():
 def test_an_entry_for_one_section_names_a_section_and_key():
     known = {f"{section}.{name}" for section, _, name in yaml_fields()}
     known |= {f"study.{name}" for name in (*study_file.KEYS, *study_table.STUDY_COLUMNS)}
+    known |= {f"fit.{name}" for name in (*fit_table.BEGIN, *fit_table.END)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 
 

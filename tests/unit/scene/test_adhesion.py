@@ -166,3 +166,17 @@ def test_the_attraction_is_the_slope_of_its_energy_and_its_integral_the_work() -
     # of differences over range/600; half of one across the kink at g = 0
     assert slope[1:-1] == pytest.approx(law.pull(g)[1:-1], rel=1e-3, abs=1e-5 * WORK / RANGE)
     assert float(law.energy(30 * RANGE) - law.energy(0.0)) == pytest.approx(WORK, rel=1e-12)
+
+
+@pytest.mark.parametrize("model", ["linear_elastic", "neo_hookean"])
+@pytest.mark.parametrize("body", [{"shape": "half_space"}, WALLED], ids=["half_space", "layer"])
+def test_nothing_presses_but_the_attraction(body: Any, model: str) -> None:
+    """JKR: a tip let go, a0^3 = 9 pi work R^2/(2 E*), delta = a0^2/(3 R); one held where it first touches, force =
+    -4/3 pi work R; both in closed form, up to digits of the mesh sizes' radius."""
+    given = {"body": body, "material": {"model": model, "E": 1.0, "nu": 0.3}}
+    free, held = (sticky(**given, loading=path).plan.prediction for path in ({"forces": [0, 0]}, {"deltas": [0, 0]}))
+    if body != WALLED:  # of which JKR's formulas are
+        radius = (4.5 * pi * WORK / E_STAR) ** (1 / 3)
+        assert (free["a"], free["delta_JKR"]) == pytest.approx((radius, radius**2 / 3), rel=1e-6)
+        assert held["force_JKR"] == pytest.approx(-4 / 3 * pi * WORK, rel=1e-6)
+    assert free["a"] > held["a"] > 0

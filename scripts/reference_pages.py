@@ -1,6 +1,7 @@
-"""The scene file described for readers and editors: docs/config.md, docs/symbols.md and the JSON Schema.
+#!/usr/bin/env python3
+"""Makes docs/config.md and docs/symbols.md from the schema and the glossary.
 
-Everything is taken from the schema and the glossary; `python -m indent_sim.config.reference` writes the pages.
+usage: scripts/reference_pages.py [FOLDER]
 """
 
 from __future__ import annotations
@@ -12,14 +13,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
-from pydantic.json_schema import GenerateJsonSchema
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
 
-from indent_sim.config import key_types, schema
-from indent_sim.config.key_types import core, describe, field_names, hints, kinds_of, members, tag_of, words_of
-from indent_sim.config.schema import Config
-from indent_sim.model.symbols import lookup, symbols_markdown
-
-QUANTITY_SCHEMA = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
+from indent_sim.config import key_types, schema  # noqa: E402
+from indent_sim.config.key_types import core, describe, field_names, hints, kinds_of, members, tag_of, words_of  # noqa: E402
+from indent_sim.config.schema import Config  # noqa: E402
+from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
 
 UNLESS = {
     "material": "**required** unless every layer, or region of a mesh file, has its own",
@@ -27,40 +27,10 @@ UNLESS = {
 }
 
 
-def json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
-    found = Config.model_json_schema(schema_generator=_Generator)
-    center = found["properties"].pop("center")
-    for kind in schema.sections()["indenter"]:
-        found["$defs"][kind.__name__]["properties"]["center"] = center
-    lists = [{"required": [way], "not": {"required": ["steps"]}} for way in ("deltas", "forces")]
-    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
-    found["$defs"]["Loading"]["oneOf"] = one_of
-    sections = {kind.__name__: section for section, kind in _kinds()}
-    for kind, definition in found["$defs"].items():
-        for name, value in definition.get("properties", {}).items():
-            symbol = lookup(name, sections.get(kind, ""))
-            if symbol and symbol.dimension not in ("1", "word"):
-                definition["properties"][name] = _with_units(value)
-    return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
-
-
-def _with_units(value: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list of such."""
-    if "anyOf" in value:
-        return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
-    if value.get("type") == "array":
-        return value | {key: _with_units(value[key]) for key in ("items",) if key in value}
-    if value.get("type") != "number":
-        return value
-    about = {key: value.pop(key) for key in ("description", "default") if key in value}
-    return about | {"anyOf": [value, QUANTITY_SCHEMA]}
-
-
 def config_markdown() -> str:
     """docs/config.md."""
     parts = [
-        "# The scene file\n\nGenerated from the schema by `python -m indent_sim.config.reference`.\n",
+        "# The scene file\n\nGenerated from the schema by `scripts/reference_pages.py`.\n",
         "YAML 1.2; any consistent system of units. z is up, the undeformed surface is z = 0. Where `units` are given,\n"
         "numbers may carry units of their own, `2.5 um`, `1 kPa`, `3 nN`, `70 deg`, and are converted to those, times\n"
         "to seconds.\n"
@@ -71,47 +41,6 @@ def config_markdown() -> str:
         parts.append(f"## {section}\n")
         parts += [_kind_markdown(section, kind) for kind in kinds]
     return "\n".join(parts)
-
-
-class _Generator(GenerateJsonSchema):
-    """pydantic's schema with the glossary's descriptions, required tags and walls as one word."""
-
-    def dataclass_schema(self, schema: Any) -> Any:
-        found = super().dataclass_schema(schema)
-        section = next((section for section, kind in _kinds() if kind is schema["cls"]), "")
-        return _described(found, schema["cls"], section)
-
-    def model_schema(self, schema: Any) -> Any:
-        return _described(super().model_schema(schema), Config, "")
-
-
-def _described(found: Any, kind: Any, section: str) -> Any:
-    for name, entry in found["properties"].items():
-        entry.pop("title", None)
-        if entry.get("default", "") is None:
-            del entry["default"]
-        if symbol := lookup(name, section):
-            unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
-            entry["description"] = symbol.meaning + unit
-        hint = core(hints(kind)[name])
-        if section and words_of(hint) and dataclasses.is_dataclass(hint):
-            words = list(get_args(key_types.common(hint)))
-            entry["anyOf"] = [{"enum": words, "type": "string"}, {"$ref": entry.pop("$ref")}]
-            entry["default"] = next(iter(entry["default"].values()))
-    tag = schema.tags().get(section)
-    if tag and kind is not type(Config.model_fields[section].default):
-        found["properties"][tag].pop("default")
-        found["required"] = [tag, *found.get("required", ())]
-    return found
-
-
-def _kinds() -> Iterator[tuple[str, type]]:
-    """The sections with the dataclasses that each may be, then the sections inside of these."""
-    outer = [(section, kind) for section, kinds in schema.sections().items() for kind in kinds]
-    yield from outer
-    for _, owner in outer:
-        for name, hint in hints(owner).items():
-            yield from ((name, core(part)) for part in members(hint) if dataclasses.is_dataclass(core(part)))
 
 
 def _section_row(name: str) -> list[str]:
@@ -183,17 +112,25 @@ def _meaning(name: str, section: str = "") -> str:
     return symbol.meaning if symbol else ""
 
 
+def symbols_markdown() -> str:
+    """docs/symbols.md."""
+    parts = [
+        "# Symbols\n\nGenerated from `indent_sim/model/symbols.py` by `scripts/reference_pages.py`.\n",
+        "One name per thing, in YAML, Python and CSV alike. z is up, the undeformed surface is z = 0.\n",
+    ]
+    for title, group in GROUPS.items():
+        rows = [f"| `{s.name}` | {f'${s.latex}$' if s.latex else ''} | {s.meaning} | {s.dimension} |" for s in group]
+        head = ["| name | symbol | meaning | dimension |", "|---|---|---|---|"]
+        parts.append("\n".join([f"## {title}\n", *head, *rows]) + "\n")
+    return "\n".join(parts)
+
+
 def pages() -> dict[str, str]:
-    """The generated pages of docs/ by file name."""
+    """The pages by their names in docs/."""
     return {"config.md": config_markdown(), "symbols.md": symbols_markdown()}
 
 
-def main() -> None:
-    """Write the generated pages into the folder named on the command line [docs]."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs")
+if __name__ == "__main__":
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs"
     for name, text in pages().items():
         (folder / name).write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main()

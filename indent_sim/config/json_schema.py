@@ -1,0 +1,87 @@
+"""The scene file described for editors and other programs: its JSON Schema, from the schema and the glossary."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from indent_sim.config import key_types, schema
+from indent_sim.config.key_types import core, hints, members, words_of
+from indent_sim.config.schema import Config
+from indent_sim.model.symbols import lookup
+
+QUANTITY_SCHEMA = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[A-Za-zµ°]"}
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of the scene file, for editors and other programs."""
+    found = Config.model_json_schema(schema_generator=_Generator)
+    center = found["properties"].pop("center")
+    for kind in schema.sections()["indenter"]:
+        found["$defs"][kind.__name__]["properties"]["center"] = center
+    lists = [{"required": [way], "not": {"required": ["steps"]}} for way in ("deltas", "forces")]
+    one_of = [{"required": ["delta"]}, {"required": ["force"]}, *lists]
+    found["$defs"]["Loading"]["oneOf"] = one_of
+    sections = {kind.__name__: section for section, kind in sections_and_kinds()}
+    for kind, definition in found["$defs"].items():
+        for name, value in definition.get("properties", {}).items():
+            symbol = lookup(name, sections.get(kind, ""))
+            if symbol and symbol.dimension not in ("1", "word"):
+                definition["properties"][name] = _with_units(value)
+    return {"$schema": GenerateJsonSchema.schema_dialect, **found, "title": "indent-sim scene"}
+
+
+def _with_units(value: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a number with a dimension, which may be a quantity with its unit, or of a list of such."""
+    if "anyOf" in value:
+        return value | {"anyOf": [_with_units(part) for part in value["anyOf"]]}
+    if value.get("type") == "array":
+        return value | {key: _with_units(value[key]) for key in ("items",) if key in value}
+    if value.get("type") != "number":
+        return value
+    about = {key: value.pop(key) for key in ("description", "default") if key in value}
+    return about | {"anyOf": [value, QUANTITY_SCHEMA]}
+
+
+class _Generator(GenerateJsonSchema):
+    """pydantic's schema with the glossary's descriptions, required tags and walls as one word."""
+
+    def dataclass_schema(self, schema: Any) -> Any:
+        found = super().dataclass_schema(schema)
+        section = next((section for section, kind in sections_and_kinds() if kind is schema["cls"]), "")
+        return _described(found, schema["cls"], section)
+
+    def model_schema(self, schema: Any) -> Any:
+        return _described(super().model_schema(schema), Config, "")
+
+
+def _described(found: Any, kind: Any, section: str) -> Any:
+    for name, entry in found["properties"].items():
+        entry.pop("title", None)
+        if entry.get("default", "") is None:
+            del entry["default"]
+        if symbol := lookup(name, section):
+            unit = "" if symbol.dimension in ("word", "1") else f" [{symbol.dimension}]"
+            entry["description"] = symbol.meaning + unit
+        hint = core(hints(kind)[name])
+        if section and words_of(hint) and dataclasses.is_dataclass(hint):
+            words = list(get_args(key_types.common(hint)))
+            entry["anyOf"] = [{"enum": words, "type": "string"}, {"$ref": entry.pop("$ref")}]
+            entry["default"] = next(iter(entry["default"].values()))
+    tag = schema.tags().get(section)
+    if tag and kind is not type(Config.model_fields[section].default):
+        found["properties"][tag].pop("default")
+        found["required"] = [tag, *found.get("required", ())]
+    return found
+
+
+def sections_and_kinds() -> Iterator[tuple[str, type]]:
+    """The sections with the dataclasses that each may be, then the sections inside of these."""
+    outer = [(section, kind) for section, kinds in schema.sections().items() for kind in kinds]
+    yield from outer
+    for _, owner in outer:
+        for name, hint in hints(owner).items():
+            yield from ((name, core(part)) for part in members(hint) if dataclasses.is_dataclass(core(part)))
