@@ -17,7 +17,7 @@ from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.elastic_table import NoTable, elastic_scene, solved
 from indent_sim.fitting.forces import Forces, Tables
 from indent_sim.fitting.inference import models
-from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
+from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, far_level, fit, refuse_hopeless
 from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
 from indent_sim.fitting.inference.windows import windows
@@ -156,11 +156,12 @@ def _forces(config: Config, keys: tuple[str, ...], samples: Samples, tables: Tab
 def _width(samples: Samples, config: Config) -> float:
     """The depth of the part that lies above the baseline, at most [length]."""
     few = samples.means(MEANS)
-    level, top = float(np.median(few.force[: max(3, len(few) // 10)])), int(np.argmax(few.force))
-    rise = float(few.force[top]) - level
-    below = np.flatnonzero(few.force[: top + 1] < level + ABOVE * rise)
-    begin = int(below[-1]) if len(below) else 0
-    width = float(samples.x.max() - few.x[begin])
+    order = np.argsort(few.x, kind="stable")  # a retraction begins at its deepest
+    x, force = few.x[order], few.force[order]
+    level, top = far_level(few), int(np.argmax(force))
+    rise = float(force[top]) - level
+    below = np.flatnonzero(force[: top + 1] < level + ABOVE * rise)
+    width = float(samples.x.max() - x[below[-1] if len(below) else 0])
     compliance = config.experiment.compliance if config.experiment else 0.0
     return max(width - compliance * rise, LEAST_DEPTH * width)
 

@@ -279,11 +279,16 @@ def beginnings(forces: Forces, samples: Samples, unknowns: Unknowns) -> list[np.
     wanted = np.percentile(few.x, np.linspace(*ENDS, CONTACTS)) if unknowns.contact_point is None else []
     contacts = [unknowns.contact_point] if unknowns.contact_point is not None else list(wanted)
     softness = forces.experiment.compliance
-    level = float(np.median(few.force[: max(3, len(few) // 10)]))
-    depth = few.x - softness * (few.force - level)
+    depth = few.x - softness * (few.force - far_level(few))
     found = [_begun(forces, theta, few, depth, contacts, unknowns) for theta in _tried(forces)]
     ordered = sorted((one for one in found if one), key=lambda one: one[0])
     return [p for _, p in ordered[:BEGINNINGS]]
+
+
+def far_level(samples: Samples) -> float:
+    """The force of the tenth of the samples that is farthest from the body."""
+    far = np.argsort(samples.x, kind="stable")[: max(3, len(samples) // 10)]
+    return float(np.median(samples.force[far]))
 
 
 def _tried(forces: Forces) -> list[np.ndarray]:

@@ -67,8 +67,8 @@ class Verdict:
         return [*(one.name for one in self.named), *(name for name, is_so in told.items() if is_so)]
 
     def _moves(self, k: int) -> bool:
-        """Whether a window's value lies too far off, or its own interval misses the statistical one."""
-        low, high = self.statistical(k)
+        """Whether a window's value lies too far off, or its own interval misses that of the whole curve."""
+        low, high = self._uncertain(k, *self.statistical(k))
         for window in self.windows:
             own_low, own_high = window.interval(k)
             if abs(window.z[k]) > WRONG_Z or own_high < low or own_low > high:
@@ -87,17 +87,21 @@ class Verdict:
     def interval(self, k: int) -> tuple[float, float]:
         """The stated interval of a coordinate: with mesh and calibration; spanning all windows and the named models
         where the scene does not explain the curve."""
-        value, (low, high) = float(self.estimate.theta[k]), self.statistical(k)
+        low, high = self.statistical(k)
         if not self.explained:
             low = min([low, *(float(window.theta[k]) for window in self.windows)])
             high = max([high, *(float(window.theta[k]) for window in self.windows)])
             for other in self.named:
                 other_low, other_high = other.estimate.interval(k)
                 low, high = min(low, other_low), max(high, other_high)
-        more = self.uncertain[k] if self.uncertain else 0.0
-        low, high = value - math.hypot(value - low, more), value + math.hypot(high - value, more)
+        low, high = self._uncertain(k, low, high)
         least, most = self.estimate.model.forces.parameters[k].bounds
         return max(low, least), min(high, most)
+
+    def _uncertain(self, k: int, low: float, high: float) -> tuple[float, float]:
+        """An interval with mesh and calibration in quadrature."""
+        value, more = float(self.estimate.theta[k]), self.uncertain[k] if self.uncertain else 0.0
+        return value - math.hypot(value - low, more), value + math.hypot(high - value, more)
 
     def stated(self, k: int) -> Interval:
         """Value and interval of a varied key, in the scene's units."""

@@ -31,7 +31,8 @@ class Window:
 
 
 def windows(estimate: Estimate) -> list[Window]:
-    """The windows of a fit, the shallowest first; one with too few points in contact is left out.
+    """The windows of a fit, the shallowest first; one with too few points in contact is left out. Where the scene
+    relaxes a window ends at a share of the time in contact.
 
     The difference of two ordinary fits is linear in the noise, D = pinv(J_u) - pinv(J) with zeros where the window has
     no rows: its variance is s2 D V D', V and s2 being the noise of the whole.
@@ -39,14 +40,22 @@ def windows(estimate: Estimate) -> list[Window]:
     model, p = estimate.model, estimate.ordinary
     free = model.free
     whole = np.linalg.pinv(model.jacobian(p)[:, free])
-    c, depth = float(p[model.size]), float(model.samples.x.max()) - float(p[model.size])
-    found = (_window(estimate, whole, upper, c + upper * depth) for upper in SHARES)
+    progress = _progress(model, float(p[model.size]))
+    found = (_window(estimate, whole, upper, progress <= upper) for upper in SHARES)
     return [window for window in found if window is not None]
 
 
-def _window(estimate: Estimate, whole: np.ndarray, upper: float, end: float) -> Window | None:
+def _progress(model: Model, c: float) -> np.ndarray:
+    """How far each sample is from first touch to the deepest one; in time where the scene relaxes, and may be held."""
+    x, t = model.samples.x, model.samples.t
+    if model.forces.relaxes and t is not None and np.any(x > c):
+        first = t[np.argmax(x > c)]
+        return (t - first) / max(float(t[-1] - first), 1e-300)  # type: ignore[no-any-return]
+    return (x - c) / max(float(x.max()) - c, 1e-300)  # type: ignore[no-any-return]
+
+
+def _window(estimate: Estimate, whole: np.ndarray, upper: float, inside: np.ndarray) -> Window | None:
     model, free = estimate.model, estimate.model.free
-    inside = model.samples.x <= end
     if np.count_nonzero(inside & (model.samples.x > estimate.contact_point)) < FEWEST_IN_CONTACT:
         return None
     part = Model(model.forces, model.samples.where(inside), model.unknowns)

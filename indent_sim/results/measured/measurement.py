@@ -10,7 +10,7 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from indent_sim.config.quantities import size_of
-from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.process.errors import ConfigError, UsageError, printable
 
 Part = Literal["approach", "hold", "retract", "all"]
 Along = Literal["delta", "z"]
@@ -29,7 +29,7 @@ class NoCurve(UsageError):
     prefix = "not a curve: "
 
     def __init__(self, why: str, file: str = ""):
-        super().__init__(f"{self.prefix}{why}", file=file)
+        super().__init__(printable(f"{self.prefix}{why}"), file=file)
 
 
 class Uncalibrated(NoCurve):
