@@ -31,7 +31,8 @@ SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power l
 MOST_ROUNDS, SETTLED = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
 NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
 MOST_TABLES = 100
-WIDEST_BODY = 20.0  # contact radii that a height may have: a thicker body is a half-space
+# Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for long
+THINNEST_BODY, WIDEST_BODY = 0.2, 20.0
 SAME_PACE = 1e-6  # relative: samples at equal times
 
 
@@ -64,7 +65,7 @@ class Forces:
         self.lattice = Lattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
 
         radius = self.lattice.first.radius
-        self.parameters = tuple(_within(one, WIDEST_BODY * radius) for one in self.parameters)
+        self.parameters = tuple(_within(one, radius) for one in self.parameters)
 
     @property
     def start(self) -> np.ndarray:
@@ -182,10 +183,13 @@ class Forces:
         return force
 
 
-def _within(parameter: Parameter, thickest: float) -> Parameter:
-    """A height no larger than tells anything."""
-    is_height = parameter.key.rpartition(".")[2] in ("height", "thickness")
-    return replace(parameter, high=max(thickest, 1.01 * parameter.start)) if is_height else parameter
+def _within(parameter: Parameter, radius: float) -> Parameter:
+    """A height between those that are worth solving, for a contact of this radius [length]."""
+    if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
+        return parameter
+    thinnest, thickest = THINNEST_BODY * radius, WIDEST_BODY * radius
+    low = max(parameter.low, min(thinnest, 0.99 * parameter.start))
+    return replace(parameter, low=low, high=max(thickest, 1.01 * parameter.start))
 
 
 def relaxed(elastic: np.ndarray, t: np.ndarray, law: Prony) -> np.ndarray:
