@@ -19,6 +19,7 @@ from indent_sim.fitting.forces import Forces, Tables
 from indent_sim.fitting.inference import models
 from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, far_level, fit, refuse_hopeless
 from indent_sim.fitting.inference.models import Other, with_experiment
+from indent_sim.fitting.inference.profile import profiled
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
@@ -115,7 +116,7 @@ def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> 
     if deep > forces.deepest:
         forces = tables.forces(config, request.keys, DEEPER * deep)
         estimate = fit(forces, samples, request.unknowns)
-    verdict = _judged(estimate, config, request.models, tables)
+    verdict = _judged(profiled(estimate), config, request.models, tables)
     return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
 
 

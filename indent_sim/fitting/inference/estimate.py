@@ -75,11 +75,15 @@ class Unknowns:
 
 @dataclass(frozen=True)
 class Model:
-    """Forces of a scene on a baseline, of the parameters [theta..., c, b0, b1] (p,), at some samples."""
+    """Forces of a scene on a baseline, of the parameters [theta..., c, b0, b1] (p,), at some samples.
+
+    held: coordinates that are not fitted.
+    """
 
     forces: Forces
     samples: Samples
     unknowns: Unknowns = field(default_factory=Unknowns)
+    held: frozenset[int] = frozenset()
 
     @property
     def size(self) -> int:
@@ -97,6 +101,7 @@ class Model:
         free = np.ones(self.size + 3, dtype=bool)
         free[self.size] = self.unknowns.contact_point is None
         free[-1] = self.unknowns.has_slope
+        free[list(self.held)] = False
         return free
 
     def contact(self, p: np.ndarray) -> np.ndarray:
@@ -175,12 +180,16 @@ def _norm(r: np.ndarray, noise: Noise) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A model fitted to a curve: parameters p [theta..., c, b0, b1], those by ordinary least squares, and the noise."""
+    """A model fitted to a curve: parameters p [theta..., c, b0, b1], those by ordinary least squares, and the noise.
+
+    profiles: intervals of coordinates that are too wide for a parabola.
+    """
 
     model: Model
     p: np.ndarray
     ordinary: np.ndarray
     found: Averaged
+    profiles: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def theta(self) -> np.ndarray:
@@ -221,7 +230,8 @@ class Estimate:
         """The 95 % interval of a varied key's coordinate, within its bounds."""
         low, high = self.model.forces.parameters[k].bounds
         half = NORMAL_95 * float(self.sd[k])
-        return max(low, float(self.theta[k]) - half), min(high, float(self.theta[k]) + half)
+        begin, end = self.profiles.get(k, (float(self.theta[k]) - half, float(self.theta[k]) + half))
+        return max(low, begin), min(high, end)
 
     def at_bound(self, k: int) -> bool:
         """Whether a varied key ended at a bound of its range."""

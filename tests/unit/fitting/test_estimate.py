@@ -10,7 +10,7 @@ from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, scene
 from scipy.stats import binom
 
 from indent_sim.fitting.forces import Forces, Tables
-from indent_sim.fitting.inference import models
+from indent_sim.fitting.inference import models, profile
 from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
@@ -53,6 +53,25 @@ def test_without_noise_the_truth_comes_back():
     np.testing.assert_allclose(found.theta, theta, atol=1e-4)  # of rounds that end at 1e-6 of the squares
     assert found.contact_point == pytest.approx(C, abs=1e-6)
     assert all(ratio > 3 for ratio in tied(found))  # modulus and height: known together, hardly apart
+
+
+def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
+    """One modulus: a parabola to a few per cent of the interval, of seven values a side joined by lines."""
+    monkeypatch.setattr(profile, "WIDE", 0.0)
+    forces = Forces(scene(), ["material.E"], DEEPEST)
+    found = fit(forces, Samples(X, measured(forces, [0.3], X, drawn(WHITE, N, np.random.default_rng(11)))), Unknowns())
+    by_profile = np.array(profile.profiled(found).interval(0)) - found.theta[0]
+    np.testing.assert_allclose(by_profile, np.array(found.interval(0)) - found.theta[0], rtol=0.05)
+
+
+def test_a_wide_interval_follows_its_profile_and_ends_at_a_bound():
+    """Modulus and Poisson ratio of a layer are hardly apart: nu ends at 1/2, and E where nu does."""
+    forces = Forces(scene(), ["material.E", "material.nu"], DEEPEST)
+    force = measured(forces, [0.3, 0.45], X, 2 * drawn(WHITE, N, np.random.default_rng(12)))
+    plain = fit(forces, Samples(X, force), Unknowns())
+    found = profile.profiled(plain)
+    assert found.interval(1)[1] == 0.5 and found.interval(0)[0] < 0.3 < found.interval(0)[1]
+    assert np.ptp(found.interval(0)) < 0.9 * np.ptp(plain.interval(0))
 
 
 def test_what_is_known_is_not_fitted():
