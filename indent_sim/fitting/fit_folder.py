@@ -9,7 +9,7 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import chain, count
 from multiprocessing import connection
@@ -21,7 +21,7 @@ from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import CurveFit, Request, fit_curve, refused, request_words
 from indent_sim.fitting.forces import Tables
 from indent_sim.fitting.parameters import number_at
-from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.limits import unwritable
 from indent_sim.process.version import VERSION
@@ -104,6 +104,10 @@ def fit_all(
             for entry in _done(tasks, request, jobs):
                 writer.add(entry)
                 tell(_told(entry, len(writer.entries)))
+        except (ConfigError, UsageError, BackendError):
+            if writer.entries:
+                writer.write("failed")
+            raise
         except BaseException:
             writer.write("interrupted")
             raise
@@ -170,6 +174,7 @@ def _opened(directory: Path, request: Request) -> Iterator[list[Entry]]:
     if before and before.get("request") != _plain(request_words(request)):
         problem = f"{directory} holds the fit of another scene, or of other options"
         raise UsageError(problem, "choose another --output", str(directory))
+    made = [one for one in (directory, *directory.parents) if not one.exists()]
     try:
         directory.mkdir(parents=True, exist_ok=True)
         (directory / CURVES).mkdir(exist_ok=True)
@@ -186,6 +191,16 @@ def _opened(directory: Path, request: Request) -> Iterator[list[Entry]]:
         yield list(before.get("curves", []))
     finally:
         os.close(lock)
+        if made and not (directory / FIT).exists():
+            _take_away(directory, made)
+
+
+def _take_away(directory: Path, made: Sequence[Path]) -> None:
+    """Delete the folder that this call made, and those above it, where nothing came of it."""
+    with suppress(OSError):
+        (directory / results.LOCK).unlink()
+        for folder in (directory / CURVES, *made):
+            folder.rmdir()
 
 
 def _plain(found: Mapping[str, Any]) -> Any:

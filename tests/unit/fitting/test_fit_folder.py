@@ -108,7 +108,7 @@ def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
         fitted([curves / "c0.csv"], tmp_path / "new", replace(REQUEST, keys=("material.Q",)))
     with pytest.raises(ConfigError, match="there is no column 'x'"):
         fitted([curves / "c0.csv"], tmp_path / "other", reading=Reading(("x", "force")))
-    assert not (tmp_path / "new").exists()
+    assert not (tmp_path / "new").exists() and not (tmp_path / "other").exists()
 
 
 def test_curves_of_one_name_have_rows_of_their_own(curves, tmp_path):
