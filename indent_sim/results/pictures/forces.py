@@ -161,8 +161,8 @@ def _of_last(half: np.ndarray, y: np.ndarray) -> str:
 
 
 def _with_radius(runs: Sequence[Results]) -> list[int]:
-    """Which runs know a contact radius."""
-    return [i for i, run in enumerate(runs) if np.isfinite(run["a"]).any()]
+    """Which runs know a contact radius, or have no rows that could say."""
+    return [i for i, run in enumerate(runs) if not len(run) or np.isfinite(run["a"]).any()]
 
 
 def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> None:
