@@ -10,12 +10,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev
 
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.parameters import Parameter, with_numbers
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError, IndentSimError
@@ -147,12 +149,23 @@ def elastic_scene(config: Config, deepest: float) -> Scene:
     it cannot exist."""
     if config.contact.adhesion:
         raise ConfigError("contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion")
-    document = to_mapping(config)
-    document.pop("experiment", None)
+    document = _at_once(config)
     scene = resolve(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
     if not scene.is_meshed or scene.solver.method == "condensed":
         return scene
     return resolve(from_mapping(document | {"loading": {"deltas": [float(deepest * s * s) for s in S]}}))
+
+
+def _at_once(config: Config) -> dict[str, Any]:
+    """The sections of a scene without its experiment, of matter that does not relax."""
+    document = to_mapping(config)
+    document.pop("experiment", None)
+    for key, _ in config.materials():
+        section: Any = document
+        for part in key_path(key):
+            section = section[part]
+        section.pop("relaxation", None)
+    return document
 
 
 def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> Table:

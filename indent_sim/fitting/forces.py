@@ -11,7 +11,6 @@ import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -224,16 +223,23 @@ def prony_of(modulus: Prony | PowerLaw | None, t: np.ndarray) -> Prony:
 
 def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> Prony | PowerLaw | None:
     """The relaxation of a scene, with other numbers at some of its keys; None where it does not relax."""
-    law: Any = config.experiment.relaxation if config.experiment else None
+    law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
     if law is None:
         return None
-    numbers = {tuple(key_path(key)[2:]): value for key, value in (values or {}).items()}
+    numbers = {_inside(key): value for key, value in (values or {}).items()}
     if law.power_law:
         own = law.power_law
         exponent, time = (numbers.get(("power_law", name), getattr(own, name)) for name in ("exponent", "time"))
         return PowerLaw(exponent, time)
-    terms = [[numbers.get(("prony", k, i), value) for i, value in enumerate(term)] for k, term in enumerate(law.prony)]
+    given = enumerate(law.prony or ())
+    terms = [[numbers.get(("prony", k, i), value) for i, value in enumerate(term)] for k, term in given]
     return Prony(tuple(term[0] for term in terms), tuple(term[1] for term in terms))
+
+
+def _inside(key: str) -> tuple[str | int, ...]:
+    """What of a key lies inside the relaxation of a material, which is the same in all of them."""
+    path = key_path(key)
+    return tuple(path[path.index("relaxation") + 1 :])
 
 
 class Tables:
@@ -265,9 +271,7 @@ def _new(config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
 def _own_depth(config: Config) -> float:
     """A depth at which the scene itself must exist."""
     loading = config.loading
-    if loading is not None and loading.delta is not None:
-        return loading.delta
-    return max(loading.deltas) if loading is not None and loading.deltas else 1e-3 * _size(config)
+    return loading.delta or max(loading.deltas or (0.0,)) or 1e-3 * _size(config)
 
 
 def _size(config: Config) -> float:

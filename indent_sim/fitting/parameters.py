@@ -16,7 +16,6 @@ from indent_sim.process.errors import ConfigError
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
 POWER, POWERS = "exponent", (-1.0, 1.0)  # of the depth beside the scene's own: no key of a scene, and its range
 WORK = "experiment.adhesion.work"
-RELAXATION = ("experiment.relaxation", "material.relaxation")
 SPRINGS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
 LARGEST_NU, LARGEST_FRACTION = 0.5, 0.999
 SHALLOWEST_BODY = 1.15  # depths: a thinner body is pressed through
@@ -81,7 +80,7 @@ def _parameter(config: Config, key: str, deepest: float) -> Parameter:
         raise ConfigError(key, f"is {start:g}: a fit begins from a number above 0", f"--set {key}=...")
     if key == WORK:
         return Parameter(key, start, "work", 0.0, math.inf)
-    if key.startswith(RELAXATION):
+    if "relaxation" in key_path(key):
         is_fraction = key.endswith("[0]") or last == "exponent"
         return Parameter(key, start, "relaxation", 0.0, LARGEST_FRACTION if is_fraction else math.inf)
     if key in SPRINGS:
@@ -113,10 +112,7 @@ def with_numbers(config: Config, values: Mapping[str, Any]) -> Config:
 
 def pressures(config: Config) -> list[str]:
     """The keys of all moduli of the scene: where there is one, the force is proportional to it, by its dimension."""
-    parts: list[tuple[str, Any]] = [("material", config.material), ("contact", config.contact)]
-    parts += [(f"body.layers[{k}].material", one.material) for k, one in enumerate(config.body.layers or ())]
-    parts += [(f"body.inclusions[{k}].material", one.material) for k, one in enumerate(config.body.inclusions or ())]
-    parts += [(f"body.regions.{name}", own) for name, own in (getattr(config.body, "regions", None) or {}).items()]
+    parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
     return [f"{name}.{key}" for name, part in parts if is_dataclass(part) for key in _moduli(part)]
 
 

@@ -261,7 +261,8 @@ def _table(path: Path) -> Table | Results:
     """A result or a measured curve, or the columns of a table of an experiment, under whatever name."""
     file = force_table(path)
     names = set(header_of(file))
-    if names >= {"branch", "z", "a"} or "frequency" in names:
+    is_of_branches = "branch" in names and ("step" in names or {"z", "a"} <= names)
+    if is_of_branches or "frequency" in names:
         found = read_table(file, (), words=WORD_COLUMNS)
         return {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)} | found
     return read(path)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.scene_file import from_mapping, to_mapping, varied
 from indent_sim.config.schema import Config
 from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.forces import Forces, Tables
@@ -26,7 +26,6 @@ HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
 WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
 FRACTIONS, TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
 CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
-RELAXATION = "experiment.relaxation.prony[0][0]", "experiment.relaxation.prony[0][1]"
 
 
 @dataclass(frozen=True)
@@ -116,9 +115,8 @@ def _candidates(name: Name, estimate: Estimate, config: Config, tables: Tables) 
     elif name == "relaxation" and not forces.adheres and not forces.relaxes and estimate.model.samples.t is not None:
         t, x = estimate.model.samples.t, estimate.model.samples.x
         span = float(np.ptp(t[x > estimate.contact_point]))
-        ramp = [[0.0, 0.0], [1.0, forces.deepest]]  # of no use to a fit, but relaxation needs a time
-        held = with_experiment(config, relaxation={"prony": [[FRACTIONS[0], 1.0]]}, history=ramp)
-        other = tables.forces(held, (*forces.keys, *RELAXATION), forces.deepest)
+        key, held = _relaxing(config, forces.deepest)
+        other = tables.forces(held, (*forces.keys, f"{key}[0][0]", f"{key}[0][1]"), forces.deepest)
         instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
         for share in TIMES:
             yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
@@ -151,6 +149,16 @@ def _thickness(
     other = tables.forces(base, (*forces.keys, key), forces.deepest)
     for share in HEIGHTS:
         yield other, np.array([*theta, math.log(max(share * radius, 1.1 * least))])
+
+
+def _relaxing(config: Config, deepest: float) -> tuple[str, Config]:
+    """The scene of matter that relaxes by one term, and the key of its terms in the first material."""
+    keys = [f"{key}.relaxation" for key, _ in config.materials()]
+    settings: list[tuple[str, Any]] = [(key, {"prony": [[FRACTIONS[0], 1.0]]}) for key in keys]
+    settings.append(("loading", {"history": [[0.0, 0.0], [1.0, deepest]]}))  # relaxation needs a time
+    return f"{keys[0]}.prony", varied(
+        to_mapping(config), config.source, [(*one, ("--models", None)) for one in settings]
+    )
 
 
 def with_experiment(config: Config, **parts: Any) -> Config:

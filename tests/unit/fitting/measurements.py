@@ -23,6 +23,12 @@ def scene(body=None, nu: float = 0.45, tip=None, depth: float = 0.1, **more) -> 
     return from_mapping({**parts, "loading": {"delta": depth}, **more})
 
 
+def relaxing(terms, body=None, **more) -> Config:  # type: ignore[no-untyped-def]
+    """The same of matter that relaxes."""
+    material = {"model": "linear_elastic", "E": 1.0, "nu": 0.45, "relaxation": {"prony": terms}}
+    return scene(body, material=material, loading={"history": [[0, 0], [1, 0.1]]}, **more)
+
+
 def drawn(noise: Noise, n: int, draw: np.random.Generator) -> np.ndarray:
     """Noise of variance 1 (n,)."""
     rho, before = noise.rho, int(20 * max(noise.tau, 1))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, scene
+from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, relaxing, scene
 from scipy.stats import binom
 
 from indent_sim.fitting.forces import Forces, Tables
@@ -19,7 +19,6 @@ from indent_sim.fitting.parameters import WORK
 
 DEEPEST, C = 0.13, 0.013
 TABLES = Tables()
-RAMP = [[0, 0], [1, 0.1]]
 X, T = np.linspace(-0.1, 0.1, N), np.linspace(0, 2, N)
 
 
@@ -110,7 +109,7 @@ def test_the_interval_of_a_correlated_curve_is_wide():
 @pytest.mark.parametrize("name, truth", [
     ("thickness", scene({"shape": "layer", "height": 0.46})),
     ("adhesion", scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0012}})),
-    ("relaxation", scene(HALF_SPACE, experiment={"relaxation": {"prony": [[0.6, 0.3]]}, "history": RAMP})),
+    ("relaxation", relaxing([[0.6, 0.3]], HALF_SPACE)),
 ])  # fmt: skip
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
@@ -220,10 +219,10 @@ def test_coverage_of_three_hundred_curves():
 def test_coverage_of_adhesion_and_of_known_relaxation():
     """40 curves each: fewer than 33 of 95 % intervals hold the truth once in 400."""
     adhering = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.001}})
-    relaxing = scene(HALF_SPACE, experiment={"relaxation": {"prony": [[0.6, 0.3]]}, "history": RAMP})
+    known = relaxing([[0.6, 0.3]], HALF_SPACE)
     draw = np.random.default_rng(30)
     for config, keys, truth in ((adhering, ["material.E", WORK], np.array([0.3, math.log(0.002)])),
-                                (relaxing, ["material.E"], np.array([0.3]))):  # fmt: skip
+                                (known, ["material.E"], np.array([0.3]))):  # fmt: skip
         forces, inside = Forces(config, keys, DEEPEST), np.zeros(len(keys))
         for _ in range(40):
             force = measured(forces, truth, X, drawn(WHITE, N, draw), t=T)
@@ -238,8 +237,7 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
 WRONG = {
     "thickness": [scene({"shape": "layer", "height": height}) for height in (0.46, 1.4)],
     "adhesion": [scene(HALF_SPACE, experiment={"adhesion": {"work": work}}) for work in (0.0012, 0.003)],
-    "relaxation": [scene(HALF_SPACE, experiment={"relaxation": {"prony": [[g, 0.3]]}, "history": RAMP})
-                   for g in (0.3, 0.6)],
+    "relaxation": [relaxing([[g, 0.3]], HALF_SPACE) for g in (0.3, 0.6)],
 }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from measurements import HALF_SPACE, LAYER, scene
+from measurements import HALF_SPACE, LAYER, relaxing, scene
 
 from indent_sim.fitting.elastic_table import NoTable, elastic_scene
 from indent_sim.fitting.forces import Forces, relaxed
@@ -118,8 +118,7 @@ def test_adhesion_is_that_of_theory(compliance):
 
 def test_relaxation_while_the_contact_grows_is_lee_and_radok():
     terms = [[0.4, 0.3], [0.2, 2.0]]
-    history = [[0, 0], [1, 0.1]]
-    config = scene(experiment={"relaxation": {"prony": terms}, "history": history})
+    config = relaxing(terms)
     t = np.linspace(0, 1, 400)
     got = Forces(config, [], DEEPEST)(np.array([]), 0.1 * t, t)
     depths = np.geomspace(1e-5, 0.1001, 80)
@@ -140,9 +139,9 @@ def test_a_linear_rise_relaxes_exactly_at_any_times():
 
 def test_a_spring_on_a_relaxing_body_balances():
     """z = delta + F/k at every time, of the force that belongs to these depths."""
-    more = {"relaxation": {"prony": [[0.5, 0.2]]}, "history": [[0, 0], [1, 0.1]]}
-    soft = Forces(scene(experiment={**more, "cantilever": {"stiffness": 1.0}}), [], DEEPEST)
-    rigid = Forces(scene(experiment=more), [], DEEPEST)
+    terms = [[0.5, 0.2]]
+    soft = Forces(relaxing(terms, experiment={"cantilever": {"stiffness": 1.0}}), [], DEEPEST)
+    rigid = Forces(relaxing(terms), [], DEEPEST)
     t = np.linspace(0, 1, 200)
     force = soft(np.array([]), 0.1 * t, t)
     np.testing.assert_allclose(rigid(np.array([]), 0.1 * t - force, t), force, rtol=1e-6, atol=1e-12)
