@@ -406,30 +406,30 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
     return choices
 
 
-def experiment(config: Config, given: Given, solver: Choice) -> Choices:
-    """How what is computed from the solved curve is; ConfigError where a curve does not determine it."""
-    found = given.experiment
-    if found is None:
+def curve(config: Config, given: Given, solver: Choice) -> Choices:
+    """How what is computed from the elastic curve is: an experiment, a history; ConfigError where a curve does not
+    determine it."""
+    if given.experiment is None and given.history is None:
         return []
-    _refuse_experiment(config, given, solver)
+    _refuse_curve(config, given, solver, "experiment" if given.experiment else f"loading.{config.loading.given[0]}")
     choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if given.jkr_limit else []
-    if found.relaxation and found.points:
-        way, why = ("time steps", STEP_WHY) if found.is_stepped else ("quadrature", TING_WHY)
-        choices.append(Choice("experiment.relaxation", way, why))
-    elif found.points and not given.jkr_limit:
-        choices.append(Choice("experiment.history", "elastic", QUASI_WHY))
+    if given.history:
+        why = STEP_WHY if given.is_stepped else TING_WHY if given.relaxation else QUASI_WHY
+        choices.append(Choice("time", "curve", JKR_WHY if given.jkr_limit else why))
     return choices
 
 
-def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
+def _refuse_curve(config: Config, given: Given, solver: Choice, key: str) -> None:
     physics = given.physics
-    assert given.experiment is not None
+    if given.history and config.output.fields in ("last", "all"):
+        problem = f"{config.output.fields}: a history is followed on the elastic curve, which has no fields"
+        raise ConfigError("output.fields", problem, "leave it out")
     if any(getattr(config.contact, name, None) for name in ("friction", "adhesion")):
         problem = "is determined by the curve of a tip without friction and adhesion, and contact has some"
-        raise ConfigError("experiment", problem, "leave one of the two out")
+        raise ConfigError(key, problem, "leave one of the two out")
     if solver.value == "newton":
         problem = f"needs a linear body whose compliance is known, and this scene is solved whole: {solver.why}"
-        raise ConfigError("experiment", problem, "solver.method: condensed or theory says what stands against it")
+        raise ConfigError(key, problem, "solver.method: condensed or theory says what stands against it")
     if given.jkr_limit and physics.part.kinematics.name != "axisymmetric":
         problem = f"the JKR limit is that of a disc, and this scene is {physics.part.kinematics.name.replace('_', ' ')}"
         raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
@@ -438,9 +438,9 @@ def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
         raise ConfigError("experiment.adhesion", problem, UNITS)
     if given.jkr_limit and solver.value == "condensed" and given.held_radii:
         _refuse_unlike_contacts(given, *given.held_radii)
-    if given.experiment.is_stepped and solver.value == "theory" and physics.body.dim == 2:
+    if given.is_stepped and solver.value == "theory" and physics.body.dim == 2:
         problem = "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
-        raise ConfigError("experiment.relaxation", problem, "use solver.method: condensed")
+        raise ConfigError("material.relaxation", problem, "use solver.method: condensed")
 
 
 def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh.body_from_file import Piece
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.experiment import Experiment
+from indent_sim.model.loading import History
+from indent_sim.model.materials import Relaxation
 from indent_sim.model.tips import FlatPunch, reach
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.usage import machine_memory
@@ -63,12 +65,21 @@ class Scene:
     solver: SolverSettings
     plan: Plan
     experiment: Experiment | None = None  # what is computed from the solved curve, without units
-    asked: float = 0.0  # the largest depth that its history may come to, without units
+    history: History | None = None  # what its rows follow in time, without units; the path is that of the elastic curve
+    relaxation: Relaxation | None = None
 
     @property
     def is_meshed(self) -> bool:
         """Whether a mesh is solved; where theory is, `sizes` are distances between points of the surface."""
         return self.solver.method != "theory"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of its force table beyond those of every scene."""
+        if self.history is None:
+            return self.physics.columns
+        held, given = self.experiment and self.experiment.compliance, self.experiment and self.experiment.calibration
+        return ("t", *(["z"] if held else []), "branch", *(["calibration_error"] if given else []))
 
     @property
     def method(self) -> str:
@@ -128,13 +139,15 @@ def resolve(config: Config, per_radius: float | None = None, piece: Piece | None
 def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = given.physics
-    experiment = choices.experiment(config, given, solver)
-    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *experiment)
+    of_curve = choices.curve(config, given, solver)
+    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *of_curve)
     predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + PER_ROW * len(physics.deltas):.2g}")}
     against = (*of_material(config, given), *of_theory(given), *of_whole_contact(given))
     plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted, stick(given, physics))
     settings = replace(config.solver, method="theory")
-    return Scene(physics, sizing.surface_points(given), settings, plan, given.experiment, given.asked)
+    return Scene(
+        physics, sizing.surface_points(given), settings, plan, given.experiment, given.history, given.relaxation
+    )
 
 
 def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
@@ -156,14 +169,14 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     of_contact = (gap_choice, law_choice, *friction_choice, *adhesion_choice, *tip_choice, *wall_choice)
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
-    of_mesh, experiment = choices.mesh(config, given, sizes, fineness), choices.experiment(config, given, solver)
-    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *experiment)
+    of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver)
+    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_curve)
     predicted = _prediction(given, doubted, cost)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)
     known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr)
     plan = Plan(config.title, config.units, *known)
     settings = replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
-    return Scene(physics, sizes, settings, plan, given.experiment, given.asked)
+    return Scene(physics, sizes, settings, plan, given.experiment, given.history, given.relaxation)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
