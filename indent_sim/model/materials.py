@@ -49,6 +49,14 @@ class Relaxation:
     power_law: PowerLaw | None = None
 
 
+class Exponentials(NamedTuple):
+    """G(t) = rest + sum fraction exp(-t/time) of a modulus, over that of the law's constants; times [time] > 0."""
+
+    rest: float
+    fractions: tuple[float, ...]
+    times: tuple[float, ...]
+
+
 class Constants(NamedTuple):
     """Young's modulus E [pressure] and Poisson's ratio nu at small strain."""
 
@@ -150,6 +158,16 @@ class LinearElastic(_TwoConstants):
         """mu eps:eps and tr eps."""
         eps = ufl.sym(H)
         return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
+
+    def split(self, H: Expr) -> tuple[Expr, Expr]:
+        """mu dev eps : dev eps, which is free of any change of volume, and tr eps."""
+        deviator = ufl.dev(ufl.sym(H))
+        return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
+
+    @property
+    def inverse_bulk_modulus(self) -> Expr:
+        """1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
+        return 3 * (1 - 2 * self.nu) / self.E  # type: ignore[operator]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -321,6 +339,15 @@ class _Isochoric(_Law):
         shrink = exp(-2 * log_J / 3)
         excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
+
+    def split(self, H: Expr) -> tuple[Expr, Expr]:
+        """The energy that is free of any change of volume, and ln J: its `parts`."""
+        return self.parts(H)
+
+    @property
+    def inverse_bulk_modulus(self) -> Expr:
+        """1/kappa [1/pressure]."""
+        return self.inverse_stiffness
 
 
 @dataclass(frozen=True)
@@ -639,6 +666,7 @@ class HolmesMow:
 
 
 Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
+Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce  # laws that `split`: shear may relax alone
 
 CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",
