@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -11,7 +13,8 @@ from annotated_types import Gt, Le, Len
 from indent_sim.model.units import FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
 
 MOST_STEPS, MOST_POINTS = 100_000, 10_000
-HISTORY_ROWS = 200  # of a history at least, and at most as many more
+HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
+PIECE_ROWS = 20  # of each piece of a history on the whole body
 Force = Annotated[float, Gt(0), FORCE]
 Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
@@ -22,10 +25,35 @@ Control = Literal["depth", "force"]
 
 @dataclass(frozen=True)
 class LoadPath:
-    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]."""
+    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]; in time, the
+    time and the branch of each too, and the values that the tip passes before it, where it turns between two rows."""
 
     control: Control
     values: tuple[float, ...]
+    times: tuple[float, ...] = ()
+    branches: tuple[str, ...] = ()
+    turns: tuple[tuple[float, ...], ...] = ()
+
+    def halved(self) -> LoadPath:
+        """The same in steps half as long: between each two values the mean of them, two rows for each."""
+        values: list[float] = []
+        turns: list[tuple[float, ...]] = []
+        last = 0.0
+        for step in range(1, len(self.values) + 1):
+            fine = [part for a, b in pairwise((last, *self.leg(step))) for part in ((a + b) / 2, b)]
+            values += fine[-2:]
+            turns += [tuple(fine[:-2]), ()]
+            last = fine[-1]
+        return LoadPath(self.control, tuple(values), turns=tuple(turns) if self.turns else ())
+
+    def leg(self, step: int) -> tuple[float, ...]:
+        """The values on the way to a step [from 1], its own the last."""
+        return (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
+
+    def without_units(self, unit: float) -> LoadPath:
+        """The same with values in a unit; times stay."""
+        turns = tuple(tuple(value / unit for value in passed) for passed in self.turns)
+        return replace(self, values=tuple(value / unit for value in self.values), turns=turns)
 
     @property
     def kept(self) -> frozenset[int]:
@@ -99,9 +127,10 @@ class History:
     @property
     def through_its_times(self) -> History:
         """The same with its `times` as points, and a row at every point and between."""
-        known, points = {t for t, _ in self.points}, list(self.points)
-        for t in (t for t in self.times if t not in known):
-            (t0, v0), (t1, v1) = next(pair for pair in pairwise(self.points) if pair[0][0] < t < pair[1][0])
+        known, points = [t for t, _ in self.points], list(self.points)
+        for t in sorted({*self.times} - {*known}):
+            after = bisect_right(known, t)
+            (t0, v0), (t1, v1) = self.points[after - 1 : after + 1]
             points.append((t, v0 + (v1 - v0) * (t - t0) / (t1 - t0)))
         return replace(self, points=tuple(sorted(points, key=lambda point: point[0])), times=())
 
@@ -115,6 +144,31 @@ class History:
             found += [Instant(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
             found.append(Instant(t1, v1, branch))
         return tuple(found)
+
+    @property
+    def path(self) -> LoadPath:
+        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a hold, the state after
+        a jump; or those at its `times`, and where it turns between them."""
+        rows = [] if len(self.from_rest) > len(self.points) else [Instant(*self.points[0], "approach")]
+        for (t0, v0), (t1, v1) in pairwise(self.from_rest):
+            parts, branch = (PIECE_ROWS if t1 > t0 and v1 != v0 else 1), branch_of(v0, v1)
+            shares = [k / parts for k in range(1, parts)]
+            rows += [Instant(t0 + (t1 - t0) * share, v0 + (v1 - v0) * share, branch) for share in shares]
+            rows.append(Instant(t1, v1, branch))
+        if self.times:
+            return self._picked(rows)
+        return LoadPath(self.control, *zip(*((row.value, row.t, row.branch) for row in rows), strict=True))
+
+    def _picked(self, rows: Sequence[Instant]) -> LoadPath:
+        """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way to them."""
+        at, known, legs = dict(self.through_its_times.points), [row.t for row in rows], []
+        ends = [bisect_right(known, t) for t in self.times]
+        for begin, end, t in zip((0, *ends), ends, self.times, strict=False):
+            passed = tuple(row.value for row in rows[begin:end])
+            legs.append(passed[:-1] if passed and known[end - 1] == t else passed)
+        owners = (end - 1 if known[end - 1] == t else end for end, t in zip(ends, self.times, strict=True))
+        branches = tuple(rows[owner].branch for owner in owners)
+        return LoadPath(self.control, tuple(at[t] for t in self.times), self.times, branches, tuple(legs))
 
     def without_units(self, unit: float) -> History:
         """The same with values in a unit; times stay."""

@@ -173,6 +173,9 @@ class Run:
         said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
         center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
+        if physics.path.times:
+            why = next(choice.why for choice in plan.choices if choice.key == "time")
+            said["time"] = {"way": "steps", "method": "equilibria", "why": why}
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 

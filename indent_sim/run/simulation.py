@@ -109,12 +109,13 @@ class Simulation:
         physics, done = self.scene.physics, len(self.states)
         if done in (0, len(physics.deltas)) or self.scene.history:
             return
-        depths = physics.deltas[:done]  # of the rows that are there
-        if physics.path.control != "depth":
-            depths = tuple(state.delta / physics.scales.depth for state in self.states)
         saved = self.record.read_checkpoint(self._identity)
+        passed = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
+        depths = tuple(depth for leg in passed for depth in leg)
+        if physics.path.control != "depth":
+            depths = tuple(state.delta / physics.scales.depth for state in self.states[saved.step :])
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, depths[saved.step :]):
+            if not self._walk.resume(saved.points, depths):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
 

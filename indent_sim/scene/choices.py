@@ -13,6 +13,7 @@ from indent_sim.mesh.part_from_file import MeshedPart
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Endless, MeshFromFile
 from indent_sim.model.contact import Adhesion, Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
+from indent_sim.model.experiment import Experiment
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
@@ -406,17 +407,40 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
     return choices
 
 
-def curve(config: Config, given: Given, solver: Choice) -> Choices:
-    """How what is computed from the elastic curve is: an experiment, a history; ConfigError where a curve does not
-    determine it."""
+def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
+    """Whether a history is followed row by row on the whole body: no curve determines it."""
+    rough = any(getattr(config.contact, name, None) for name in ("friction", "adhesion"))
+    return given.history is not None and (rough or solver.value == "newton")
+
+
+def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:
+    """How what is computed from the elastic curve is, an experiment, a history, or why a history is not; ConfigError
+    where a curve does not determine what is asked for."""
     if given.experiment is None and given.history is None:
         return []
+    if follows_whole:
+        why = solver.why if solver.value == "newton" else "friction, or adhesion over a range: no curve determines it"
+        _refuse_in_time(config, given, why)
+        return [Choice("time", "steps", f"row by row on the body: {why}")]
     _refuse_curve(config, given, solver, "experiment" if given.experiment else f"loading.{config.loading.given[0]}")
     choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if given.jkr_limit else []
     if given.history:
         why = STEP_WHY if given.is_stepped else TING_WHY if given.relaxation else QUASI_WHY
         choices.append(Choice("time", "curve", JKR_WHY if given.jkr_limit else why))
     return choices
+
+
+def _refuse_in_time(config: Config, given: Given, why: str) -> None:
+    """ConfigError for what is made of a curve."""
+    if config.loading.force_history and config.loading.times != "auto":
+        problem = "of forces on a body that is followed row by row are the program's"  # what is passed is a row
+        raise ConfigError("loading.times", problem, "leave it out, or loading.history")
+    if given.relaxation:
+        remedy = "leave material.relaxation out, or what stands against the curve"
+        raise ConfigError("material.relaxation", f"is for the curve of a linear, frictionless body: {why}", remedy)
+    if made := next((name for name, part in vars(given.experiment or Experiment()).items() if part), None):
+        problem = f"is made of a curve, and this body is followed row by row: {why}"
+        raise ConfigError(f"experiment.{made}", problem, "leave one of the two out")
 
 
 def _refuse_curve(config: Config, given: Given, solver: Choice, key: str) -> None:

@@ -228,7 +228,7 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
     history = history and history.without_units(scales.of(history.control))
-    path = replace(path, values=tuple(value / scales.of(path.control) for value in path.values))
+    path = path.without_units(scales.of(path.control))
     if isinstance(body, Meshed):
         assert piece is not None
         part, part_why = _piece_as_it_is(config, piece, scales)
@@ -272,6 +272,16 @@ def depths_of(
         problem = f"a force of {largest:g} would press the tip to {DEEPEST:.0%} of the body's thickness or deeper"
         raise ConfigError("loading", problem, "use a smaller force")
     return depths
+
+
+def in_time(given: Given, physics: Physics) -> Physics:
+    """Physics whose path is the rows of the history, in place of the way to its deepest one."""
+    assert given.history is not None
+    path = given.history.path
+    tip, height = given.relative, physics.body.height
+    return replace(
+        physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
+    )
 
 
 def deepest_path(

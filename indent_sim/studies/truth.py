@@ -67,7 +67,7 @@ class Truth:
         self._file: Answer | None = None
         self.references: set[str] = set()  # runs that others are compared with
         where = study.compare_place
-        if self._wanted != "finest" and any(case.scene.history for case in cases):
+        if self._wanted != "finest" and any(case.scene.takes_time for case in cases):
             raise _error(where, "rows are compared by depth, and a history passes one several times", "leave it out")
         if self._wanted == "theory":
             self._take_theory(cases, where)
@@ -95,7 +95,7 @@ class Truth:
         if self._wanted != "finest":
             return
         asked: dict[str, list[str]] = {}
-        comparable = (case for case in cases if case.id in done and case.scene.history is None)  # by depth
+        comparable = (case for case in cases if case.id in done and not case.scene.takes_time)  # by depth
         for case in sorted(comparable, key=lambda case: _fineness(case, done)):
             asked.setdefault(case.problem, []).append(case.id)  # the finest comes last
         finest = {problem: runs[-1] for problem, runs in asked.items() if len(set(runs)) > 1}  # none is its own answer

@@ -180,7 +180,8 @@ class Drawn:
 
         finite = changed(lambda own: own | {"model": "neo_hookean"})
         finite |= {"contact": own["contact"] | {"gap": "current"}}
-        return {"small_strain": (finite, own), "incompressible": (changed(lambda own: own | {"nu": 0.5}), own)}
+        incompressible = changed(lambda own: own | {"model": "linear_elastic", "nu": 0.5})  # at small strain, as `own`
+        return {"small_strain": (finite, own), "incompressible": (incompressible, own)}
 
     def known(self) -> dict[str, float]:
         """The effects in per cent."""

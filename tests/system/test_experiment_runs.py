@@ -99,6 +99,27 @@ def test_a_history_that_was_stopped_is_resumed(tmp_path: Path, method: str) -> N
     assert json.loads((out / "run.json").read_text())["status"] == "done"
 
 
+def test_a_history_of_a_body_that_remembers_is_resumed(tmp_path: Path) -> None:
+    """Without its checkpoint the way is walked anew, its turns too; rows and files are those of one run to 1e-9."""
+    loading = {"history": [[0, 0], [1, 0.02], [2, 0.01]], "times": [0.5, 1.5, 2.0]}
+    body = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
+    given = {"body": body, "material": SOLID, "contact": {"friction": 0.2}, "loading": loading}
+    config, out = tmp_path / "scene.yaml", tmp_path / "out"
+    scene = {"indenter": SCENE["indenter"], "mesh": {"h_contact": 0.04}, "output": {"plot": False}} | given
+    config.write_text(to_yaml(from_mapping(scene)))
+    ran("run", config, "--output", out)
+    whole, report = rows(out), json.loads((out / "run.json").read_text())
+    assert report["time"]["way"] == "steps" and "friction" in report["time"]["why"]
+    assert [row["branch"] for row in whole] == ["approach", "retract", "retract"] and (out / "surface.csv").exists()
+    lines = (out / TABLE).read_text().splitlines(keepends=True)
+    (out / TABLE).write_text("".join(lines[:3]))
+    (out / "run.json").write_text(json.dumps(report | {"status": "running", "exit_code": None, "rows": 2}))
+    ran("run", config, "--output", out, "--resume")
+    for one, other in zip(rows(out), whole, strict=True):
+        for name in ("force", "a", "stick_radius", "dissipation"):
+            assert float(one[name]) == pytest.approx(float(other[name]), rel=1e-9)
+
+
 def test_a_run_killed_before_its_experiment_is_resumed(tmp_path: Path) -> None:
     """All rows are there, the status is running: --resume computes the experiment, to the last digit."""
     config, out = written(tmp_path, **STICKY), tmp_path / "out"

@@ -78,27 +78,33 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
         ({"adhesion": {"work": -1.0}}, {}, "experiment.adhesion.work", "> 0"),
         ({"cantilever": {"k": 1.0}}, {}, "experiment.cantilever.k", "unknown key"),
-        ({"history": RAMP}, {"material": HYPERELASTIC}, "loading.history", "not linear"),
-        ({"history": RAMP}, {"contact": {"method": "nitsche"}}, "loading.history", "solved whole"),
-        ({"history": RAMP}, {"contact": {"friction": 0.3}}, "loading.history", "without friction and adhesion"),
+        ({"history": RAMP, "relaxation": SLOW}, {"material": HYPERELASTIC}, "material.relaxation", "not linear"),
+        (
+            {"history": RAMP, "cantilever": {"stiffness": 1.0}},
+            {"contact": {"method": "nitsche"}},
+            "experiment.cantilever",
+            "row by row",
+        ),
+        (
+            {"history": RAMP, "relaxation": SLOW},
+            {"contact": {"friction": 0.3}},
+            "material.relaxation",
+            "friction, or adhesion over a range",
+        ),
         ({"history": RAMP}, {"output": {"fields": "all"}}, "output.fields", "no fields"),
         ({"adhesion": {"work": 1e-3}}, {"contact": {"friction": "stick"}}, "experiment", "without friction"),
-        (
-            {"history": RAMP},
-            {
-                "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
-                "contact": {"adhesion": {"work": 1e-3, "range": 0.05}},
-            },
-            "loading.history",
-            "and adhesion",
-        ),
         (
             {"adhesion": {"work": 1e-3}},
             {"body": {"shape": "strip", "width": 4.0, "height": 1.0}},
             "experiment.adhesion",
             "disc",
         ),
-        ({"history": RAMP}, {"contact": {"gap": "current"}}, "loading.history", "solved whole"),
+        (
+            {"history": RAMP, "calibration": {"R": 0.1}},
+            {"contact": {"gap": "current"}},
+            "experiment.calibration",
+            "made of a curve",
+        ),
         ({"history": [[0, 0], [1, 2.0]]}, {}, "loading", "beyond the body's thickness"),
         ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "wider than theory"),
         ({"adhesion": {"work": 1e-12}}, {"solver": {"method": "condensed"}}, "experiment.adhesion.work", "comes? off"),
@@ -176,6 +182,13 @@ def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
         from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 
+def test_times_of_forces_on_a_whole_body_are_the_programs() -> None:
+    given = SCENE | {"material": HYPERELASTIC, "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]}}
+    with pytest.raises(ConfigError, match="are the program's") as refused:
+        resolve(from_mapping(given))
+    assert refused.value.key == "loading.times"
+
+
 def test_a_soft_spring_keeps_the_tip_back() -> None:
     """z = 1 through a compliance of 1e3: the depth is where the spring balances a half-space, far below 1."""
     given = {"experiment": {"cantilever": {"stiffness": 1e-3}}, "loading": {"history": [[0, 0], [1, 1.0]]}}
@@ -208,6 +221,9 @@ def test_plan_says_what_is_exact() -> None:
     back = [[0, 0], [1, 0.01], [2, 0.0], [3, 0.01]]
     assert "stepped" in said({"relaxation": SLOW, "history": back})["time"]
     assert "curve: every point an equilibrium" in said({"history": RAMP})["time"]
+    rubber = resolve(from_mapping(SCENE | {"material": HYPERELASTIC, "loading": {"history": RAMP}}))
+    (time,) = (choice for choice in rubber.plan.choices if choice.key == "time")
+    assert time.value == "steps" and "not linear" in time.why and "t" in rubber.columns
 
 
 KEYS = ("time", "experiment.adhesion")
