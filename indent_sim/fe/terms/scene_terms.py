@@ -11,6 +11,7 @@ from indent_sim.fe.terms.contact.drag import Drag
 from indent_sim.fe.terms.contact.friction import Friction
 from indent_sim.fe.terms.contact.nodal import NodalContact
 from indent_sim.fe.terms.contact.traction import Traction
+from indent_sim.fe.terms.relaxing import Relaxing
 from indent_sim.fe.terms.strain import Strain, pressures
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.wall import Wall
@@ -43,7 +44,8 @@ class Touch:
 
 def matter_of(body: Body) -> Matter:
     """The terms of a scene's body."""
-    strains = tuple(Strain(body, region) for region in body.scene.physics.part.regions)
+    regions = body.scene.physics.part.regions
+    strains = tuple((Relaxing if region.relaxing else Strain)(body, region) for region in regions)
     return Matter(strains, (Wall(body),) if body.scene.physics.wall_stiffness else ())
 
 
