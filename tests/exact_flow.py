@@ -5,6 +5,8 @@ D = k M_c with the drained confined modulus M_c, grains and fluid incompressible
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.optimize import brentq
@@ -41,7 +43,7 @@ def unconfined(E: float, nu: float, k: float, a: float, strain: float, t: float)
     def zero(x: float) -> float:
         return float((1 - nu) * x * j0(x) - (1 - 2 * nu) * j1(x))
 
-    x = np.array([brentq(zero, a, b) for a, b in zip(ends, ends[1:], strict=False) if zero(a) * zero(b) < 0])
+    x = np.array([brentq(zero, a, b) for a, b in pairwise(ends) if zero(a) * zero(b) < 0])
     A = (1 - nu) * (1 - 2 * nu) / (1 + nu) / ((1 - nu) ** 2 * x**2 - (1 - 2 * nu))
     decay = np.exp(-(x**2) * k * confined_modulus(E, nu) * t / a**2)
     return float(np.pi * a**2 * E * strain * (1 + (A * decay).sum()))

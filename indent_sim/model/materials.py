@@ -47,7 +47,7 @@ class Flow:
         if (self.permeability is None) == (self.diffusivity is None):
             raise ValueError("flow needs exactly one of permeability, diffusivity")
         if not math.isfinite(confined_modulus):
-            raise ValueError("0.5 leaves no pores to drain; give the drained nu, below 0.5")
+            raise ValueError("nu = 0.5 leaves no pores to drain; give the drained nu, below 0.5")
         if self.diffusivity is None:
             return self
         permeability = self.diffusivity * (self.storage + self.alpha**2 / confined_modulus)

@@ -80,7 +80,7 @@ class Physics:
     gap: str = "reference"  # or current
     wall_stiffness: float = 0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
-    drainage: Drainage = Drainage()  # of regions with a flow; times are the scene's own
+    drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
 
     @property
     def has_friction(self) -> bool:

@@ -14,6 +14,7 @@ import exact_flow
 import numpy as np
 import pytest
 from scenes import ELASTIC, WALLED, meshed, scene
+from scipy.optimize import brentq
 
 from indent_sim.fe import solver
 from indent_sim.model.body import Conductance, Drainage
@@ -26,10 +27,12 @@ DELTA, PERMEABILITY = 0.02, 0.9  # M_c = 10/9, so D = 1
 LONG = 1e6  # height^2/D: nothing is left of the pressure
 RADIUS = 0.147  # of the contact of most scenes here, on the drained body
 NEWTON = {"method": "newton"}
+DRAINAGE = Drainage()
+VERIFY = pytest.mark.verify
 
 
 def draining(
-    base: Scene, drainage: Drainage = Drainage(), regions: Sequence[int] = (), k: float = PERMEABILITY, **flow: float
+    base: Scene, drainage: Drainage = DRAINAGE, regions: Sequence[int] = (), k: float = PERMEABILITY, **flow: float
 ) -> Scene:
     """A scene with fluid in the pores of some regions, without any in those of all."""
     part = base.physics.part
@@ -75,6 +78,11 @@ class Draining:
             t += dt
             rows.append((t, self.step(self.depth, dt)))
         return np.array(rows)
+
+    def drain(self) -> float:
+        """The force when nothing is left of the pressure: two steps, each of which leaves 1e-6 of it."""
+        self.step(self.depth, LONG)
+        return self.step(self.depth, LONG)
 
     def ramp(self, depth: float, time: float, steps: int) -> np.ndarray:
         """Forces on the way in from rest."""
@@ -132,8 +140,8 @@ def draining_layer(**flow: float) -> Draining:
 
 def by_theory(nu: float, E: float = 1.0, **sections: Any) -> float:
     """Theory's force on the elastic layer."""
-    material = ELASTIC | {"E": E, "nu": nu}
-    return next(iter(chain.states(layer(material=material, solver={"method": "theory"}, **sections)))).force
+    given = {"material": ELASTIC | {"E": E, "nu": nu}, "loading": {"delta": DELTA, "steps": 1}}
+    return next(iter(chain.states(scene(WALLED, **given, **sections, solver={"method": "theory"})))).force
 
 
 def undrained(E: float, nu: float, alpha: float, storage: float) -> tuple[float, float]:
@@ -156,7 +164,7 @@ def test_at_once_and_at_last_it_is_elastic(alpha: float, storage: float) -> None
     at_once = body.step(DELTA)
     assert at_once == pytest.approx(by_theory(*reversed(undrained(1.0, 0.2, alpha, storage))), rel=5e-4)
     assert body.outflow == 0.0
-    at_last = body.step(DELTA, LONG)
+    at_last = body.drain()
     assert at_last == pytest.approx(by_theory(0.2), rel=5e-4)
     assert at_last == pytest.approx(solver_force(base), rel=1e-8)
 
@@ -168,14 +176,14 @@ def solver_force(base: Scene) -> float:
     return float(body.force)
 
 
-@pytest.mark.parametrize("nu", [0.49, pytest.param(0.4999, marks=pytest.mark.verify)])
+@pytest.mark.parametrize("nu", [0.49, pytest.param(0.4999, marks=VERIFY)])
 def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -> None:
     """1e-3: what the mesh costs. Without q beside it p is 1e-2 off."""
     base = layer(RADIUS / 10, nu)
     body = Draining(draining(base, k=PERMEABILITY * 0.01))
     assert base.physics.part.regions[0].formulation == "mixed"
     assert body.step(DELTA) == pytest.approx(by_theory(0.5, 1.5 / (1 + nu)), rel=1e-3)
-    assert body.step(DELTA, 100 * LONG) == pytest.approx(by_theory(nu), rel=1e-3)
+    assert body.drain() == pytest.approx(by_theory(nu), rel=1e-3)
 
 
 # ---- exact solutions -----------------------------------------------------------------------------------------------
@@ -189,7 +197,7 @@ def under_plate(radius: float, h: float, nu: float, drainage: Drainage, **body: 
     return Draining(draining(scene(whole, **sections, indenter=tip, loading={"delta": DELTA, "steps": 1}), drainage))
 
 
-@pytest.mark.parametrize("steps", [20, pytest.param(40, marks=pytest.mark.verify)])
+@pytest.mark.parametrize("steps", [20, pytest.param(40, marks=VERIFY)])
 def test_confined_ramp(steps: int) -> None:
     """6e-4 from 20 steps on, of the layer that drains at first: 0.04 thin beside h = 0.025."""
     body = under_plate(0.1, 0.025, 0.2, Drainage(tip="drained"))
@@ -200,28 +208,27 @@ def test_confined_ramp(steps: int) -> None:
 
 
 def test_consolidation_under_a_force() -> None:
-    """Terzaghi's settlement. A sudden force has no undrained equilibrium: it comes with the first step."""
-    body, area = under_plate(0.1, 0.025, 0.2, Drainage(tip="drained")), np.pi * 0.1**2
-    t = 0.0
-    for dt in ladder(1e-4, 0.1):
+    """Terzaghi's settlement. A sudden force has no undrained equilibrium: it comes with the first step. The depth is
+    straight within a step where the layer settles by the root of time: 1.5e-3 with eight steps a doubling."""
+    body, area = under_plate(0.1, 0.05, 0.2, Drainage(tip="drained")), np.pi * 0.1**2
+    for dt in ladder(1e-4, 0.1, 8):
         body.press(0.01 * area, dt)
-        t += dt
-    exact = exact_flow.terzaghi(1.0, 0.2, PERMEABILITY, 1.0, 0.01, t)
-    assert body.depth == pytest.approx(exact, rel=1e-3)
+    assert body.depth == pytest.approx(exact_flow.terzaghi(1.0, 0.2, PERMEABILITY, 1.0, 0.01, 0.1), rel=1.5e-3)
 
 
+@pytest.mark.parametrize(("h", "early", "late"), [(0.1, 1e-2, 4e-3), pytest.param(0.05, 4e-3, 1.5e-3, marks=VERIFY)])
 @pytest.mark.parametrize("nu", [0.0, 0.3])
-def test_unconfined_disc(nu: float) -> None:
-    """At once uniform and incompressible, which the elements hold exactly; then, as a share of what relaxes, 4e-3 at
-    h = a/10 from T = 0.01 on."""
-    body = under_plate(1.0, 0.1, nu, Drainage(), base="roller", sides="free")
+def test_unconfined_disc(nu: float, h: float, early: float, late: float) -> None:
+    """At once uniform and incompressible, which the elements hold exactly; then, as a share of what relaxes, from
+    T = 0.001 and 0.01 on, what the elements at the side cost."""
+    body = under_plate(1.0, h, nu, Drainage(), base="roller", sides="free")
     k, eps = PERMEABILITY, 0.01
     assert body.step(eps) == pytest.approx(1.5 / (1 + nu) * np.pi * eps, rel=1e-10)
     relaxes = np.pi * eps * (1.5 / (1 + nu) - 1)
-    for t, force in body.hold(ladder(1e-3, 0.6)):
+    for t, force in body.hold(ladder(1e-4, 0.6)):
         exact = exact_flow.unconfined(1.0, nu, k, 1.0, eps, t)
-        if t * k * exact_flow.confined_modulus(1.0, nu) > 1e-2:
-            assert abs(force - exact) < 4e-3 * relaxes
+        T = t * k * exact_flow.confined_modulus(1.0, nu)
+        assert T < 1e-3 or abs(force - exact) < (early if T < 1e-2 else late) * relaxes
 
 
 @pytest.mark.parametrize("nu", [0.2])
@@ -247,6 +254,25 @@ def test_mandel(nu: float) -> None:
             assert body.depth == pytest.approx(strain, rel=1e-3)
 
 
+@pytest.mark.verify
+def test_flat_punch_on_a_half_space() -> None:
+    """A drained surface, also under the punch; as a share of what relaxes on this finite body 4e-3: of the body 120
+    radii wide, of its elements and of the steps in time."""
+    wide, nu = 120.0, 0.2
+    body = WALLED | {"radius": wide, "height": wide}
+    mesh = {"h_contact": 0.1, "h_edge": 0.002, "h_far": wide / 8}
+    tip, loading = {"shape": "flat_punch", "radius": 1.0}, {"delta": 0.01, "steps": 1}
+    base = scene(body, material=DRAINED, mesh=mesh, indenter=tip, loading=loading, solver=NEWTON)
+    found = Draining(draining(base, Drainage(tip="drained"), k=PERMEABILITY / wide**2))
+    at_once = found.step(0.01 / wide)
+    rows = found.hold(ladder(1e-3, 10.0, 8))
+    at_last, r = found.drain(), 0.375
+    for t, force in rows:
+        if t >= 0.01:
+            exact = (exact_flow.punch_relaxation(nu, "drained", t) - (1 - r)) / r
+            assert (force - at_last) / (at_once - at_last) == pytest.approx(exact, abs=4e-3)
+
+
 # ---- time ----------------------------------------------------------------------------------------------------------
 
 
@@ -254,18 +280,28 @@ def relaxation(body: Draining, per_doubling: int, first: float, end: float) -> f
     """What is left at the end of a hold after a sudden step, as a share of what relaxes."""
     at_once = body.from_rest().step(DELTA)
     (*_, (_, force)) = body.hold(ladder(first * 4 / per_doubling, end, per_doubling))
-    at_last = body.step(DELTA, LONG)
+    at_last = body.drain()
     return float((force - at_last) / (at_once - at_last))
 
 
-def test_two_stages_are_of_second_order() -> None:
+@pytest.mark.parametrize("tip", ["sealed", pytest.param("drained", marks=VERIFY)])
+def test_two_stages_are_of_second_order(tip: Any) -> None:
     """Twice the steps, a quarter of the error; four steps for each doubling of their length cost 6e-4."""
-    body = draining_layer()
+    body = draining_layer() if tip == "sealed" else Draining(draining(layer(), Drainage(tip=tip)))
     first, end = 1e-3 * RADIUS**2, 0.3 * RADIUS**2
     exact = relaxation(body, 32, first, end)
     errors = [abs(relaxation(body, n, first, end) - exact) for n in (4, 8)]
     assert errors[0] < 6e-4
     assert errors[0] / errors[1] > 3
+
+
+@VERIFY
+@pytest.mark.parametrize(("tip", "error"), [("drained", 1e-4), ("sealed", 2e-3)])
+def test_a_ramp_in_equal_steps(tip: Any, error: float) -> None:
+    """20 steps against 160, h = a/10: second order, but for a tip that seals one vertex after another."""
+    body, time = Draining(draining(layer(RADIUS / 10), Drainage(tip=tip))), 0.1 * RADIUS**2
+    few, many = (body.from_rest().ramp(DELTA, time, n)[-1] for n in (20, 160))
+    assert few == pytest.approx(many, rel=error)
 
 
 def test_a_force_never_rises_in_a_hold() -> None:
@@ -328,34 +364,29 @@ def test_a_step_that_is_taken_back_leaves_nothing() -> None:
 
 
 def test_a_tip_that_drains_lets_the_force_fall_sooner() -> None:
-    held = {}
+    held = []
     for tip in ("sealed", "drained", Conductance(PERMEABILITY / RADIUS)):
         body = Draining(draining(layer(), Drainage(tip=tip)))
         body.step(DELTA)
-        (*_, (_, held[str(tip)])) = body.hold(ladder(1e-3 * RADIUS**2, 0.1 * RADIUS**2))
-    drained, between, sealed = sorted(held.values())
-    assert list(held) == sorted(held, key=held.__getitem__, reverse=True)[:1] + list(held)[1:]
-    assert held["sealed"] == sealed
-    assert held["drained"] == drained
-    assert drained < 0.95 * between < 0.95 * sealed
+        held.append(body.hold(ladder(1e-3 * RADIUS**2, 0.1 * RADIUS**2))[-1, 1])
+    sealed, drained, between = held
+    assert drained < 0.98 * between < 0.98**2 * sealed
 
 
 @pytest.mark.parametrize("share", [0.1, 1.0])
 def test_a_base_with_a_conductance(share: float) -> None:
-    """The slowest decay of a column whose base lets out X p: exp(-b^2 D t/h^2) with b tan b = X h/k."""
-    from scipy.optimize import brentq
-
-    X = share * PERMEABILITY
-    sealed = Drainage(surface="sealed", base=Conductance(X))
-    body = under_plate(0.1, 0.1, 0.2, sealed)
-    body.ramp(0.01, 1e-3, 1)
+    """A column that draws fluid in through its base fills as exp(-b^2 D t/h^2) at last, b tan b = X h/k. What 20 steps
+    a decay leave of the rate: 1e-3."""
+    drainage = Drainage(surface="sealed", base=Conductance(share * PERMEABILITY), bath=((0.0, 0.0), (1e-3, 0.01)))
+    body = under_plate(0.1, 0.1, 0.2, drainage)
+    body.step(-1.0, 1e-3)
     b = brentq(lambda b: b * np.tan(b) - share, 1e-6, np.pi / 2 - 1e-6)
-    decay = 1.0 / b**2
-    rows = body.hold(iter([0.05 * decay] * 40))
-    end = body.step(0.01, LONG)
-    late = rows[[20, 39]]
-    rate = -np.diff(np.log(late[:, 1] - end))[0] / np.diff(late[:, 0])[0]
-    assert rate * decay == pytest.approx(1.0, rel=1e-3)
+    filled = 0.01 * np.pi * 0.1**2 / exact_flow.confined_modulus(1.0, 0.2)
+    missing = []
+    for _ in range(40):
+        body.step(-1.0, 0.05 / b**2)
+        missing.append(filled - body.content)
+    assert np.log(missing[19] / missing[39]) == pytest.approx(1.0, rel=1e-3)
 
 
 def test_a_bath_swells_a_free_body() -> None:
@@ -369,7 +400,7 @@ def test_a_bath_swells_a_free_body() -> None:
     )
     drainage = Drainage(bath=((0.0, 0.0), (1.0, 0.01)))
     body = Draining(draining(base, drainage, alpha=0.8, storage=0.5))
-    for dt in (0.5, 0.5, LONG):
+    for dt in (0.5, 0.5, LONG, LONG):
         body.step(-1.0, dt)
     K, volume = 1 / (3 * 0.6), np.pi
     assert body.content == pytest.approx((0.8**2 / K + 0.5) * 0.01 * volume, rel=1e-8)
@@ -391,13 +422,14 @@ def test_friction_is_that_of_the_incompressible_body_at_once(friction: Any) -> N
 
 @pytest.mark.parametrize("method", ["penalty", "active_set", "uzawa"])
 def test_contact_methods_agree(method: str) -> None:
-    """While all of the surface drains: a tip that seals closes a vertex a little sooner or later."""
+    """While all of the surface drains: a tip that seals closes a vertex a little sooner or later. Elastic forces of
+    the methods on this mesh are as far apart."""
     forces = []
     for contact in ({"method": "augmented_lagrangian"}, {"method": method}):
         body = Draining(draining(layer(contact=contact), Drainage(tip="drained")))
         body.step(DELTA)
         forces.append([*body.hold(ladder(1e-3, 0.02, 2))[:, 1]])
-    assert forces[1] == pytest.approx(forces[0], rel=1e-3)
+    assert forces[1] == pytest.approx(forces[0], rel=3e-3)
 
 
 def test_two_layers_that_are_alike_are_one() -> None:
@@ -417,6 +449,7 @@ def test_two_layers_that_are_alike_are_one() -> None:
 
 def test_a_film_with_pores_on_a_body_without() -> None:
     """At once the film is incompressible, at last drained; nothing flows through its lower face."""
+
     def film(nu: float, E: float) -> Scene:
         law = ELASTIC | {"E": E, "nu": nu}
         layers = {"layers": [{"thickness": 0.3, "material": law}, {"thickness": 0.7, "material": ELASTIC}]}
@@ -427,7 +460,7 @@ def test_a_film_with_pores_on_a_body_without() -> None:
     body = Draining(draining(base, regions=[0]))
     found = body.step(DELTA)
     assert found == pytest.approx(solver_force(incompressible) * incompressible.physics.scales.force, rel=6e-4)
-    assert body.step(DELTA, LONG) == pytest.approx(solver_force(base), rel=1e-8)
+    assert body.drain() == pytest.approx(solver_force(base), rel=1e-8)
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)
 
 
@@ -440,5 +473,5 @@ def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
     assert body.step(DELTA) == pytest.approx(solver_force(incompressible) * 1.25, rel=2e-4)
     forces = body.hold(ladder(1e-3, 1.0))[:, 1]
     assert np.diff(forces).max() < 3e-6 * forces[0]
-    assert body.step(DELTA, LONG) == pytest.approx(solver_force(base), rel=1e-8)
+    assert body.drain() == pytest.approx(solver_force(base), rel=1e-8)
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)

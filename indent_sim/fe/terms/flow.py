@@ -115,7 +115,7 @@ class Flow(Term):
         return np.array(self._vector.array_r)
 
     def content(self) -> float:
-        """Fluid in the pores beyond that of the body at rest in a bath without pressure [length^3], this rank's share."""
+        """Fluid in the pores beyond that at rest in a bath without pressure [length^3], this rank's share."""
         return float(self._assembled(self._content).sum())
 
 
@@ -142,16 +142,16 @@ class Valve(Term):
         self._left = fem.Function(space)  # what has flowed out at each vertex since rest [length^3]
         self.history = (self._in_contact, self._left)
         self._touches, self._visited = np.zeros(len(top), dtype=bool), set[bytes]()
-        self._leaves = np.zeros(self._owned)  # in the present step [length^3]
+        self._leaves = np.zeros(self._owned)  # in the step to the present state [length^3]
         self.setting = 0
 
     def _diagonal(self) -> np.ndarray:
         """int k |grad|^2 of each vertex's function [length^3/(pressure time)]."""
         body, space = self.body, self.body.unknowns.own_space(NAME)
         slopes = ufl.dot(ufl.grad(ufl.TestFunction(space)), ufl.grad(ufl.TrialFunction(space)))
-        regions = body.scene.physics.permeable
-        own = [fem.Constant(body.mesh, region.material.flow.permeability) for region in regions]
-        forms = [body.over_region(k * slopes, region) for k, region in zip(own, regions, strict=True)]
+        flows = [(region, flow) for region in body.scene.physics.permeable if (flow := region.material.flow)]
+        own = [(region, fem.Constant(body.mesh, flow.permeability)) for region, flow in flows]
+        forms = [body.over_region(k * slopes, region) for region, k in own]
         matrix = fem_petsc.assemble_matrix(fem.form(sum(forms)))
         matrix.assemble()
         diagonal = np.zeros(len(self._places))
@@ -161,17 +161,16 @@ class Valve(Term):
 
     def _on(self, surface: str, kind: str | Conductance) -> np.ndarray:
         """The conductance of a surface at each vertex [length^3/(pressure time)]."""
-        nodes = facet_nodes(self.body.mesh, space := self.body.unknowns.own_space(NAME), self._facets(surface))
-        if kind == "sealed":
-            return np.zeros(len(self._places))
-        if kind == "drained":
-            marks = sums(self.body.x, self._places[nodes], np.ones(nodes.shape))[self._places]
-            return np.where(marks > 0, self._open, 0.0)
-        area = fem_petsc.assemble_vector(fem.form(self.body.over_surface(surface, ufl.TestFunction(space))))
-        area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        own = np.zeros(len(self._places))
-        own[: self._owned] = kind.conductance * area.array_r
-        return np.where(self._open > 0, own, 0.0)  # beside what is not permeable nothing flows
+        space = self.body.unknowns.own_space(NAME)
+        if isinstance(kind, Conductance):
+            area = fem_petsc.assemble_vector(fem.form(self.body.over_surface(surface, ufl.TestFunction(space))))
+            area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            own = np.zeros(len(self._places))
+            own[: self._owned] = kind.conductance * area.array_r
+            return np.where(self._open > 0, own, 0.0)  # beside what is not permeable nothing flows
+        nodes = facet_nodes(self.body.mesh, space, self._facets(surface))
+        marks = sums(self.body.x, self._places[nodes], np.ones(nodes.shape))[self._places]
+        return np.where((marks > 0) & (kind == "drained"), self._open, 0.0)
 
     def _facets(self, surface: str) -> np.ndarray:
         return self.body.body_mesh.surfaces.get(surface, np.empty(0, dtype=np.int32))
@@ -230,8 +229,8 @@ class Valve(Term):
         """The step is done: what has left and what touches is remembered."""
         self._left.x.array[: self._owned] += self._leaves
         self._in_contact.x.array[:] = self._touches
-        self._leaves = np.zeros(self._owned)
 
     def outflow(self) -> float:
         """What has left the body since rest [length^3], this rank's share."""
-        return float(self._left.x.array[: self._owned].sum() + self._leaves.sum())
+        is_on_the_way = float(self.body.now.t.value) != float(self.body.before.t.value)
+        return float(self._left.x.array[: self._owned].sum() + is_on_the_way * self._leaves.sum())

@@ -65,4 +65,10 @@ def touch_of(body: Body, below: Strain) -> Touch:
 
 def fields_of(scene: Scene) -> list[Field]:
     """The fields beside the displacement that all terms need."""
-    return [*pressures(scene), *flow.fields(scene), *traction.fields(scene), *nodal.fields(scene), *friction.fields(scene)]
+    return [
+        *pressures(scene),
+        *flow.fields(scene),
+        *traction.fields(scene),
+        *nodal.fields(scene),
+        *friction.fields(scene),
+    ]
