@@ -23,7 +23,6 @@ from indent_sim.model.symbols import GROUPS, lookup  # noqa: E402
 
 UNLESS = {
     "material": "**required** unless every layer, or region of a mesh file, has its own",
-    "loading": "**required** unless `experiment` has a history",
 }
 
 

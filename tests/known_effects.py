@@ -14,6 +14,8 @@ from json import dumps, loads
 from math import hypot, log
 from typing import Any
 
+from scenes import placed
+
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
@@ -155,7 +157,7 @@ class Row:
 @cache
 def required(name: str) -> Requirements:
     """What `require` says of a scene."""
-    return require(from_mapping(SCENES[name]), WITHIN)
+    return require(from_mapping(placed(SCENES[name])), WITHIN)
 
 
 def rows(name: str) -> Iterator[Row]:
@@ -187,6 +189,9 @@ def off(name: str) -> float:
     whole.pop("experiment", None)
     found = loads(dumps(required(name).config))
     found.pop("experiment", None)
+    if "history" in found["loading"]:  # the elastic model under it
+        found["loading"] = own["loading"]
+        found["material"].pop("relaxation", None)
     return 100 * (force(found, 1.0) / force(whole) - 1)
 
 
@@ -313,9 +318,9 @@ class Reference:
         }
         t = max(history, key=lambda point: (point[1], -point[0]))[0]
         try:
-            base = resolve(from_mapping(given | {"solver": {"method": "condensed"}}))
+            base = resolve(from_mapping(placed(given | {"solver": {"method": "condensed"}})))
         except ConfigError:  # a contact at pull-off that no mesh holds beside the deepest one
-            base = resolve(from_mapping(given))
+            base = resolve(from_mapping(placed(given)))
         body = chain.condense(base).equilibrium if base.is_meshed else None
         deepest = next(row for row in conduct(base, body).rows if row.t == t)
         return 100 * (deepest.force / force(self.plain) - 1)

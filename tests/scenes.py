@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 from typing import Any
 
@@ -30,6 +31,24 @@ def scene(body: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
     """ELASTIC under a PARABOLOID pushed in by 0.01 in one step; `sections` replace whole sections of that."""
     given = {"body": body, "material": ELASTIC, "indenter": PARABOLOID, "loading": ONE_STEP} | sections
     return resolve(from_mapping(given, overrides))
+
+
+def placed(sections: dict[str, Any]) -> dict[str, Any]:
+    """Sections of a scene with the relaxation and the history that stand in one dict with the instrument, for short,
+    where they belong: in the material and in place of the loading."""
+    given = dict(sections)
+    experiment = dict(given.pop("experiment", {}))
+    is_moved = {"relaxation", "history", "force_history"} & {*experiment}
+    if "relaxation" in experiment:
+        given, body = copy.deepcopy(given), copy.deepcopy(given["body"])
+        parts = [given, *(body.get("layers") or []), *(body.get("inclusions") or [])]
+        for part in (part for part in parts if "material" in part):
+            part["material"] = part["material"] | {"relaxation": experiment["relaxation"]}
+        given["body"] = body
+        del experiment["relaxation"]
+    path = {key: experiment.pop(key) for key in ("history", "force_history") if key in experiment}
+    kept = {"experiment": experiment} if experiment or ("experiment" in sections and not is_moved) else {}
+    return given | ({"loading": path} if path else {}) | kept
 
 
 def with_penalty(base: Scene, epsilon_n: float) -> Scene:

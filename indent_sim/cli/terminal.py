@@ -72,6 +72,8 @@ def conclusion(outcome: Outcome) -> list[str]:
         lines.append(f"a Hertz fit of this curve reads E = {fit['E']:.4g} ({read})")
     lines += [words] if (words := _part(report, "stick").get("words")) else []
     lines += [*_largest_pull(_part(report, "adhesion")), *_experiment(_part(report, "experiment"))]
+    if "time" in report:
+        lines.append(f"in time by {report['time']['method']}: {report['time']['why']}")
     pictures = (outcome.directory / name for name in ("force_indentation.png", "experiment.png"))
     lines += [f"picture: {picture}" for picture in pictures if picture.exists()]
     return lines + warnings(outcome)
@@ -107,8 +109,6 @@ def _experiment(report: Report) -> Iterator[str]:
         if found:
             said = f"force {found['force']:.6g}, delta {found['delta']:.6g}"
             yield f"{when.replace('_', ' ')} at z {found['z']:.6g}: {said}"
-    if "relaxation" in report:
-        yield f"relaxation by {report['relaxation']['method']}"
     if "calibration" in report:
         force, modulus = report["calibration"]["force"], report["calibration"]["modulus"]
         yield f"calibration: the force is known to {force:.3g} of it, a fitted modulus to {modulus:.3g}"

@@ -21,13 +21,12 @@ from indent_sim.config.messages import MOST_PROBLEMS, in_words
 from indent_sim.config.quantities import converted
 from indent_sim.config.schema import Config, Source
 from indent_sim.config.strict_yaml import MAX_BYTES, MAX_DEPTH, KeyPath, key_path, key_text
-from indent_sim.model.loading import Loading
+from indent_sim.model.loading import STEPPED, Loading
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 
 OF_A_STUDY = {"base", "vary"}  # sections that no scene has
 KEY_PATTERN = re.compile(r"\w+(\[\d+\])*(\.\w+(\[\d+\])*)*")  # as in body.layers[0].material.E
 MOST_SET_LETTERS = 80  # most characters of a --set that are told
-LISTS = {"deltas", "forces"}  # ways to say the load path that have no steps
 Document = dict[str, Any]  # sections as a file has them
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
@@ -45,9 +44,25 @@ def load_older(path: str | os.PathLike[str]) -> Config:
     """The config of a result, whose version may have known keys that are gone; errors as of `load`."""
     document, source = read_document(path)
     for name, key in schema.GONE:
-        if isinstance(section := document.get(name), dict):
-            section.pop(key, None)
+        section = document.get(name)
+        if isinstance(section, dict) and (value := section.pop(key, None)) and name == "experiment":
+            _move(document, key, value)
     return _validated(document, source)
+
+
+def _move(document: Document, key: str, value: Any) -> None:
+    """Put what stood in `experiment` where it has moved to: a history in place of the loading, a relaxation to every
+    material."""
+    if schema.MOVED[key] == "loading":
+        document["loading"] = {key: value}
+    else:
+        body = document.get("body") or {}
+        owners = (document, *(body.get("layers") or ()), *(body.get("inclusions") or ()))
+        laws = [owner["material"] for owner in owners if owner.get("material")]
+        for law in (*laws, *(body.get("regions") or {}).values()):
+            law[key] = value
+    if not document.get("experiment"):
+        document.pop("experiment", None)
 
 
 def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
@@ -122,7 +137,9 @@ def to_mapping(config: Config) -> Document:
 
 def _section(item: Any) -> Document:
     """A dataclass as the section of a file; what is not given is left out."""
-    unused = {"steps"} if isinstance(item, Loading) and LISTS & set(item.given) else set()
+    unused: set[str] = set()
+    if isinstance(item, Loading):
+        unused = {*([] if {*STEPPED} & {*item.given} else ["steps"]), *([] if item.in_time else ["times"])}
     values = {name: getattr(item, name) for name in schema.file_order(type(item)) if name not in unused}
     return {name: _given(value) for name, value in values.items() if value is not None}
 
@@ -282,9 +299,14 @@ def _checked(document: Document, source: Source) -> Config:
         source = dataclasses.replace(source, quantities=quantities)
         # json, because strict pydantic takes a list for a tuple and a mapping for a dataclass only from there
         config = Config.model_validate_json(json.dumps(_as_fields(document)))
-        if config.loading is not None and LISTS & set(config.loading.given) and "steps" in document["loading"]:
-            of, given = ("delta", "deltas") if config.loading.deltas is not None else ("force", "forces")
-            raise ConfigError("loading.steps", f"belongs to {of}, and {given} are given", "remove one of them")
+        if "steps" in document["loading"] and not {*STEPPED} & {*config.loading.given}:
+            given = config.loading.given[0]
+            of, are = "force" if "force" in given else "delta", "are" if given.endswith("s") else "is"
+            raise ConfigError(
+                "loading.steps",
+                f"belongs to {of}, and {given} {are} given",
+                "remove one of them",
+            )
     except ValidationError as error:
         raise in_words(error, document) from None
     config._source = source

@@ -45,7 +45,9 @@ STEEPEST_CAP = 20.0  # height over base radius of a cap: beyond it, 174 degrees,
 MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_far", "grading")
 MIRROR_PLANE = "the mirror plane"
 PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
+MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
 GONE = {("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")}
+GONE |= {("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()}
 LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
@@ -127,7 +129,7 @@ class Config(BaseModel):
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
-    loading: Loading | None = None  # may be left out where the experiment has a history
+    loading: Loading
     experiment: Experiment | None = None
     mesh: MeshSettings = MeshSettings()
     accuracy: Annotated[float, Gt(0), Lt(1)] | Preset | None = None
@@ -152,10 +154,19 @@ class Config(BaseModel):
         own = self.body.layers is not None and self.body.layers[layer].material is not None
         return f"body.layers[{layer}].material" if own else "material"
 
+    def materials(self) -> Iterator[tuple[str, Material]]:
+        """Every material that is given, with its key."""
+        found = [("material", self.material)]
+        found += [(f"{key_of_layer(k)}.material", layer.material) for k, layer in enumerate(self.body.layers or ())]
+        found += [(f"body.regions.{name}", own) for name, own in (getattr(self.body, "regions", None) or {}).items()]
+        inclusions = enumerate(self.body.inclusions or ())
+        found += [(f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions]
+        yield from ((key, material) for key, material in found if material is not None)
+
     @model_validator(mode="after")
     def _consistent(self) -> Config:
         of_body, of_tip = (_cap, _layers, _inclusions, _constants), (_contact, _path, _axis, _tip)
-        checks = (*of_body, *of_tip, _experiment, _sizes, _file, _directory)
+        checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
         if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
             raise ConfigErrors.of(problems)
@@ -281,23 +292,17 @@ def key_of_layer(layer: int) -> str:
 
 
 def _constants(config: Config) -> Iterator[ConfigError]:
-    materials: list[tuple[str, Material | None]] = [("material", config.material)]
-    materials += [(f"{key_of_layer(k)}.material", layer.material) for k, layer in enumerate(config.body.layers or ())]
-    materials += [(f"body.regions.{name}", own) for name, own in (getattr(config.body, "regions", None) or {}).items()]
-    inclusions = enumerate(config.body.inclusions or ())
-    materials += [(f"{key_of_inclusion(k)}.material", inclusion.material) for k, inclusion in inclusions]
-    for key, material in materials:
+    for key, material in config.materials():
         try:
-            if material is not None:
-                material.canonical()
+            material.canonical()
         except ArithmeticError:
             yield ConfigError(key, "these constants belong to no stable material")
         except ValueError as error:
             yield ConfigError(key, str(error))
         else:
-            if material is not None and material.flow:
+            if material.flow:
                 remedy = "leave it out: nu as given is drained, nu: 0.5 undrained"
-                yield ConfigError(f"{key}.flow", "needs a time, and no loading is followed in one yet", remedy)
+                yield ConfigError(f"{key}.flow", "needs a time, and no body is followed in one yet", remedy)
 
 
 def _contact(config: Config) -> Iterator[ConfigError]:
@@ -315,10 +320,7 @@ def _contact(config: Config) -> Iterator[ConfigError]:
 
 def _path(config: Config) -> Iterator[ConfigError]:
     loading, attraction = config.loading, config.contact.adhesion
-    if loading is None:
-        if config.experiment is None or not config.experiment.points:
-            yield ConfigError("loading", "this section is missing", f"its keys are {', '.join(field_names(Loading))}")
-    elif not loading.given:
+    if not loading.given:
         yield ConfigError("loading", "says no depth and no force", f"give one of {', '.join(WAYS)}")
     elif len(loading.given) > 1:
         first, second = loading.given[:2]
@@ -371,10 +373,6 @@ def _experiment(config: Config) -> Iterator[ConfigError]:
     found = config.experiment
     if found is None:
         return
-    if found.history and found.force_history:
-        yield ConfigError("experiment.force_history", "contradicts history", "give one of the two")
-    yield from _history(found)
-    yield from _relaxation(found)
     if found.adhesion:
         yield from _jkr_adhesion(config, found.adhesion)
     if found.calibration and found.calibration.stiffness and not found.cantilever:
@@ -387,27 +385,46 @@ def _experiment(config: Config) -> Iterator[ConfigError]:
         yield ConfigError("experiment", "says nothing", f"its keys are {', '.join(field_names(Experiment))}")
 
 
-def _history(found: Experiment) -> Iterator[ConfigError]:
-    key = "experiment.history" if found.history else "experiment.force_history"
-    times = [t for t, _ in found.points]
-    back = next((k for k, (one, other) in enumerate(pairwise(times), start=1) if other < one), None)
+def _history(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with a path in time."""
+    found, times = config.loading.in_time, config.loading.times
+    if found is None:
+        if not isinstance(times, str):
+            yield ConfigError("loading.times", "is for a path in time", "give loading.history, or leave it out")
+        return
+    key = "loading.history" if config.loading.history else "loading.force_history"
+    moments = [t for t, _ in found.points]
+    back = next((k for k, (one, other) in enumerate(pairwise(moments), start=1) if other < one), None)
     if back is not None:
-        yield ConfigError(f"{key}[{back}]", f"time goes back from {times[back - 1]:g} to {times[back]:g}")
-    elif times and times[0] == times[-1]:
+        yield ConfigError(f"{key}[{back}]", f"time goes back from {moments[back - 1]:g} to {moments[back]:g}")
+    elif moments[0] == moments[-1]:
         yield ConfigError(key, "lasts no time", "let time go on")
-    if found.points and max(value for _, value in found.points) <= 0:
+    for k, (before, t) in enumerate(pairwise((-inf, *found.times))):
+        if not max(before, moments[0]) <= t <= moments[-1] or t == before:
+            problem = f"{t:g} lies outside the history" if not moments[0] <= t <= moments[-1] else "does not go on"
+            yield ConfigError(f"loading.times[{k}]", problem, f"times from {moments[0]:g} up to {moments[-1]:g}")
+            break
+    if found.largest <= 0:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
-    low = min((value for _, value in found.force_history or ()), default=0.0)
-    if low < 0 and not found.adhesion:
+    low = min(value for _, value in found.points) if found.control == "force" else 0.0
+    if low < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(key, f"a force of {low:g} pulls, and nothing holds on to the tip", "give experiment.adhesion")
 
 
-def _relaxation(found: Experiment) -> Iterator[ConfigError]:
-    key, given = "experiment.relaxation", found.relaxation
+def _relaxation(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with how the materials relax, all of them alike."""
+    laws = dict(config.materials())
+    frequencies, history = config.experiment and config.experiment.frequencies, config.loading.in_time
+    key, given = next(
+        ((f"{key}.relaxation", law.relaxation) for key, law in laws.items() if law.relaxation), ("", None)
+    )
     if given is None:
-        if found.frequencies:
-            yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give experiment.relaxation")
+        if frequencies:
+            yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give material.relaxation")
         return
+    if other := next((other for other, law in laws.items() if law.relaxation != given), None):
+        problem = f"is not that of {other}: what relaxes must do so alike everywhere"
+        yield ConfigError(key, problem, f"the same {other}.relaxation")
     if (given.prony is None) == (given.power_law is None):
         yield ConfigError(key, "must be one of two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):
@@ -416,18 +433,18 @@ def _relaxation(found: Experiment) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0")
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
         yield ConfigError(f"{key}.prony", f"the fractions sum to {total:g}: nothing would bear in the end", "below 1")
-    if not found.points and not found.frequencies:
-        yield ConfigError(key, "needs a time", "give experiment.history, force_history or frequencies")
-    begins = found.points[:1] and found.points[0][1] > 0
-    if given.power_law and (begins or any(a[0] == b[0] and a[1] != b[1] for a, b in pairwise(found.points))):
+    if not history and not frequencies:
+        remedy = "give loading.history, loading.force_history or experiment.frequencies"
+        yield ConfigError(key, "needs a time", remedy)
+    if given.power_law and history and history.jumps:
         problem = "jumps, and the instantaneous modulus of a power law is infinite"
-        yield ConfigError("experiment.history" if found.history else "experiment.force_history", problem, "use a ramp")
+        yield ConfigError(f"loading.{config.loading.given[0]}", problem, "use a ramp")
 
 
 def _jkr_adhesion(config: Config, found: JKRAdhesion) -> Iterator[ConfigError]:
     """That the contact is no disc that grows and shrinks, as Griffith's balance at its edge needs."""
     body, tip, key = config.body, config.indenter, "experiment.adhesion"
-    if config.experiment and config.experiment.relaxation:
+    if any(material.relaxation for _, material in config.materials()):
         problem = "is not known together with relaxation: the work that a relaxing body gives to its edge has no limit"
         yield ConfigError(key, problem, "give one of the two")
     problem = "the JKR limit is that of a disc, and a {} has none"
@@ -555,7 +572,8 @@ class Spot:
             return Spot(path, hints(Config)["center"], None, value)
         if kind is not None and part in field_names(kind):
             return Spot(path, hints(kind)[str(part)], default_of(kind, str(part)), value)
-        bare = core(self.type)
+        kinds = [core(part) for part in members(self.type)]
+        bare = next((found for found in kinds if get_origin(found) in (tuple, dict)), core(self.type))  # or a word
         item = {tuple: lambda: get_args(bare)[0], dict: lambda: get_args(bare)[1]}.get(get_origin(bare))
         return Spot(path, item() if item and kind is None else None, None, value)
 

@@ -1,26 +1,59 @@
-"""The path of the tip: which depths or forces are asked for, one result row each."""
+"""The path of the tip: which depths or forces are asked for, one after another or in time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Literal
 
 from annotated_types import Gt, Le, Len
 
-from indent_sim.model.units import FORCE, LENGTH, Coordinate, Length
+from indent_sim.model.units import FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
 
-MOST_STEPS = 100_000
+MOST_STEPS, MOST_POINTS = 100_000, 10_000
+HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
+PIECE_ROWS = 20  # of each piece of a history on the whole body
 Force = Annotated[float, Gt(0), FORCE]
-WAYS = ("delta", "deltas", "force", "forces")  # to say the path, one of them
+Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
+Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
+WAYS = ("delta", "deltas", "force", "forces", "history", "force_history")  # to say the path, one of them
+STEPPED = ("delta", "force")  # those that have steps
+Control = Literal["depth", "force"]
 
 
 @dataclass(frozen=True)
 class LoadPath:
-    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]."""
+    """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]; in time, the
+    time and the branch of each too, and the values that the tip passes before it, where it turns between two rows."""
 
-    control: Literal["depth", "force"]
+    control: Control
     values: tuple[float, ...]
+    times: tuple[float, ...] = ()
+    branches: tuple[str, ...] = ()
+    turns: tuple[tuple[float, ...], ...] = ()
+
+    def halved(self) -> LoadPath:
+        """The same in steps half as long: between each two values the mean of them, two rows for each."""
+        values: list[float] = []
+        turns: list[tuple[float, ...]] = []
+        last = 0.0
+        for step in range(1, len(self.values) + 1):
+            fine = [part for a, b in pairwise((last, *self.leg(step))) for part in ((a + b) / 2, b)]
+            values += fine[-2:]
+            turns += [tuple(fine[:-2]), ()]
+            last = fine[-1]
+        return LoadPath(self.control, tuple(values), turns=tuple(turns) if self.turns else ())
+
+    def leg(self, step: int) -> tuple[float, ...]:
+        """The values on the way to a step [from 1], its own the last."""
+        return (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
+
+    def without_units(self, unit: float) -> LoadPath:
+        """The same with values in a unit; times stay."""
+        turns = tuple(tuple(value / unit for value in passed) for passed in self.turns)
+        return replace(self, values=tuple(value / unit for value in self.values), turns=turns)
 
     @property
     def kept(self) -> frozenset[int]:
@@ -35,9 +68,124 @@ class LoadPath:
 
 
 @dataclass(frozen=True)
+class Instant:
+    """A row of a history: the time [time], what is prescribed there, and whether the tip approaches, holds or
+    retracts."""
+
+    t: float
+    value: float
+    branch: str
+
+
+@dataclass(frozen=True)
+class History:
+    """Depths, ways of a base [length] or forces [force] in time: `points` (t, value), straight between them; two equal
+    times are a jump. Before the first point the body is at rest. `times`: of the rows; none: every point and, between
+    them, enough for a curve."""
+
+    control: Control
+    points: tuple[tuple[float, float], ...]
+    times: tuple[float, ...] = ()
+
+    @property
+    def largest(self) -> float:
+        """The largest value."""
+        return max(value for _, value in self.points)
+
+    @property
+    def span(self) -> float:
+        """From the first point to the last [time]."""
+        return self.points[-1][0] - self.points[0][0]
+
+    @property
+    def comes_back(self) -> bool:
+        """Whether a value rises again after it fell: more than one cycle."""
+        steps = [after - before for (_, before), (_, after) in pairwise(self.points)]
+        falls = [k for k, step in enumerate(steps) if step < 0]
+        return bool(falls) and any(step > 0 for step in steps[falls[0] :])
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a value changes at once, from rest too."""
+        return self.points[0][1] > 0 or any(a[0] == b[0] and a[1] != b[1] for a, b in pairwise(self.points))
+
+    @property
+    def from_rest(self) -> tuple[tuple[float, float], ...]:
+        """The points, after one at rest where the first jumps in."""
+        (t, value), *_ = self.points
+        return ((t, 0.0), *self.points) if value > 0 else self.points
+
+    @property
+    def pieces(self) -> tuple[int, ...]:
+        """Rows of each piece of `from_rest`: its share of the time, or of the pieces if that is more; a jump: 1."""
+        spans = [after - before for (before, _), (after, _) in pairwise(self.from_rest)]
+        shares = [max(span / self.span, 1.0 / len(spans)) for span in spans]
+        return tuple(
+            max(1, round(HISTORY_ROWS * share)) if span > 0 else 1 for share, span in zip(shares, spans, strict=True)
+        )
+
+    @property
+    def through_its_times(self) -> History:
+        """The same with its `times` as points, and a row at every point and between."""
+        known, points = [t for t, _ in self.points], list(self.points)
+        for t in sorted({*self.times} - {*known}):
+            after = bisect_right(known, t)
+            (t0, v0), (t1, v1) = self.points[after - 1 : after + 1]
+            points.append((t, v0 + (v1 - v0) * (t - t0) / (t1 - t0)))
+        return replace(self, points=tuple(sorted(points, key=lambda point: point[0])), times=())
+
+    @property
+    def instants(self) -> tuple[Instant, ...]:
+        """Every point and those between, and at a jump the state before and after it."""
+        points = self.from_rest
+        found = [] if len(points) > len(self.points) else [Instant(*points[0], branch_of(points[0][1], points[1][1]))]
+        for ((t0, v0), (t1, v1)), rows in zip(pairwise(points), self.pieces, strict=True):
+            branch = branch_of(v0, v1)
+            found += [Instant(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
+            found.append(Instant(t1, v1, branch))
+        return tuple(found)
+
+    @property
+    def path(self) -> LoadPath:
+        """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a hold, the state after
+        a jump; or those at its `times`, and where it turns between them."""
+        rows = [] if len(self.from_rest) > len(self.points) else [Instant(*self.points[0], "approach")]
+        for (t0, v0), (t1, v1) in pairwise(self.from_rest):
+            parts, branch = (PIECE_ROWS if t1 > t0 and v1 != v0 else 1), branch_of(v0, v1)
+            shares = [k / parts for k in range(1, parts)]
+            rows += [Instant(t0 + (t1 - t0) * share, v0 + (v1 - v0) * share, branch) for share in shares]
+            rows.append(Instant(t1, v1, branch))
+        if self.times:
+            return self._picked(rows)
+        return LoadPath(self.control, *zip(*((row.value, row.t, row.branch) for row in rows), strict=True))
+
+    def _picked(self, rows: Sequence[Instant]) -> LoadPath:
+        """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way to them."""
+        at, known, legs = dict(self.through_its_times.points), [row.t for row in rows], []
+        ends = [bisect_right(known, t) for t in self.times]
+        for begin, end, t in zip((0, *ends), ends, self.times, strict=False):
+            passed = tuple(row.value for row in rows[begin:end])
+            legs.append(passed[:-1] if passed and known[end - 1] == t else passed)
+        owners = (end - 1 if known[end - 1] == t else end for end, t in zip(ends, self.times, strict=True))
+        branches = tuple(rows[owner].branch for owner in owners)
+        return LoadPath(self.control, tuple(at[t] for t in self.times), self.times, branches, tuple(legs))
+
+    def without_units(self, unit: float) -> History:
+        """The same with values in a unit; times stay."""
+        return replace(self, points=tuple((t, value / unit) for t, value in self.points))
+
+
+def branch_of(before: float, after: float) -> str:
+    """What a tip does between two values."""
+    return "hold" if before == after else "approach" if after > before else "retract"
+
+
+@dataclass(frozen=True)
 class Loading:
     """One of: a final depth `delta` or force `force` reached in `steps` equal steps, the depths `deltas` or the
-    forces `forces` one by one.
+    forces `forces` one by one, or in time `history`, [t, delta] (with a cantilever or a frame [t, z]), or
+    `force_history`, [t, force]: straight between the points, two equal times are a jump, before the first point the
+    body is at rest. `times`: auto: every point and, between them, enough for a curve | the times of the rows.
 
     delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces are of the whole
     body (per unit length in plane strain); negative ones only under a tip that adheres, and no harder than it pulls
@@ -49,14 +197,24 @@ class Loading:
     steps: Annotated[int, Gt(0), Le(MOST_STEPS)] = 10
     deltas: Annotated[tuple[Coordinate, ...], Len(1, MOST_STEPS), LENGTH] | None = None
     forces: Annotated[tuple[float, ...], Len(1, MOST_STEPS), FORCE] | None = None
+    history: Annotated[tuple[Way, ...], Len(2, MOST_POINTS)] | None = None
+    force_history: Annotated[tuple[Pull, ...], Len(2, MOST_POINTS)] | None = None
+    times: Annotated[tuple[float, ...], Len(1, MOST_STEPS), TIME] | Auto = "auto"
 
     @property
     def given(self) -> tuple[str, ...]:
         """Which of the ways to say the path are used; a complete loading uses one."""
         return tuple(way for way in WAYS if getattr(self, way) is not None)
 
+    @property
+    def in_time(self) -> History | None:
+        """What is prescribed in time; None where no time passes."""
+        points = self.history or self.force_history
+        times = () if isinstance(self.times, str) else self.times
+        return History("depth" if self.history else "force", points, times) if points else None  # type: ignore[arg-type]
+
     def path(self) -> LoadPath:
-        """The requested depths or forces in order."""
+        """The requested depths or forces in order, of a loading without time."""
         (way,) = self.given
         last = getattr(self, way)
         values = last if way in ("deltas", "forces") else tuple(last * n / self.steps for n in range(1, self.steps + 1))

@@ -17,13 +17,36 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from indent_sim.model import algebra
 from indent_sim.model.algebra import Expr, exp, expm1_remainder, log1p, log1p_remainder, power_sum, ufl
-from indent_sim.model.units import PRESSURE, AnyModulus, Modulus, PoissonRatio, Unit
+from indent_sim.model.units import PRESSURE, TIME, AnyModulus, Modulus, PoissonRatio, Unit, UnitRow
 
 Formulation = Literal["auto", "displacement", "mixed"]
 LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
 ENERGY_ROUNDING = 1e-14  # of 1, a strain energy that is 0
 MOST_AUXETIC = -0.99  # Poisson's ratio of an isotropic stand-in
 ISOTROPIC_CONSTANTS = ("E", "nu", "mu", "kappa", "lame_lambda")
+
+
+MOST_TERMS = 100  # of a relaxation
+Time = Annotated[float, Gt(0), TIME]
+Fraction = Annotated[float, Ge(0), Lt(1)]
+RelaxationTerm = Annotated[tuple[float, ...], Len(2, 2), UnitRow((None, TIME))]
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """E(t) = E (t/time)^-exponent."""
+
+    exponent: Annotated[float, Gt(0), Lt(1)]
+    time: Time
+
+
+@dataclass(frozen=True)
+class Relaxation:
+    """E(t) at constant nu, the law's own constants being the instantaneous ones: `prony` terms [fraction, time], whose
+    fractions sum below 1, or a power law."""
+
+    prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
+    power_law: PowerLaw | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +168,7 @@ class _TwoConstants(_Law):
     kappa: Modulus | None = None
     lame_lambda: AnyModulus | None = None
     formulation: Formulation = "auto"
+    relaxation: Relaxation | None = None
     flow: Flow | None = None
 
     def canonical(self) -> Self:
@@ -205,6 +229,7 @@ class TransverselyIsotropic(_Law):
     nu_z: float
     G_z: Modulus
     formulation: Formulation = "auto"
+    relaxation: Relaxation | None = None
     flow: Flow | None = None
     model: Literal["transversely_isotropic"] = "transversely_isotropic"
 
@@ -307,6 +332,7 @@ class _Isochoric(_Law):
     nu: PoissonRatio | None = None
     kappa: Modulus | None = None
     formulation: Formulation = "auto"
+    relaxation: Relaxation | None = None
     flow: Flow | None = None
 
     @property

@@ -13,6 +13,7 @@ READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty w
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
 ERROR_COLUMNS = ("force_error", "a_error", "p_max_error", "delta_error", "stick_radius_error", "dissipation_error")
 KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
+TIME_COLUMNS = ("t", "z", "branch", "calibration_error")  # of a history; t stands after step
 STATE_COLUMNS = ("step", "delta", "force", "a", "p_max", "penetration", "energy", "newton_iterations", "wall_s")
 
 
@@ -53,7 +54,9 @@ class State:
     half-space fit of this one point returns; NaN where there is none, None where nobody asked. With friction, None
     without: stick_radius [length] of the region that does not slip, dissipation [pressure length^3] of the step,
     side_force on the tip [force] across a body that it stands off the middle of. krylov_iterations are those of
-    an iterative linear solver. Errors are half-widths of error bars, None where there are none.
+    an iterative linear solver. Errors are half-widths of error bars, None where there are none. With a history t
+    [time], the way z [length] of a base, branch (approach, hold, retract), and what the instrument's calibration leaves
+    unknown of the force; what the curve does not know is NaN.
     """
 
     step: int
@@ -86,6 +89,10 @@ class State:
     delta_error: float | None = None
     stick_radius_error: float | None = None
     dissipation_error: float | None = None
+    t: float | None = None
+    z: float | None = None
+    branch: str = ""
+    calibration_error: float | None = None
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def in_units(self, scales: Scales) -> State:
@@ -94,6 +101,12 @@ class State:
         units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
         units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
         units |= dict.fromkeys(("energy", "dissipation"), energy) | dict.fromkeys(("p_max", "E_hertz"), P)
-        units |= {"delta": depth, "stiffness": F / depth, "area": L ** (scales.dim - 1)}
+        units |= {
+            "delta": depth,
+            "z": depth,
+            "calibration_error": F,
+            "stiffness": F / depth,
+            "area": L ** (scales.dim - 1),
+        }
         measured = {name: value * unit for name, unit in units.items() if (value := getattr(self, name)) is not None}
         return replace(self, **measured, surface=self.surface and self.surface.in_units(L, P))

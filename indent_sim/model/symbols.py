@@ -31,7 +31,7 @@ material: the elastic law of the body, of its layers where they have none of the
 indenter: the rigid tip: an analytic surface, never meshed
 contact: how contact is enforced
 loading: the path of the tip: which depths are asked for
-experiment: adhesion, relaxation and the instrument, computed from the solved curve
+experiment: how the curve is measured: adhesion without range, the instrument, oscillations, calibration
 mesh: element sizes, and how much of the body is modelled
 accuracy [1]: largest relative error of the force at any step, which chooses the mesh; fast = 0.05, balanced = 0.01,
   accurate = 0.001
@@ -99,6 +99,12 @@ flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that th
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
+relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
+prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
+  exp(-t/tau_i)))
+power_law: E(t) = E (t/time)^-exponent
+exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
+time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
 ## Indenter
@@ -130,19 +136,14 @@ loading.force [force] $F$: final force of the whole body, > 0 pushes; the depth 
 steps [1]: number of equal steps to `delta` or `force`
 deltas [length] $\delta_i$: the depths one by one instead of `delta`, unloading too; < 0: the tip is clear of the body
 forces [force] $F_i$: the forces one by one instead of `force`, unloading too; 0: the tip just touches, at delta = 0
+history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
+force_history [time, force]: the force in time, [t, force] each
+times [time] $t_i$: of the rows of a history; auto: every point and, between them, enough for a curve
 
 ## Experiment
 adhesion: attraction of tip and body: of a contact over a range, of an experiment without
 work [energy/length^2] $w$: work of adhesion: the energy that separates a unit of area
 range [length]: gap over which attraction falls by e; an experiment's for its Tabor number alone
-relaxation: how the modulus falls with time, everywhere alike, nu being constant
-prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
-  exp(-t/tau_i)))
-power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
-time [time] $t_0$: at which the power law's modulus is `material.E`
-history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
-force_history [time, force]: the force in time, [t, force] each
 cantilever: the spring that holds the tip
 frame: what gives way beside the body
 cantilever.stiffness [force/length] $k$: spring constant of the cantilever; in plane strain per length, a pressure
@@ -152,7 +153,7 @@ calibration: relative uncertainties of the instrument
 calibration.stiffness [1]: relative uncertainty of the cantilever's stiffness
 calibration.R [1]: relative uncertainty of the tip's radius
 t [time] $t$: time
-branch: approach, hold or retract; of an equilibrium curve stable or unstable
+branch: approach, hold or retract of a history; of an equilibrium curve stable or unstable
 frequency [1/time]: cycles per time
 storage [force/length] $K'$: in-phase stiffness of the contact
 loss [force/length] $K''$: out-of-phase stiffness of the contact
@@ -212,6 +213,7 @@ p_max_error [pressure]: half-width of the error bar on the largest pressure
 delta_error [length]: half-width of the error bar on a depth that is found for a force
 stick_radius_error [length]: half-width of the error bar on the stick radius; with friction
 dissipation_error [energy]: half-width of the error bar on the dissipation; with friction
+calibration_error [force]: what the instrument's calibration leaves unknown of the force; with a history
 reaction [force]: z-reaction of all constrained degrees of freedom; equals the force
 intrusion [length]: how deep the tip lies inside the surface beside that which it may touch
 overlap [length]: how deep a whole surface facet lies inside the tip's own shape; current gap
@@ -270,7 +272,7 @@ peak_memory_MB [MB]: largest memory of the process during the run, and of the on
 x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene
 y [length] $y$: undeformed position along y; 0 in a scene with two dimensions
 u [length] $u$: displacement
-z [length] $z$: height of the undeformed point, 0 on a flat top; in experiment.csv the way of the cantilever's base,
+z [length] $z$: height of the undeformed point, 0 on a flat top; of a row the way of the cantilever's base,
   delta + force/k + c force
 u_x [length] $u_x$: displacement along x; along the radius in an axisymmetric scene
 u_y [length] $u_y$: displacement along y

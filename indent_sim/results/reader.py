@@ -19,7 +19,15 @@ from typing_extensions import TypedDict
 
 from indent_sim.config.schema import GONE
 from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
-from indent_sim.model.state import ERROR_COLUMNS, FRICTION_COLUMNS, KRYLOV_COLUMNS, READINGS, STATE_COLUMNS, State
+from indent_sim.model.state import (
+    ERROR_COLUMNS,
+    FRICTION_COLUMNS,
+    KRYLOV_COLUMNS,
+    READINGS,
+    STATE_COLUMNS,
+    TIME_COLUMNS,
+    State,
+)
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import folder as result_folder
 from indent_sim.results import tables
@@ -31,7 +39,13 @@ RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --
 RUN_AGAIN = "run its scene again without --resume, or with another --output"
 COMPARED = ("delta", "force", "a")
 SAME_DEPTH = 1e-9  # relative
-BEYOND_STATE = (*READINGS, *FRICTION_COLUMNS, *KRYLOV_COLUMNS, *ERROR_COLUMNS)  # columns that not every run has
+BEYOND_STATE = (
+    *READINGS,
+    *FRICTION_COLUMNS,
+    *KRYLOV_COLUMNS,
+    *ERROR_COLUMNS,
+    *TIME_COLUMNS,
+)  # columns that not every run has
 
 
 @dataclass(frozen=True)
@@ -64,7 +78,9 @@ def read(path: Path | str) -> Results:
         rows = len(columns["delta"])
         columns = {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
     else:
-        columns = read_table(file, ("step", "delta", "force"), unknown=("a",))
+        columns = read_table(file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS)
+        if "t" not in columns and not np.isfinite(columns["delta"]).all():
+            raise UsageError(f"{file}: column 'delta' holds a cell that is no number", file=str(file))
         steps = columns["step"]
         if not ((steps >= 0) & (steps < LARGEST_STEP_NUMBER) & (steps == np.floor(steps))).all():
             raise UsageError(f"{file}: a step is not a whole number", file=str(file))
@@ -143,6 +159,7 @@ REPORT_SHAPE = _mapping(
     adhesion=GenericAlias(dict, (str, Known | PLACE)) | None,
     experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, PLACE)) | None) | None) | None,
     mesh=_mapping(hash=str) | None,
+    time=_mapping(way=str, method=str, why=str) | None,
 )
 
 
@@ -220,8 +237,12 @@ def read_table(
     return columns
 
 
-def read_experiment(folder: Path) -> dict[str, np.ndarray]:
-    """The columns of a result's experiment.csv; UsageError when it is damaged, or without rows."""
+def read_curve(folder: Path) -> dict[str, np.ndarray]:
+    """The rows of a history, else those of a result's experiment.csv, with t and z; UsageError when the table is
+    damaged, or without rows."""
+    columns = read(folder).table
+    if "t" in columns:
+        return columns if "z" in columns else columns | {"z": columns["delta"]}
     columns = read_table(folder / EXPERIMENT, ("delta", "force"), ("t", "z", "a", *WORD_COLUMNS), WORD_COLUMNS)
     if not len(columns["delta"]):
         raise UsageError(f"{folder / EXPERIMENT} has no rows", RUN_AGAIN, str(folder / EXPERIMENT))
@@ -328,7 +349,9 @@ def _rows(path: Path, unknown: Sequence[str]) -> tuple[tuple[State, ...], tuple[
     if not lines:
         return (), STATE_COLUMNS, 0
     names = tuple(lines[0].decode().split(","))
-    if names[: len(STATE_COLUMNS)] != STATE_COLUMNS or not set(names[len(STATE_COLUMNS) :]) <= set(BEYOND_STATE):
+    own = tuple(name for name in names if name != "t")
+    is_ours = own[: len(STATE_COLUMNS)] == STATE_COLUMNS and set(names) <= {*STATE_COLUMNS, *BEYOND_STATE}
+    if not is_ours or names != tables.in_order(names):
         raise UsageError(f"{path} has other columns than this version writes", RUN_AGAIN, str(path))
     states: list[State] = []
     size = len(lines[0]) + 1

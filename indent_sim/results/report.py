@@ -21,7 +21,7 @@ from indent_sim.results.pictures import canvas, experiment, panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.pictures.pressure import strongest_step
-from indent_sim.results.reader import Results, read_experiment, read_run
+from indent_sim.results.reader import Results, read_curve, read_run
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.xdmf import kept_steps
 
@@ -29,7 +29,7 @@ MOST_ROWS = 100  # of a table; more are thinned
 OF_AUDIT = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
 CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
 CAPTIONS |= {"profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}
-EXPERIMENT_CAPTION = "The experiment: force over depth and the way of the base"
+EXPERIMENT_CAPTION = "In time, or over the branches of an equilibrium curve: force, depth and the way of the base"
 EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
 NAME = "report.html"
 REPORT_FORMATS = (".html", ".htm")
@@ -108,7 +108,7 @@ def _numbers(results: Results) -> list[tuple[str, str]]:
     """The deepest row in words."""
     if not len(results):
         return []
-    deepest = int(np.argmax(results["delta"]))
+    deepest = int(np.nanargmax(results["delta"]))
     found, unknown = [], np.full(len(results), np.nan)
     for name in ("delta", "force", "a"):
         along = axis(name, [results])
@@ -123,7 +123,9 @@ def _numbers(results: Results) -> list[tuple[str, str]]:
 
 def _theory(results: Results) -> list[str]:
     """What theory and the usual formulas say beside the run."""
-    theory = _part(results.report, "theory")
+    theory, time = _part(results.report, "theory"), _part(results.report, "time")
+    if time:
+        return [f"In time by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."]
     if not theory:
         return ["No theory is known for this scene."]
     asked = "delta" if "delta_deviation" in theory else "force"
@@ -184,7 +186,7 @@ def _unit(results: Results, kind: str) -> str:
 def _experiment(results: Results) -> list[Table]:
     if not (results.path / EXPERIMENT).exists():
         return []
-    columns = read_experiment(results.path)
+    columns = read_curve(results.path)
     return [table_of(f"Rows of {EXPERIMENT}", list(columns), list(zip(*columns.values(), strict=True)))]
 
 
@@ -203,7 +205,7 @@ def _pictures(results: Results) -> list[Picture]:
     for what in there:
         drawing = partial(panels.draw, [results], Wish((what,), width=110.0))  # mm: readable on a small screen
         found.append(Picture(canvas.element(drawing), CAPTIONS[what]))
-    if (results.path / EXPERIMENT).exists():
+    if "t" in results.table or (results.path / EXPERIMENT).exists():
         found.append(Picture(canvas.element(partial(experiment.draw, results.path)), EXPERIMENT_CAPTION, broad=True))
     return found
 

@@ -25,6 +25,7 @@ SURFACE = "surface.csv"
 EXPERIMENT, DYNAMIC = "experiment.csv", "dynamic.csv"
 WORD_COLUMNS = ("branch",)  # columns of words
 INTEGERS = ("step", "newton_iterations", *KRYLOV_COLUMNS)
+UNKNOWN_IN_TIME = ("delta", "z", "a", "penetration", "energy", "calibration_error")  # what a curve may not know
 MAY_BE_EMPTY = {"p_max", *READINGS, *ERROR_COLUMNS}
 # Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip there is no gap
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
@@ -35,8 +36,14 @@ SURFACE_HEADER = (*SURFACE_COLUMNS, "z")  # and shear with friction
 def row(state: State, columns: tuple[str, ...]) -> bytes:
     """The line of a state in the force table."""
     values = (getattr(state, name) for name in columns)
-    cells = (str(int(v)) if name in INTEGERS else _number(v) for name, v in zip(columns, values, strict=True))
+    cells = (str(int(v)) if name in INTEGERS else _cell(v) for name, v in zip(columns, values, strict=True))
     return (",".join(cells) + "\n").encode()
+
+
+def in_order(columns: Sequence[str]) -> tuple[str, ...]:
+    """Columns of the force table in their order: the time after the step."""
+    rest = tuple(name for name in columns if name != "t")
+    return (rest[0], "t", *rest[1:]) if len(rest) < len(columns) else rest
 
 
 def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ()) -> State | None:
@@ -49,12 +56,19 @@ def state_of(names: tuple[str, ...], line: bytes, unknown: Collection[str] = ())
         return None
     try:
         named = zip(names, cells, strict=True)
-        values: dict[str, Any] = {name: whole(cell) if name in INTEGERS else number(cell) for name, cell in named}
-        empty = {name for name, value in values.items() if math.isnan(value)}
+        values: dict[str, Any] = {name: _value(name, cell) for name, cell in named}
+        empty = {name for name, value in values.items() if value != value}
     except (ValueError, OverflowError):  # a whole number of hundreds of digits is no float
         return None
-    is_result = empty <= MAY_BE_EMPTY.union(unknown) and not any(map(math.isinf, values.values()))
+    infinite = any(value in (math.inf, -math.inf) for value in values.values())
+    is_result = empty <= MAY_BE_EMPTY.union(unknown, UNKNOWN_IN_TIME if "t" in names else ()) and not infinite
     return State(**values) if is_result else None
+
+
+def _value(name: str, cell: str) -> float | str:
+    if name in WORD_COLUMNS:
+        return cell
+    return whole(cell) if name in INTEGERS else number(cell)
 
 
 def number(cell: str) -> float:
@@ -92,7 +106,7 @@ def table_of(items: Sequence[Any]) -> bytes:
     """A table with a row per dataclass and a column per field; a field that is None everywhere has none."""
     names = [name for name in vars(items[0]) if any(getattr(item, name) is not None for item in items)]
     rows = ([getattr(item, name) for name in names] for item in items)
-    lines = (",".join(value if isinstance(value, str) else _number(value) for value in values) for values in rows)
+    lines = (",".join(map(_cell, values)) for values in rows)
     return ("\n".join([",".join(names), *lines]) + "\n").encode()
 
 
@@ -123,8 +137,10 @@ def drop_later_blocks(path: Path, steps: int) -> None:
         write_atomically(path, table)
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None or value != value else f"{value:.17g}"
+def _cell(value: float | str | None) -> str:
+    if value is None or value != value:
+        return ""
+    return value if isinstance(value, str) else f"{value:.17g}"
 
 
 def _step(line: bytes) -> float:

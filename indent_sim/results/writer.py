@@ -55,7 +55,7 @@ class ResultFolder:
         self.report: Report = dict(report or {})
         self.rows = 0
         self._target, self._config_yaml, self._mesh, self._surface = Path(target), config_yaml, mesh, surface
-        self._columns = (*STATE_COLUMNS, *READINGS, *columns)
+        self._columns = tables.in_order((*STATE_COLUMNS, *READINGS, *columns))
         self._arrays = ARRAYS | (SHEAR_ARRAYS if FRICTION_COLUMNS[0] in columns else {})
         self.earlier: Earlier | None = None
         self._resume, self._file = resume, "" if resume else file

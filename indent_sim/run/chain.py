@@ -25,13 +25,14 @@ from indent_sim.results.folder import asked_from
 from indent_sim.results.reader import begun_report, earlier_run, lost_files, read
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.accuracy import Asked, Attempt, asked_in, attempts, entry, foreseen, refuse_other_bars, unjudged
-from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars, Companion, ErrorBars, TheoryBars, bearer, beside, softer, sticks, ways
 from indent_sim.run.readings import Equilibrium, Readings
 from indent_sim.run.record import Beside, Comm, Record, amend
 from indent_sim.run.resolved import left_open, mesh_text, resolved
 from indent_sim.run.simulation import Progress, Simulation, backend
 from indent_sim.run.summary import stages
+from indent_sim.run.walks.by_curve import BARS, CurveWalk
+from indent_sim.run.walks.by_theory import TheoryWalk
 from indent_sim.scene.fineness import target_of
 from indent_sim.scene.given import mapped_skin, piece_of
 from indent_sim.scene.scene import Scene, resolve
@@ -118,7 +119,7 @@ class Run:
         said, text = self._said(scene, decided, whole.plan.prediction), to_yaml(decided)
         if resume and (outcome := self._finished(text, scene, decided.output, said)):
             return outcome
-        columns, mesh = (*scene.physics.columns, *self._columns(scene)), mesh_text(config, self._piece)
+        columns, mesh = (*scene.columns, *self._columns(scene)), mesh_text(config, self._piece)
         folder = {"columns": columns, "file": "" if self._overwrite else config.source.name, "resume": resume}
         opened = Record(self.comm, self.target, text, said, surface=config.output.surface, mesh=mesh, **folder)
         with opened as record, unmasked(), spent():
@@ -129,12 +130,13 @@ class Run:
             simulation = Simulation(config, scene, record, self._clock, bars)
             states = simulation.follow(self.progress)
             simulation.experiment()
+            judged = simulation.judged
             simulation.release()
             if bars is not None:
-                record.warn(*unjudged(scene, states, bars))
-                attempt.judge(self._resolved, states, bars)
+                record.warn(*unjudged(scene, judged, bars))
+                attempt.judge(self._resolved, judged, bars)
                 if self._asked.error_bars and attempt.following is None:
-                    run = Companion(1.0, states, scene)
+                    run = Companion(1.0, judged, scene)
                     stick = self._beside("what no slip would change", lambda: self._stick(run, bars), None)
                     record.note(stick=stick, timings=stages(self._clock.stages))
             if attempt.missed:
@@ -147,14 +149,17 @@ class Run:
         earlier = comm.bcast(on_root(comm, earlier_run, target, text, said))
         if earlier is None:
             return None
-        physics, steps = scene.physics, len(scene.physics.deltas)
+        physics, steps = scene.physics, len(earlier.states if scene.history else scene.physics.deltas)
         depths = [delta * physics.scales.depth for delta in physics.deltas]
-        earlier.check(depths if physics.path.control == "depth" else None, steps, target)
+        is_known = physics.path.control == "depth" and scene.history is None
+        earlier.check(depths if is_known else None, steps, target)
         if earlier.report.get("status") != "done" or len(earlier.states) != steps:
             return None
-        lost = comm.bcast(on_root(comm, lost_files, target, output.surface, output.fields))
+        surface = "none" if scene.history else output.surface
+        lost = comm.bcast(on_root(comm, lost_files, target, surface, output.fields))
         is_said = EXPERIMENT in (earlier.report.get("missing") or ())
-        if scene.experiment is not None and not (is_said or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))):
+        has_table = scene.experiment is not None and scene.history is None
+        if has_table and not (is_said or comm.bcast(on_root(comm, (target / EXPERIMENT).exists))):
             lost = [*lost, EXPERIMENT]
         again = "missing or damaged since; leave --resume out to compute them again"
         told = [f"{', '.join(lost)}: {again}"] if lost else []
@@ -168,6 +173,9 @@ class Run:
         said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
         center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
+        if physics.path.times:
+            why = next(choice.why for choice in plan.choices if choice.key == "time")
+            said["time"] = {"way": "steps", "method": "equilibria", "why": why}
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
@@ -175,7 +183,8 @@ class Run:
         """Columns that apply to the scene: of its linear solver, and the error bars of what it finds."""
         effort = KRYLOV_COLUMNS if scene.solver.linear == "iterative" else ()
         given = {"delta"} if scene.physics.path.control == "depth" else set()
-        judged = {*STATE_COLUMNS, *scene.physics.columns} - given if self._asked.bars else set[str]()
+        found = BARS.values() if scene.history else (*STATE_COLUMNS, *scene.physics.columns)
+        judged = {*found} - given if self._asked.bars else set[str]()
         return (*effort, *(name for name in ERROR_COLUMNS if name.removesuffix("_error") in judged))
 
     def _bars(self, attempt: Attempt) -> Bars:
@@ -202,8 +211,10 @@ class Run:
         return asdict(changed) | {"words": changed.words} if changed else None
 
     def _curve(self, scene: Scene) -> list[State]:
-        """The states of a scene without surface tables; what one failed to reach is missing, all where it ended."""
-        return self._beside("a run beside this one", lambda: list(states(scene, self.comm, with_surface=False)), [])
+        """The elastic states of a scene without surface tables; what one failed to reach is missing, all where it
+        ended."""
+        elastic = replace(scene, history=None)
+        return self._beside("a run beside this one", lambda: list(states(elastic, self.comm, with_surface=False)), [])
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
@@ -237,8 +248,11 @@ def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True) -> Ite
     mesh = fe and fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
     walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
     readings = Readings(scene, walk.equilibrium if fe else None, beside)
+    if scene.history:
+        walk = CurveWalk(scene, walk)
+        walk.solve()
     for state in walk.states(scene.physics.path, lambda step: with_surface):
-        yield readings.read(state).in_units(scene.physics.scales)
+        yield (state if scene.history else readings.read(state)).in_units(scene.physics.scales)
     del walk, readings  # what dies after the release stays
     beside.meeting.free()
     if fe:
@@ -330,5 +344,5 @@ def _plot(directory: Path, report: dict[str, Any]) -> None:
     draw = amend(directory, report)
     picture = directory / canvas.FORCE_PICTURE
     draw(canvas.FORCE_PICTURE, lambda: forces.force_indentation(read(directory), picture), None)
-    if (directory / EXPERIMENT).exists():
+    if (directory / EXPERIMENT).exists() or "time" in report:
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

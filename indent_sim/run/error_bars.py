@@ -181,8 +181,7 @@ def in_half_steps(scene: Scene) -> Scene | None:
     physics = scene.physics
     if not physics.has_friction:
         return None
-    path = LoadPath(physics.path.control, _halved(physics.path.values))
-    return scene.with_physics(path=path, deltas=_halved(physics.deltas))
+    return scene.with_physics(path=physics.path.halved(), deltas=_halved(physics.deltas))
 
 
 def ways(run: Companion, follow: Callable[[Scene], States]) -> Ways | None:

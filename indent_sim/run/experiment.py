@@ -1,4 +1,4 @@
-"""The experiment of a scene: what one solved curve determines, with adhesion, in time, behind a spring."""
+"""What one elastic curve determines: the rows of a history, with adhesion, relaxing, behind a spring."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from indent_sim.model.experiment import Calibration, Experiment
+from indent_sim.model.loading import History, branch_of
 from indent_sim.model.units import Scales
 from indent_sim.process.errors import NotConverged
 from indent_sim.run.readings import Equilibrium, punches_of
-from indent_sim.scene.given import remaining
+from indent_sim.scene.given import is_stepped, remaining
 from indent_sim.scene.scene import Scene
 from indent_sim.scene.theories import relative_tip, shape_of
 from indent_sim.theory.layer import Layer
@@ -26,7 +27,7 @@ from indent_sim.theory.surface.punches import FittedPunches, Punches, radius_at
 from indent_sim.theory.surface.relaxation import LEAST_SAMPLES, ElasticCurve, Modulus, OneCycle
 from indent_sim.theory.surface.stepping import RelaxingSurface, StepByStep, layer_surface
 
-CURVE_POINTS = 200  # of an equilibrium curve, and of a history at least; at most as many more
+CURVE_POINTS = 200  # of an equilibrium curve
 SHALLOWEST = 1e-5  # of the deepest depth: a power law below
 CURVE_SAMPLES = 80  # of an elastic curve
 FEWEST_IN_CONTACT = 2.0  # elements that a contact must have to be one of them
@@ -43,7 +44,7 @@ SHORTEST_TIME = 1e-3  # of a history: shorter times of a power law do not matter
 
 @dataclass(frozen=True)
 class Row:
-    """One row of experiment.csv; NaN where there is none."""
+    """One row of a history, or of an equilibrium curve, NaN where there is none; its error is the instrument's."""
 
     t: float
     z: float
@@ -51,7 +52,7 @@ class Row:
     force: float
     a: float
     branch: str
-    force_error: float | None = None
+    calibration_error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -65,22 +66,24 @@ class Dynamic:
 
 @dataclass(frozen=True)
 class Findings:
-    """What an experiment comes to: the rows of its tables, its part of run.json, and warnings."""
+    """What a curve determines: the rows, those of dynamic.csv, the parts `experiment` and `time` of run.json, and
+    warnings."""
 
     rows: list[Row]
     dynamic: list[Dynamic] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
+    time: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
     def in_units(self, scales: Scales) -> Findings:
         """The same in the user's units, of which the scales are the scene's."""
         depth, force = scales.depth, scales.force
-        units = {"z": depth, "delta": depth, "force": force, "a": scales.length, "force_error": force}
+        units = {"z": depth, "delta": depth, "force": force, "a": scales.length, "calibration_error": force}
         units |= {"delta_error": depth, "maugis_pull_off": force, "storage": force / depth, "loss": force / depth}
         rows = [Row(**_measured(vars(row), units)) for row in self.rows]
         dynamic = [Dynamic(**_measured(vars(row), units)) for row in self.dynamic]
         measured = {name: _measured(self.report[name], units) for name in IN_UNITS if name in self.report}
-        return Findings(rows, dynamic, self.report | measured, self.warnings)
+        return replace(self, rows=rows, dynamic=dynamic, report=self.report | measured)
 
 
 def _measured(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[str, Any]:
@@ -92,29 +95,31 @@ def _measured(numbers: Mapping[str, Any], units: Mapping[str, float]) -> dict[st
 
 
 def conduct(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
-    """The experiment of a scene that has one, and whose body is condensed where it is meshed, in the user's units.
+    """What the elastic curve of a scene determines, in the user's units; see `followed`."""
+    return followed(scene, equilibrium).in_units(scene.physics.scales)
 
-    NotConverged where the curve that it needs has no such depth.
+
+def followed(scene: Scene, equilibrium: Equilibrium = None) -> Findings:
+    """What the elastic curve of a scene determines, without units: the rows of its history, its experiment.
+
+    The body is condensed where it is meshed. NotConverged where the curve that is needed has no such depth.
     """
-    assert scene.experiment is not None
     try:
-        return _Evaluation(scene, scene.experiment, equilibrium).findings().in_units(scene.physics.scales)
+        return _Evaluation(scene, equilibrium).findings()
     except UNSOLVED as error:
-        raise NotConverged(f"experiment: {error}") from error
+        raise NotConverged(f"{'history' if scene.history else 'experiment'}: {error}") from error
 
 
 class _Evaluation:
-    """One experiment, without units."""
+    """One history, experiment or both, without units."""
 
-    def __init__(self, scene: Scene, experiment: Experiment, equilibrium: Equilibrium):
-        self.scene, self.experiment, self._equilibrium = scene, experiment, equilibrium
-        self.compliance, self.of_force = experiment.compliance, bool(experiment.force_history)
-        self.points = list(experiment.points)
-        self.is_put_at_rest = bool(self.points) and self.points[0][1] > 0  # by a jump that is no row
-        if self.is_put_at_rest:
-            self.points = [(self.points[0][0], 0.0), *self.points]
-        self.deepest = max([scene.asked, *scene.physics.deltas])
-        self.is_stepped = experiment.is_stepped  # or found to have to be
+    def __init__(self, scene: Scene, equilibrium: Equilibrium):
+        self.scene, self.experiment = scene, scene.experiment or Experiment()
+        self.history, self._equilibrium = scene.history and scene.history.through_its_times, equilibrium
+        self.compliance = self.experiment.compliance
+        self.of_force = scene.history is not None and scene.history.control == "force"
+        self.deepest = max(scene.physics.deltas)
+        self.is_stepped = is_stepped(scene.history, scene.relaxation, self.compliance)  # or found to have to be
         self.warnings: list[str] = []
 
     @cached_property
@@ -129,7 +134,7 @@ class _Evaluation:
 
     @property
     def modulus(self) -> Modulus:
-        law = self.experiment.relaxation
+        law = self.scene.relaxation
         if law and law.power_law:
             return relaxation.PowerLaw(law.power_law.exponent, law.power_law.time)
         terms = law.prony if law and law.prony else ()
@@ -189,27 +194,44 @@ class _Evaluation:
 
     def findings(self) -> Findings:
         """What the experiment comes to, without units."""
-        rows, given = self._rows(), self.experiment
+        rows, given = self._asked(self._rows()), self.experiment
         report: dict[str, Any] = {"by": "condensed body" if self.scene.is_meshed else "theory"}
         if self.jkr:
             report |= self._adhesion(self.jkr)
-        if given.relaxation and self.points:
-            report["relaxation"] = {"method": "time steps" if self.is_stepped else "quadrature"}
         if given.calibration:
             force, modulus = self._uncertain(given.calibration)
             report["calibration"] = {"force": force, "modulus": modulus}
-            rows = [replace(row, force_error=force * abs(row.force)) for row in rows]
-        return Findings(rows, self._dynamic(rows), report, self.warnings)
+            rows = [replace(row, calibration_error=force * abs(row.force)) for row in rows]
+        return Findings(rows, self._dynamic(rows), report, self._time(), self.warnings)
+
+    def _time(self) -> dict[str, Any]:
+        """The part `time` of run.json; empty without a history."""
+        if self.history is None:
+            return {}
+        method = "time steps" if self.is_stepped else "quadrature" if self.scene.relaxation else "equilibria"
+        why = next(choice.why for choice in self.scene.plan.choices if choice.key == "time")
+        return {"way": "curve", "method": "JKR" if self.jkr else method, "why": why}
+
+    def _asked(self, rows: list[Row]) -> list[Row]:
+        """Those at the times of the history, at a jump the one after it; all where it names none."""
+        if self.scene.history is None or not self.scene.history.times:
+            return rows
+        last = {row.t: row for row in rows}
+        return [last[t] for t in self.scene.history.times]
 
     def _rows(self) -> list[Row]:
+        if self.history is None:
+            return self._jkr_curve(self.jkr) if self.jkr else self._curve()
         if self.jkr:
-            return self._jkr_history(self.jkr) if self.points else self._jkr_curve(self.jkr)
-        if not self.points:
-            curve, shares = self.curve_to(self.deepest), (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
-            return [self._on(curve, nan, depth, "stable") for depth in (self.deepest * shares).tolist()]
+            return self._jkr_history(self.jkr, self.history)
         if self.is_stepped:
-            return self._stepped()
-        return self._cycle() if self.experiment.relaxation else self._elastic()
+            return self._stepped(self.history)
+        return self._cycle(self.history) if self.scene.relaxation else self._elastic(self.history)
+
+    def _curve(self) -> list[Row]:
+        """The elastic curve, without a history."""
+        curve, shares = self.curve_to(self.deepest), (np.arange(1, CURVE_POINTS + 1) / CURVE_POINTS) ** 2
+        return [self._on(curve, nan, depth, "stable") for depth in (self.deepest * shares).tolist()]
 
     def _on(self, curve: ElasticCurve, t: float, delta: float, branch: str) -> Row:
         contact = Contact(float(curve.a(np.array(delta))), delta, float(curve.force(np.array(delta))))
@@ -218,29 +240,13 @@ class _Evaluation:
     def _row(self, t: float, contact: Contact | relaxation.Response, branch: str) -> Row:
         return Row(t, contact.delta + self.compliance * contact.force, contact.delta, contact.force, contact.a, branch)
 
-    def _times(self) -> list[tuple[float, float, str]]:
-        """Times, values and branches: every point of the history and, between them, enough for a curve."""
-        (t, value), times = self.points[0], []
-        if not self.is_put_at_rest:
-            times.append((t, value, _branch(value, self.points[1][1])))
-        for ((t0, v0), (t1, v1)), rows in zip(pairwise(self.points), self._rows_between(), strict=True):
-            branch = _branch(v0, v1)
-            times += [(t0 + (t1 - t0) * k / rows, v0 + (v1 - v0) * k / rows, branch) for k in range(1, rows)]
-            times.append((t1, v1, branch))
-        return times
-
-    def _rows_between(self) -> list[int]:
-        """Rows of each piece of the history: its share of the time, or of the pieces if that is more; a jump: 1."""
-        spans = np.diff([t for t, _ in self.points])
-        share = np.maximum(spans / spans.sum(), 1.0 / len(spans))
-        return [max(1, round(CURVE_POINTS * part)) if span > 0 else 1 for part, span in zip(share, spans, strict=True)]
-
-    def _elastic(self) -> list[Row]:
+    def _elastic(self, history: History) -> list[Row]:
         """Every point an equilibrium of the elastic curve."""
-        curve, rows = self.curve_to(self._deepest_at(max(value for _, value in self.points))), []
-        for t, value, branch in self._times():
+        curve, rows = self.curve_to(self._deepest_at(history.largest)), []
+        for instant in history.instants:
+            value = instant.value
             delta = curve.depth(value) if self.of_force else curve.depth_behind(self.compliance, value)
-            rows.append(self._on(curve, t, delta, branch))
+            rows.append(self._on(curve, instant.t, delta, instant.branch))
         return rows
 
     def _deepest_at(self, largest: float, softest: float = 1.0) -> float:
@@ -254,33 +260,33 @@ class _Evaluation:
             top *= 1.3
         raise ValueError(f"the force {force * self.scene.physics.scales.force:g} was not reached")
 
-    def _cycle(self) -> list[Row]:
+    def _cycle(self, history: History) -> list[Row]:
         """Lee-Radok and Ting; stepping where the contact turns out to grow again."""
-        times, values = zip(*self.points, strict=True)
+        times, values = zip(*history.from_rest, strict=True)
         cycle = OneCycle(self.modulus, times, values, self.curve_to(max(values)))
-        wanted = self._times()
-        if cycle.regrows([t for t, *_ in wanted]):
+        wanted = history.instants
+        if cycle.regrows([instant.t for instant in wanted]):
             self.warnings.append("the contact grows again while the tip retracts or is held after it: stepped in time")
             self.is_stepped = True
-            return self._stepped()
+            return self._stepped(history)
         rows = []
-        for k, (t, value, branch) in enumerate(wanted):
-            jumps = k + 1 < len(wanted) and wanted[k + 1][0] == t
-            response = cycle.at(t, after=not jumps)
-            rows.append(self._row(t, replace(response, delta=value), branch))
+        for k, instant in enumerate(wanted):
+            jumps = k + 1 < len(wanted) and wanted[k + 1].t == instant.t
+            response = cycle.at(instant.t, after=not jumps)
+            rows.append(self._row(instant.t, replace(response, delta=instant.value), instant.branch))
         return rows
 
-    def _stepped(self) -> list[Row]:
-        times, values = map(list, zip(*self.points, strict=True))
-        surface, span = self.surface(self._deepest_at(max(values), remaining(self.experiment))), times[-1] - times[0]
-        modulus = self.modulus.prony(SHORTEST_TIME * span / len(times), span)
+    def _stepped(self, history: History) -> list[Row]:
+        times, values = map(list, zip(*history.from_rest, strict=True))
+        surface = self.surface(self._deepest_at(max(values), remaining(self.scene.relaxation, history)))
+        modulus = self.modulus.prony(SHORTEST_TIME * history.span / len(times), history.span)
         stepper = StepByStep(surface, modulus, self.compliance, self.of_force)
-        ways = [_branch(*pair) for pair in pairwise(values)]
+        ways = [branch_of(*pair) for pair in pairwise(values)]
         branches, point, rows = [ways[0], *ways], 0, []  # of the piece that ends at each point
-        for response in stepper.responses(times, values, self._rows_between()):
+        for response in stepper.responses(times, values, list(history.pieces)):
             rows.append(self._row(response.t, response, branches[point]))
             point += response.t == times[point]
-        return rows[1:] if self.is_put_at_rest else rows
+        return rows[len(history.from_rest) - len(history.points) :]
 
     def _jkr_curve(self, jkr: Jkr) -> list[Row]:
         """The whole equilibrium curve by the contact radius, without a history."""
@@ -290,14 +296,15 @@ class _Evaluation:
         radii = low * (deep.a / low) ** np.linspace(0.0, 1.0, CURVE_POINTS)
         return [self._row(nan, jkr.at(float(a)), "stable" if a >= last.a else "unstable") for a in radii]
 
-    def _jkr_history(self, jkr: Jkr) -> list[Row]:
+    def _jkr_history(self, jkr: Jkr, history: History) -> list[Row]:
         """Stable equilibria as the history passes: the tip snaps in at first touch and comes off where it must."""
         compliance = inf if self.of_force else self.compliance
         last = jkr.pull_off(compliance)
         comes_off = last.force if self.of_force else last.delta + compliance * last.force
-        rows, touches, times = [], False, self._times()
-        stable = jkr.branch(max(value for _, value, _ in times), compliance)
-        for t, value, branch in times:
+        rows, touches = [], False
+        stable = jkr.branch(max(instant.value for instant in history.instants), compliance)
+        for instant in history.instants:
+            t, value, branch = instant.t, instant.value, instant.branch
             touches = value > comes_off if touches else value >= 0.0
             contact = stable(value) if touches else None
             off = Row(t, nan, nan, value, 0.0, branch) if self.of_force else Row(t, value, value, 0.0, 0.0, branch)
@@ -373,7 +380,3 @@ def _curve(samples: list[tuple[float, float, float]]) -> ElasticCurve:
 
 def _said(contact: Contact) -> dict[str, float]:
     return {"delta": contact.delta, "force": contact.force}
-
-
-def _branch(before: float, after: float) -> str:
-    return "hold" if before == after else "approach" if after > before else "retract"

@@ -31,7 +31,7 @@ def resolved(config: Config, scene: Scene) -> Config:
 
 def fields_of(config: Config, scene: Scene) -> When:
     """The steps whose fields are written: where the config does not say, those of a mesh."""
-    of_scene: When = "last" if scene.is_meshed else "none"
+    of_scene: When = "last" if scene.is_meshed and scene.history is None else "none"
     return of_scene if config.output.fields == "auto" else config.output.fields
 
 

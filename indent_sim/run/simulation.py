@@ -20,13 +20,14 @@ from indent_sim.process.usage import Clock
 from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.outline import drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
-from indent_sim.run.by_theory import TheoryWalk
 from indent_sim.run.error_bars import Bars
 from indent_sim.run.plausibility import contradiction
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import fields_of
 from indent_sim.run.summary import stages, summary
+from indent_sim.run.walks.by_curve import CurveWalk
+from indent_sim.run.walks.by_theory import TheoryWalk
 from indent_sim.scene.scene import Scene
 
 AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, relative
@@ -44,10 +45,10 @@ class Simulation:
         self.bars, self.output, self.scene, self.record, self.clock = bars, config.output, scene, record, clock
         earlier = record.earlier
         self.states = list(earlier.states) if earlier else []
-        if bars is not None:
+        if bars is not None and scene.history is None:
             self.states = [bars.judged(state) for state in self.states]
         self._keep_fields = fields_of(config, scene)
-        self._kept_steps = scene.physics.path.kept
+        self._kept_steps = frozenset() if scene.history else scene.physics.path.kept
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
@@ -59,6 +60,7 @@ class Simulation:
             self._walk: Any = TheoryWalk(self.scene, self.record.comm, self.clock.started - spent)
             self._readings: Any = Readings(self.scene, None, self.record.beside)
             self._fields = self._mesh = None
+            self._follow_in_time(spent)
             return
         record, scene, clock = self.record, self.scene, self.clock
         part = scene.physics.part
@@ -70,6 +72,7 @@ class Simulation:
             self._mesh = mesh = fe.distribute(grid, part, record.comm)
         with clock.stage("assemble"):
             self._walk = fe.walk(scene, mesh, clock.started - spent)
+            self._follow_in_time(spent)
         self._readings = Readings(scene, self._walk.equilibrium, record.beside)
         dofs, versions = self._walk.equilibrium.observed.dofs, fe.versions()
         if grid is not None:  # rank 0, which writes
@@ -86,6 +89,11 @@ class Simulation:
             self._fields = fe.Fields(self._walk.equilibrium.observed)
             record.open_fields(*self._shown(grid), keep=self._keep_fields)
 
+    def _follow_in_time(self, spent: float) -> None:
+        """Take the rows of a history in place of those of its elastic curve, whose error bars they have."""
+        if self.scene.history:
+            self._walk = CurveWalk(self.scene, self._walk, self.clock.started - spent)
+
     def _shown(self, grid: Grid | None) -> tuple[Any, ...]:
         """The mesh of the fields and the tip above it, in the user's units, on the rank that has them."""
         if grid is None:
@@ -99,14 +107,15 @@ class Simulation:
     def _take_up(self) -> None:
         """Stand where the run that is continued stopped."""
         physics, done = self.scene.physics, len(self.states)
-        if done in (0, len(physics.deltas)):
+        if done in (0, len(physics.deltas)) or self.scene.history:
             return
-        depths = physics.deltas[:done]  # of the rows that are there
-        if physics.path.control != "depth":
-            depths = tuple(state.delta / physics.scales.depth for state in self.states)
         saved = self.record.read_checkpoint(self._identity)
+        passed = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
+        depths = tuple(depth for leg in passed for depth in leg)
+        if physics.path.control != "depth":
+            depths = tuple(state.delta / physics.scales.depth for state in self.states[saved.step :])
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, depths[saved.step :]):
+            if not self._walk.resume(saved.points, depths):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
 
@@ -118,19 +127,27 @@ class Simulation:
             ended = time.monotonic()
             self._next_checkpoint = ended + max(1.0, 20 * (ended - began))
 
+    @property
+    def _total(self) -> int:
+        """Rows of the whole run; of a history known once its curve is."""
+        return len(self._walk.findings.rows if isinstance(self._walk, CurveWalk) else self.scene.physics.deltas)
+
     def follow(self, progress: Progress | None) -> list[State]:
         """Walk the load path to its end; NotConverged or VerificationError where it stops before."""
-        total, done = len(self.scene.physics.deltas), len(self.states)
-        if progress is not None and self.states:
-            progress(self.states[-1], done, total)
+        done = len(self.states)
         try:
+            if isinstance(self._walk, CurveWalk):
+                with self.clock.stage("solve"):
+                    self._walk.solve(self.bars)
+            if progress is not None and self.states:
+                progress(self.states[-1], done, self._total)
             walked = self._walk.states(self.scene.physics.path, self._wants_surface, done)
             while state := self._next(walked):
                 if not state.converged:
-                    raise NotConverged(f"step {state.step} of {total}: {state.reason}")
+                    raise NotConverged(f"step {state.step} of {self._total}: {state.reason}")
                 self._keep(state.in_units(self.scene.physics.scales))
                 if progress is not None:
-                    progress(self.states[-1], state.step, total)
+                    progress(self.states[-1], state.step, self._total)
         except (NotConverged, KeyboardInterrupt) as end:
             # a signal reaches the ranks one by one: only a failure may be known to all of them
             if self.record.comm.size == 1 or (isinstance(end, NotConverged) and self.record.end.all_arrive()):
@@ -145,15 +162,21 @@ class Simulation:
 
     def experiment(self) -> None:
         """Compute and write what the experiment makes of the curve; nothing without one."""
-        if self.scene.experiment is None:
+        if self.scene.experiment is None and self.scene.history is None:
             return
         from indent_sim.run.experiment import Findings, conduct  # with scipy's searches, which no other scene needs
 
-        equilibrium = self._walk.equilibrium if self.scene.is_meshed else None
-        with self.clock.stage("experiment"):
-            findings = self.record.beside(EXPERIMENT, lambda: conduct(self.scene, equilibrium), Findings([]))
-        self.record.write_experiment(findings.rows, findings.dynamic)
-        self.record.note(experiment=findings.report, timings=stages(self.clock.stages))
+        if isinstance(self._walk, CurveWalk):
+            findings = self._walk.findings.in_units(self.scene.physics.scales)
+        else:
+            equilibrium = self._walk.equilibrium if self.scene.is_meshed else None
+            with self.clock.stage("experiment"):
+                findings = self.record.beside(EXPERIMENT, lambda: conduct(self.scene, equilibrium), Findings([]))
+        self.record.write_experiment([] if self.scene.history else findings.rows, findings.dynamic)
+        said = {"experiment": findings.report} if self.scene.experiment else {}
+        self.record.note(
+            **said, **({"time": findings.time} if findings.time else {}), timings=stages(self.clock.stages)
+        )
         self.record.warn(*findings.warnings)
 
     def release(self) -> None:
@@ -170,10 +193,22 @@ class Simulation:
     def _next(self, walked: Iterator[State]) -> State | None:
         with self.clock.stage("solve"):
             state = next(walked, None)
-            return self._readings.read(state) if state else None
+            return self._readings.read(state) if state and self.scene.history is None else state
 
     def _keep(self, state: State) -> None:
-        """Audit a converged state and write it down."""
+        """Audit a converged state and write it down; the rows of a history follow from a curve that was judged."""
+        state = self._walk.with_bars(state) if isinstance(self._walk, CurveWalk) else self._checked(state)
+        with self.clock.stage("write"):
+            if self._keep_fields == "all" or state.step in self._kept_steps:
+                self._write_fields(state)
+            self.record.append(state)
+            self.states.append(state)
+            is_time = self.record.comm.bcast(time.monotonic() >= self._next_checkpoint)  # all ranks give their share
+            if is_time and state.step < self._total:
+                self._save_checkpoint()
+
+    def _checked(self, state: State) -> State:
+        """A state with its error bars; VerificationError for one that fails its audit or cannot be true."""
         if self.scene.is_meshed:
             self._audit(state)
         state = state if self.bars is None else self.bars.judged(state)
@@ -181,14 +216,12 @@ class Simulation:
             remedy = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
             place = f"step {state.step}, at delta = {state.delta:.6g}"
             raise VerificationError(f"{place}, is a row that cannot be true: {said}; {remedy}")
-        with self.clock.stage("write"):
-            if self._keep_fields == "all" or state.step in self._kept_steps:
-                self._write_fields(state)
-            self.record.append(state)
-            self.states.append(state)
-            is_time = self.record.comm.bcast(time.monotonic() >= self._next_checkpoint)  # all ranks give their share
-            if is_time and state.step < len(self.scene.physics.deltas):
-                self._save_checkpoint()
+        return state
+
+    @property
+    def judged(self) -> list[State]:
+        """The states that the error bars are of: the rows, or those of the elastic curve of a history."""
+        return self._walk.judged if isinstance(self._walk, CurveWalk) else self.states
 
     def _audit(self, state: State) -> None:
         physics, a = self.scene.physics, self.scene.plan.prediction["a"]

@@ -13,6 +13,7 @@ from indent_sim.mesh.part_from_file import MeshedPart
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Endless, MeshFromFile
 from indent_sim.model.contact import Adhesion, Anchor, AugmentedLagrangian, AutoContact, Contact, ContactLaw, Penalty
+from indent_sim.model.experiment import Experiment
 from indent_sim.model.materials import LOCKING
 from indent_sim.model.tips import FlatPunch, Indenter, reach
 from indent_sim.model.units import rounded
@@ -406,30 +407,53 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
     return choices
 
 
-def experiment(config: Config, given: Given, solver: Choice) -> Choices:
-    """How what is computed from the solved curve is; ConfigError where a curve does not determine it."""
-    found = given.experiment
-    if found is None:
+def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
+    """Whether a history is followed row by row on the whole body: no curve determines it."""
+    rough = any(getattr(config.contact, name, None) for name in ("friction", "adhesion"))
+    return given.history is not None and (rough or solver.value == "newton")
+
+
+def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:
+    """How what is computed from the elastic curve is, an experiment, a history, or why a history is not; ConfigError
+    where a curve does not determine what is asked for."""
+    if given.experiment is None and given.history is None:
         return []
-    _refuse_experiment(config, given, solver)
+    if follows_whole:
+        why = solver.why if solver.value == "newton" else "friction, or adhesion over a range: no curve determines it"
+        _refuse_in_time(config, given, why)
+        return [Choice("time", "steps", f"row by row on the body: {why}")]
+    _refuse_curve(config, given, solver, "experiment" if given.experiment else f"loading.{config.loading.given[0]}")
     choices = [Choice("experiment.adhesion", "JKR", JKR_WHY)] if given.jkr_limit else []
-    if found.relaxation and found.points:
-        way, why = ("time steps", STEP_WHY) if found.is_stepped else ("quadrature", TING_WHY)
-        choices.append(Choice("experiment.relaxation", way, why))
-    elif found.points and not given.jkr_limit:
-        choices.append(Choice("experiment.history", "elastic", QUASI_WHY))
+    if given.history:
+        why = STEP_WHY if given.is_stepped else TING_WHY if given.relaxation else QUASI_WHY
+        choices.append(Choice("time", "curve", JKR_WHY if given.jkr_limit else why))
     return choices
 
 
-def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
+def _refuse_in_time(config: Config, given: Given, why: str) -> None:
+    """ConfigError for what is made of a curve."""
+    if config.loading.force_history and config.loading.times != "auto":
+        problem = "of forces on a body that is followed row by row are the program's"  # what is passed is a row
+        raise ConfigError("loading.times", problem, "leave it out, or loading.history")
+    if given.relaxation:
+        remedy = "leave material.relaxation out, or what stands against the curve"
+        raise ConfigError("material.relaxation", f"is for the curve of a linear, frictionless body: {why}", remedy)
+    if made := next((name for name, part in vars(given.experiment or Experiment()).items() if part), None):
+        problem = f"is made of a curve, and this body is followed row by row: {why}"
+        raise ConfigError(f"experiment.{made}", problem, "leave one of the two out")
+
+
+def _refuse_curve(config: Config, given: Given, solver: Choice, key: str) -> None:
     physics = given.physics
-    assert given.experiment is not None
+    if given.history and config.output.fields in ("last", "all"):
+        problem = f"{config.output.fields}: a history is followed on the elastic curve, which has no fields"
+        raise ConfigError("output.fields", problem, "leave it out")
     if any(getattr(config.contact, name, None) for name in ("friction", "adhesion")):
         problem = "is determined by the curve of a tip without friction and adhesion, and contact has some"
-        raise ConfigError("experiment", problem, "leave one of the two out")
+        raise ConfigError(key, problem, "leave one of the two out")
     if solver.value == "newton":
         problem = f"needs a linear body whose compliance is known, and this scene is solved whole: {solver.why}"
-        raise ConfigError("experiment", problem, "solver.method: condensed or theory says what stands against it")
+        raise ConfigError(key, problem, "solver.method: condensed or theory says what stands against it")
     if given.jkr_limit and physics.part.kinematics.name != "axisymmetric":
         problem = f"the JKR limit is that of a disc, and this scene is {physics.part.kinematics.name.replace('_', ' ')}"
         raise ConfigError("experiment.adhesion", problem, "put the tip on the axis of a round body")
@@ -438,9 +462,9 @@ def _refuse_experiment(config: Config, given: Given, solver: Choice) -> None:
         raise ConfigError("experiment.adhesion", problem, UNITS)
     if given.jkr_limit and solver.value == "condensed" and given.held_radii:
         _refuse_unlike_contacts(given, *given.held_radii)
-    if given.experiment.is_stepped and solver.value == "theory" and physics.body.dim == 2:
+    if given.is_stepped and solver.value == "theory" and physics.body.dim == 2:
         problem = "a strip that relaxes under this history is stepped in time on the compliance of a mesh"
-        raise ConfigError("experiment.relaxation", problem, "use solver.method: condensed")
+        raise ConfigError("material.relaxation", problem, "use solver.method: condensed")
 
 
 def _refuse_unlike_contacts(given: Given, smallest: float, largest: float) -> None:

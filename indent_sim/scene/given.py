@@ -31,8 +31,8 @@ from indent_sim.model.body import (
 )
 from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
 from indent_sim.model.experiment import Experiment, JKRAdhesion
-from indent_sim.model.loading import Loading, LoadPath
-from indent_sim.model.materials import LOCKING, Material
+from indent_sim.model.loading import History, Loading, LoadPath
+from indent_sim.model.materials import LOCKING, Material, Relaxation
 from indent_sim.model.state import FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
@@ -167,7 +167,9 @@ class Given:
     part_why: str
     theory: Theory | None
     experiment: Experiment | None  # without units
-    asked: float  # the largest depth that the experiment's history may come to; 0 without one
+    history: History | None  # without units; `physics.path` goes to the largest depth that it may come to
+    relaxation: Relaxation | None
+    is_stepped: bool  # whether a relaxing body is followed step by step
     attraction: Adhesion | None  # of the contact
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
@@ -179,8 +181,8 @@ class Given:
 
     @property
     def deepest(self) -> float:
-        """The largest depth [length], of the path or of the experiment."""
-        return max([*self.physics.deltas, *([self.asked] if self.asked else [])])
+        """The largest depth [length]."""
+        return max(self.physics.deltas)
 
     @property
     def a(self) -> float:
@@ -246,17 +248,17 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     pieces = whole.pieces if isinstance(whole, Dome) else 1
-    history = history_path(config.experiment, config.indenter, layers)
-    path = config.loading.path() if config.loading else history
-    assert path is not None
-    for one, key in ((path, "loading" if config.loading else "experiment"), (history, "experiment")):
-        if one is not None:
-            _check_scene(whole, layers, config.indenter, center, one, pieces, key)
+    history, relaxation = config.loading.in_time, next((law.relaxation for _, law in config.materials()), None)
+    compliance = config.experiment.compliance if config.experiment else 0.0
+    softest = remaining(relaxation, history)
+    path = deepest_path(history, softest, compliance, config.indenter, layers) if history else config.loading.path()
+    _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
     scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)
     layers = tuple(map(scales.scaled, layers))
     center = tuple(rounded(c / scales.length) for c in center)
-    path, history = _scaled(path, scales), history and _scaled(history, scales)
+    history = history and history.without_units(scales.of(history.control))
+    path = path.without_units(scales.of(path.control))
     if isinstance(body, Meshed):
         assert piece is not None
         part, part_why = _piece_as_it_is(config, piece, scales)
@@ -265,18 +267,14 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
         part, part_why = reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     theory, relative = theory_of(whole, layers, tip, center), relative_tip(tip, body)
-    reached = depths_of(history, theory, relative, material, body.height, scales) if history else (0.0,)
     deltas = depths_of(path, theory, relative, material, body.height, scales)
     physics, attraction = Physics(scales, body, part, tip, center, path, deltas), scales.scaled(config.contact).adhesion
-    radius, asked = cache(partial(_expected_radius, theory, (relative, tip), body, center)), max(reached)
-    theory = theory and theory.along((*deltas, *reached))
+    radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
+    theory = theory and theory.along(deltas)
     experiment = config.experiment and config.experiment.without_units(scales)
-    found = (relative, part_why, theory, experiment, asked, attraction, radius)
+    stepped = is_stepped(history, relaxation, compliance)
+    found = (relative, part_why, theory, experiment, history, relaxation, stepped, attraction, radius)
     return Given(physics, truncation, layers, *found)
-
-
-def _scaled(path: LoadPath, scales: Scales) -> LoadPath:
-    return replace(path, values=tuple(value / scales.of(path.control) for value in path.values))
 
 
 def depths_of(
@@ -306,25 +304,35 @@ def depths_of(
     return depths
 
 
-def history_path(experiment: Experiment | None, tip: Indenter, layers: Sequence[Layer]) -> LoadPath | None:
-    """Equal steps to the largest depth, or force, that an experiment's history may come to; None without a history.
+def in_time(given: Given, physics: Physics) -> Physics:
+    """Physics whose path is the rows of the history, in place of the way to its deepest one."""
+    assert given.history is not None
+    path = given.history.path
+    tip, height = given.relative, physics.body.height
+    return replace(
+        physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
+    )
 
-    What relaxes lets the tip in as far as a body of its last modulus, and a spring keeps the tip back by the least
-    force that a half-space of the softest layer has.
+
+def deepest_path(
+    history: History, softest: float, compliance: float, tip: Indenter, layers: Sequence[Layer]
+) -> LoadPath:
+    """Equal steps to the largest depth, or force, that a history may come to.
+
+    What relaxes lets the tip in as far as a body of the least share `softest` of its modulus, and a spring keeps the
+    tip back by the least force that a half-space of the softest layer has.
     """
-    if experiment is None or not experiment.points:
-        return None
-    softest, largest = remaining(experiment), max(value for _, value in experiment.points)
-    if experiment.force_history:
+    largest = history.largest
+    if history.control == "force":
         return Loading(force=largest / softest).path()
-    if not experiment.compliance:
+    if not compliance:
         return Loading(delta=largest).path()
     E_star = softest * min(_material_of(layer).E_star for layer in layers)
 
     def beyond(depth: float) -> bool:
         closed = half_space_force(tip, depth, E_star)
         force = closed[1] if closed else 0.5 * E_star * tip.radius_at(depth) * depth
-        return depth + experiment.compliance * force >= largest
+        return depth + compliance * force >= largest
 
     low, high = 0.0, largest
     for _ in range(HALVINGS):
@@ -333,15 +341,20 @@ def history_path(experiment: Experiment | None, tip: Indenter, layers: Sequence[
     return Loading(delta=high).path()
 
 
-def remaining(experiment: Experiment) -> float:
-    """The least share of material.E that the body has during the history; of a power law it may be above 1."""
-    law = experiment.relaxation
+def is_stepped(history: History | None, law: Relaxation | None, compliance: float) -> bool:
+    """Whether a relaxing body is followed step by step: forces or springs, or a tip that comes back."""
+    is_any = history is not None and (history.control == "force" or compliance > 0 or history.comes_back)
+    return law is not None and is_any
+
+
+def remaining(law: Relaxation | None, history: History | None) -> float:
+    """The least share of the instantaneous modulus that a body has during a history; of a power law it may be above
+    1."""
     if law is None:
         return 1.0
     if law.power_law is None:
         return 1.0 - sum(fraction for fraction, _ in law.prony or ())
-    last = experiment.points[-1][0] - experiment.points[0][0]
-    return float((last / law.power_law.time) ** -law.power_law.exponent)
+    return float((history.span / law.power_law.time) ** -law.power_law.exponent) if history else 1.0
 
 
 def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: LoadPath) -> float:
@@ -355,9 +368,14 @@ def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: Lo
 
 def _layers(config: Config) -> Layers:
     """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
-    own = [_material_of(layer).canonical() for layer in config.layers]
+    own = [_elastic(_material_of(layer)) for layer in config.layers]
     layers = zip(config.layers, own, strict=True)
     return tuple(replace(layer, thickness=layer.thickness or inf, material=material) for layer, material in layers)
+
+
+def _elastic(material: Material) -> Material:
+    """The law of the instantaneous constants: what relaxes is made of its elastic curve."""
+    return replace(material.canonical(), relaxation=None)
 
 
 def _material_of(layer: Layer) -> Material:
@@ -377,7 +395,7 @@ def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
 
 def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
     """The regions of inclusions, lengths rounded likewise."""
-    own = [inclusion.material.canonical() for inclusion in config.body.inclusions or ()]
+    own = [_elastic(inclusion.material) for inclusion in config.body.inclusions or ()]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
         matter, name = scales.scaled(material), f"inclusions[{k}]"
         yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
@@ -425,7 +443,7 @@ def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
     regions = getattr(config.body, "regions", None) or {}
     own = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
     found = [own.get(name, ("material", config.material)) for name in piece.names]
-    return [(key, material.canonical()) for key, material in found if material is not None]
+    return [(key, _elastic(material)) for key, material in found if material is not None]
 
 
 def unused_material(config: Config, part: Part) -> str:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from indent_sim.mesh.body_from_file import Piece
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.experiment import Experiment
+from indent_sim.model.loading import History
+from indent_sim.model.materials import Relaxation
 from indent_sim.model.tips import FlatPunch, reach
 from indent_sim.process.errors import ConfigError
 from indent_sim.process.usage import machine_memory
@@ -18,7 +20,7 @@ from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_material, of_theory, of_whole_contact
 from indent_sim.scene.expected import ExpectedAdhesion, Stick, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
-from indent_sim.scene.given import Given, Physics, given_by, on_finite_body
+from indent_sim.scene.given import Given, Physics, given_by, in_time, on_finite_body
 from indent_sim.scene.sizing import AT_END
 from indent_sim.theory.surface.no_slip import Rubbed
 from indent_sim.theory.theory import Theory
@@ -63,12 +65,27 @@ class Scene:
     solver: SolverSettings
     plan: Plan
     experiment: Experiment | None = None  # what is computed from the solved curve, without units
-    asked: float = 0.0  # the largest depth that its history may come to, without units
+    # What its rows follow on the elastic curve, that of the physics' path, without units; None where the path says it
+    history: History | None = None
+    relaxation: Relaxation | None = None
 
     @property
     def is_meshed(self) -> bool:
         """Whether a mesh is solved; where theory is, `sizes` are distances between points of the surface."""
         return self.solver.method != "theory"
+
+    @property
+    def takes_time(self) -> bool:
+        """Whether its rows have times."""
+        return self.history is not None or bool(self.physics.path.times)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of its force table beyond those of every scene."""
+        if self.history is None:
+            return (*self.physics.columns, *(("t", "branch") if self.physics.path.times else ()))
+        held, given = self.experiment and self.experiment.compliance, self.experiment and self.experiment.calibration
+        return ("t", *(["z"] if held else []), "branch", *(["calibration_error"] if given else []))
 
     @property
     def method(self) -> str:
@@ -128,13 +145,15 @@ def resolve(config: Config, per_radius: float | None = None, piece: Piece | None
 def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     """The scene that theory solves: what stands for its sizes are the points of the surface that are written."""
     physics = given.physics
-    experiment = choices.experiment(config, given, solver)
-    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *experiment)
+    of_curve = choices.curve(config, given, solver)
+    chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *of_curve)
     predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + PER_ROW * len(physics.deltas):.2g}")}
     against = (*of_material(config, given), *of_theory(given), *of_whole_contact(given))
     plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted, stick(given, physics))
     settings = replace(config.solver, method="theory")
-    return Scene(physics, sizing.surface_points(given), settings, plan, given.experiment, given.asked)
+    return Scene(
+        physics, sizing.surface_points(given), settings, plan, given.experiment, given.history, given.relaxation
+    )
 
 
 def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
@@ -148,6 +167,9 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     tip, tip_choice = choices.tip(given, gap)
     physics = replace(given.physics, wall_stiffness=wall, indenter=tip, contact=law, gap=gap, anchor=anchor)
     solver, linear, cost = _solver(config, given, physics, sizes)
+    if is_in_time := choices.follows_whole(config, given, solver):
+        physics = in_time(given, physics)
+        solver, linear, cost = _solver(config, given, physics, sizes)
     if cost.memory > machine_memory():
         work = physics.work(str(solver.value), str(linear.value))
         raise _unaffordable(config, physics, sizes, work, fineness)
@@ -156,14 +178,15 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     of_contact = (gap_choice, law_choice, *friction_choice, *adhesion_choice, *tip_choice, *wall_choice)
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
-    of_mesh, experiment = choices.mesh(config, given, sizes, fineness), choices.experiment(config, given, solver)
-    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *experiment)
+    of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
+    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_curve)
     predicted = _prediction(given, doubted, cost)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)
     known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr)
     plan = Plan(config.title, config.units, *known)
     settings = replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
-    return Scene(physics, sizes, settings, plan, given.experiment, given.asked)
+    history = None if is_in_time else given.history
+    return Scene(physics, sizes, settings, plan, given.experiment, history, given.relaxation)
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:

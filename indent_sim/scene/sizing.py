@@ -118,8 +118,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
     settled = _settled(mesh, physics.scales, part.height, edge)  # and refused, whoever chooses
     if wanted:
         settled = wanted.sizes(part.height, part.width, edge, part.bend or part.dome, keenness)
-    stepped = given.experiment is not None and given.experiment.is_stepped and part.dim == 2
-    if stepped and settled.h_contact is None:
+    if given.is_stepped and part.dim == 2 and settled.h_contact is None:
         settled = replace(settled, h_contact=rounded(min(a / PER_STEPPED, part.height / 4)))
     if given.attraction:
         settled = _in_cohesive_zone(config, given, settled)

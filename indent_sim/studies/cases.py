@@ -104,9 +104,9 @@ def short(value: object) -> str:
 
 
 def identity(scene: Scene) -> str:
-    """A name for the physics, discretisation and experiment of a scene; titles and output have no part in it."""
+    """A name for physics, discretisation, history and experiment of a scene; titles and output have no part in it."""
     parts = [scene.physics, scene.sizes, scene.solver, scene.plan.fineness]
-    parts += [scene.experiment] if scene.experiment is not None else []
+    parts += [part for part in (scene.experiment, scene.history, scene.relaxation) if part is not None]
     return hashlib.sha256(to_json(parts, indent=None).encode()).hexdigest()[:16]
 
 

@@ -67,6 +67,8 @@ class Truth:
         self._file: Answer | None = None
         self.references: set[str] = set()  # runs that others are compared with
         where = study.compare_place
+        if self._wanted != "finest" and any(case.scene.takes_time for case in cases):
+            raise _error(where, "rows are compared by depth, and a history passes one several times", "leave it out")
         if self._wanted == "theory":
             self._take_theory(cases, where)
         elif isinstance(self._wanted, float):
@@ -93,7 +95,8 @@ class Truth:
         if self._wanted != "finest":
             return
         asked: dict[str, list[str]] = {}
-        for case in sorted((case for case in cases if case.id in done), key=lambda case: _fineness(case, done)):
+        comparable = (case for case in cases if case.id in done and not case.scene.takes_time)  # by depth
+        for case in sorted(comparable, key=lambda case: _fineness(case, done)):
             asked.setdefault(case.problem, []).append(case.id)  # the finest comes last
         finest = {problem: runs[-1] for problem, runs in asked.items() if len(set(runs)) > 1}  # none is its own answer
         self._answers = {problem: of_results(done[run]) for problem, run in finest.items()}

@@ -176,9 +176,10 @@ mesh: {h_contact: 0.05, h_far: 0.4}
 """)[0],
     parse("""\
 body: {shape: half_space}
-material: {model: linear_elastic, E: 1, nu: 0.5}
+material: {model: linear_elastic, E: 1, nu: 0.5, relaxation: {prony: [[0.3, 1]]}}
 indenter: {shape: flat_punch, radius: 1}
-experiment: {history: [[0, 0], [1, 0.1], [2, 0.1]], relaxation: {prony: [[0.3, 1]]}, cantilever: {stiffness: 5}}
+loading: {history: [[0, 0], [1, 0.1], [2, 0.1]], times: [0.5, 2]}
+experiment: {cantilever: {stiffness: 5}, frequencies: [1]}
 accuracy: 0.01
 """)[0],
 ]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BOX, ELASTIC, PARABOLOID, STRIP, WALLED
+from scenes import BOX, ELASTIC, PARABOLOID, STRIP, WALLED, placed
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
@@ -35,7 +35,7 @@ TWICE = [[0, 0], [1, 0.01], [1.5, 0.004], [2.5, 0.008], [3, 0.001]]
 
 def scene_of(body: dict[str, Any], experiment: dict[str, Any], *overrides: str, **sections: Any) -> Scene:
     given = {"body": body, "material": ELASTIC, "indenter": PARABOLOID, "experiment": experiment} | sections
-    return resolve(from_mapping(given, overrides))
+    return resolve(from_mapping(placed(given), overrides))
 
 
 def found(*args: Any, **sections: Any) -> Findings:
@@ -126,7 +126,7 @@ def test_a_triangle_on_a_standard_linear_solid(method: str, tolerance: float) ->
     findings = found(HALF_SPACE, {"relaxation": SLOW, "history": history}, f"solver.method={method}", material=SOLID)
     unit = 4 / 3 / 0.75 * 0.01**1.5
     assert [at(findings, t).force / unit for t in TING] == pytest.approx(list(TING.values()), rel=tolerance)
-    assert findings.report["relaxation"]["method"] == "quadrature"
+    assert findings.time["method"] == "quadrature"
 
 
 def test_a_tip_that_comes_back_from_a_mesh_and_from_theory() -> None:
@@ -136,7 +136,7 @@ def test_a_tip_that_comes_back_from_a_mesh_and_from_theory() -> None:
     for t in (1, 1.5, 2.5):
         theory, mesh = (at(findings, t) for findings in both)
         assert mesh.force == pytest.approx(theory.force, rel=2e-3) and mesh.a == pytest.approx(theory.a, rel=5e-3)
-    assert {findings.report["relaxation"]["method"] for findings in both} == {"time steps"}
+    assert {findings.time["method"] for findings in both} == {"time steps"}
 
 
 def stepped_directly(
@@ -169,8 +169,7 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
     experiment: dict[str, Any] = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": TWICE}
     experiment |= {"frame": {"compliance": compliance}} if compliance else {}
     base = scene_of(LAYER, experiment, "solver.method=condensed")
-    assert base.experiment is not None
-    one = _Evaluation(base, base.experiment, chain.condense(base).equilibrium)
+    one = _Evaluation(base, chain.condense(base).equilibrium)
     surface, asked = one.surface(0.01), [t for t, _ in TWICE[1:]]
     forces = []
     for step in (0.01, 0.005):
@@ -179,7 +178,7 @@ def test_any_history_on_a_layer_against_stepping_with_all_of_the_past(compliance
         forces.append(np.interp(asked, times, stepped_directly(surface, one.modulus, times, z, compliance)))
     exact = forces[1] + (forces[1] - forces[0]) / 3
     findings = conduct(base, one._equilibrium)
-    assert findings.report["relaxation"]["method"] == "time steps"
+    assert findings.time["method"] == "time steps"
     assert [at(findings, t).force for t in asked] == pytest.approx(exact, abs=1e-4 * exact.max())
 
 
@@ -189,8 +188,7 @@ def test_lee_and_radok_is_time_stepping_on_the_same_compliance(body: dict[str, A
     depths, superposed by the modulus, is the same force, but for a point that touches between two of them: 1e-4."""
     history = {"relaxation": {"prony": [[0.4, 0.1], [0.3, 1.0]]}, "history": [[0, 0], [1, 0.01]]}
     base = scene_of(body, history, "solver.method=condensed", "mesh.h_contact=0.008")
-    assert base.experiment is not None
-    one = _Evaluation(base, base.experiment, chain.condense(base).equilibrium)
+    one = _Evaluation(base, chain.condense(base).equilibrium)
     surface, t = one.surface(0.01), np.linspace(0, 1, 2001)
     elastic = SurfaceContact(surface, surface.A)
     force = [float(surface.areas @ elastic.pressures(surface.heights - 0.01 * x * surface.areas)) for x in t]
@@ -329,7 +327,7 @@ def test_uncertainties_of_the_instrument() -> None:
     findings = found(HALF_SPACE, experiment)
     assert findings.report["calibration"] == pytest.approx({"force": 0.1, "modulus": math.hypot(0.1, 0.025)})
     last = findings.rows[-1]
-    assert last.force_error == pytest.approx(0.1 * last.force)
+    assert last.calibration_error == pytest.approx(0.1 * last.force)
 
 
 # E of a fit with a radius of 1.1 in place of 1, by theory: on a half-space 5 % too small, on thin layers more than 10 %
@@ -369,7 +367,7 @@ def test_a_body_that_comes_up_again_is_stepped() -> None:
     """Held after a retraction the surface rises around the tip: Ting's one cycle is left, and a warning says so."""
     history = {"relaxation": SLOW, "history": [[0, 0], [1, 0.01], [1.2, 0.006], [5, 0.006]]}
     findings = found(HALF_SPACE, history)
-    assert findings.report["relaxation"]["method"] == "time steps" and "grows again" in findings.warnings[0]
+    assert findings.time["method"] == "time steps" and "grows again" in findings.warnings[0]
     assert at(findings, 5).a > at(findings, 1.2).a
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from scenes import placed
 from scipy.optimize import brentq
 
 from indent_sim.cli import commands
@@ -66,7 +67,7 @@ def of(scene: dict[str, Any], within: float = 0.01) -> Requirements:
 
 @cache
 def _kept(text: str, within: float) -> Requirements:
-    return require(from_mapping(json.loads(text)), within)
+    return require(from_mapping(placed(json.loads(text))), within)
 
 
 def row(scene: dict[str, Any], name: str) -> Effect:
@@ -76,7 +77,7 @@ def row(scene: dict[str, Any], name: str) -> Effect:
 
 @cache
 def _row(text: str, name: str) -> Effect:
-    config = from_mapping(json.loads(text))
+    config = from_mapping(placed(json.loads(text)))
     (requirement,) = (one for one in REQUIREMENTS if one.name == name)
     return requirement.effect(Bench(config, resolve(config)), 0.01)
 

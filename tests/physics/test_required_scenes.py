@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import known_effects
 import pytest
+from scenes import placed
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.scene.scene import resolve
@@ -25,4 +26,4 @@ def test_signs_sizes_and_the_recommended_model(name: str) -> None:
 
 def test_they_are_twenty_scenes() -> None:
     assert len(known_effects.SCENES) == 20
-    assert all(resolve(from_mapping(scene)) for scene in known_effects.SCENES.values())
+    assert all(resolve(from_mapping(placed(scene))) for scene in known_effects.SCENES.values())

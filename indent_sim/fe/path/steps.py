@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import ceil, inf
 
 SMALLEST_CUT = 2.0**-10  # of a requested step: what fails there fails for another reason than its size
-MOST_FAILURES = 10  # failures in a requested step: what still fails will
+MOST_FAILURES = 10  # failures without two successes between them: what still fails will
 FUTILE = 600  # iterations in failures of a requested step: the costliest row that was found had 425
 
 
@@ -81,7 +81,7 @@ class StepRule:
         """The step worked."""
         self._successes += 1
         if self._successes == 2:
-            self.longest, self._successes = min(2 * self.longest, self.limit), 0
+            self.longest, self._successes, self._failures = min(2 * self.longest, self.limit), 0, 0
 
     def failed(self, iterations: int = 0) -> None:
         """The step did not work, after so many iterations."""

@@ -126,8 +126,12 @@ class Walk:
                 self._before = self._points
                 self._control.begin()
         for step, value in enumerate(path.values[done:], start=done + 1):
-            before = body.effort
-            substeps = self._reach(Place(value)) if path.control == "depth" else self._press(value, step)
+            before, substeps = body.effort, 0
+            for passed in path.leg(step):
+                more = self._reach(Place(passed)) if path.control == "depth" else self._press(passed, step)
+                substeps = more and substeps + more
+                if not more:
+                    break
             effort = body.effort - before
             if not substeps:
                 spent, crushed = (effort.newton, time.perf_counter() - self.started), body.observed.crushed()
@@ -140,6 +144,8 @@ class Walk:
             dissipated, self._row = self._last.dissipated - self._row.dissipated, self._last
             numbers["dissipation"] = dissipated if "dissipation" in body.scene.physics.columns else None
             numbers |= {"newton_iterations": effort.newton, "wall_s": time.perf_counter() - self.started}
+            if path.times:
+                numbers |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last.delta, surface=surface, **numbers)
 
     def _press(self, force: float, step: int) -> int:

@@ -15,7 +15,7 @@ from indent_sim.results.pictures.axes import axis, in_print
 from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, canvas, head, legend_below, save
 from indent_sim.results.pictures.curves import smooth
 from indent_sim.results.pictures.names import config_of
-from indent_sim.results.reader import read, read_experiment
+from indent_sim.results.reader import read, read_curve
 
 EXPERIMENT_PICTURE = "experiment.png"
 LOOKS = {"hold": (COLOURS[2], "-"), "retract": (COLOURS[1], "-"), "unstable": (GREY, "--")}  # of branches
@@ -23,14 +23,20 @@ LOOKS = {"hold": (COLOURS[2], "-"), "retract": (COLOURS[1], "-"), "unstable": (G
 
 def draw(folder: Path, path: Path | None = None) -> None:
     """Draw the experiment of a result folder [into it, as experiment.png]."""
-    results, rows = read(folder), read_experiment(folder)
+    results, rows, config = read(folder), read_curve(folder), config_of(folder)
     has_times, has_base = not np.isnan(rows["t"][0]), bool((rows["z"] != rows["delta"]).any())
-    has_forces = bool(config_of(folder).get("experiment.force_history"))  # then time tells the depth
+    has_forces = any(
+        config.get(f"{section}.force_history") for section in ("loading", "experiment")
+    )  # time tells depth
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
         drawn: dict[str, Axes] = figure.subplot_mosaic([panels, ["legend"] * len(panels)])
         said = read_report(folder).get("experiment") or {}
-        effects = [name for name in ("adhesion", "relaxation", "cantilever") if name in said]
+        effects = [
+            name
+            for name in ("adhesion", "relaxation", "cantilever")
+            if any(f".{name}." in f".{key}." for key in config)
+        ]
         head(
             figure,
             results.report.get("title") or folder.name,

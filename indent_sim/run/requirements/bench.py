@@ -42,7 +42,7 @@ class Bench:
 
     def __init__(self, config: Config, scene: Scene):
         self.config, self.scene = config, scene
-        self.delta = max(scene.physics.deltas[-1], *scene.physics.deltas, scene.asked) * scene.physics.scales.depth
+        self.delta = max(scene.physics.deltas) * scene.physics.scales.depth
         if self.delta <= 0:
             problem = "never presses the tip into the body: no force depends on anything"
             raise ConfigError("loading", problem, "give a depth > 0")
@@ -79,6 +79,7 @@ class Bench:
     def own_body(self) -> Config:
         """The scene to its deepest row in one step, all but its body, tip and place as usual."""
         own, way = self.config, Loading(delta=self.delta, steps=1)
+        own = with_matter(own, variations.elastic, loading=way, experiment=None)
         scene = Config(body=own.body, material=own.material, indenter=self.tip, center=own.center, loading=way)
         scene._source = Source(own.source.name)
         return scene
@@ -143,9 +144,9 @@ class Bench:
         return scene.sizes.h_contact * scene.physics.scales.length
 
     def ratio(self, with_it: Config, without: Config) -> float:
-        """Force of a variation over that of another: both by theory where that is exact, else both on one mesh; with an
-        experiment at the row of the largest force. NotConverged, with the reason, where there is none."""
-        if with_it.experiment is not None:
+        """Force of a variation over that of another: both by theory where that is exact, else both on one mesh; with a
+        history at the row of the largest force. NotConverged, with the reason, where there is none."""
+        if with_it.loading.in_time:
             return self._of_history(with_it, without)
         if any(self._by_theory(one) is None for one in (with_it, without)):
             with_it, without = (self.meshed(one) if _is_free(one) else one for one in (with_it, without))
@@ -206,13 +207,13 @@ class Bench:
         return self._once(f"theory {config!r}", known)
 
     def findings(self, config: Config) -> Findings:
-        """What the experiment of a variation comes to."""
+        """What the history of a variation comes to."""
 
         def conducted() -> Findings:
             scene = self._by_theory(config) or resolve(config)
             return conduct(scene, condense(scene).equilibrium if scene.is_meshed else None)
 
-        return self._once(f"experiment {config!r}", conducted)
+        return self._once(f"history {config!r}", conducted)
 
     def _of_history(self, with_it: Config, without: Config) -> float:
         """At the row of the largest force; where forces are prescribed, over the elastic force at the depth there."""
@@ -220,7 +221,7 @@ class Bench:
         top = max(rows, key=lambda row: row.force)
         if not (top.force > 0 and top.a > 0):  # it pulls all the way
             top = max(rows, key=lambda row: row.delta)
-        if with_it.experiment and with_it.experiment.force_history:
+        if with_it.loading.force_history:
             return _over(top.force, self.force(varied(self.whole, loading=Loading(delta=top.delta, steps=1))))
         same = min(self.findings(without).rows, key=lambda row: (abs(row.t - top.t), -row.force))
         return _over(top.force, same.force)
@@ -291,11 +292,18 @@ def _over(above: float, below: float) -> float:
     return above / below
 
 
-def experiment_of(bench: Bench, *parts: str) -> Config:
-    """The whole scene with these parts of its experiment alone; without a history it goes straight to the deepest
-    row."""
-    own = bench.config.experiment
-    assert own is not None
-    history = own.history or (None if own.force_history else ((0.0, 0.0), (1.0, bench.delta)))
-    kept = {name: getattr(own, name) for name in parts}
-    return varied(bench.whole, experiment=Experiment(history=history, force_history=own.force_history, **kept))
+def history_of(bench: Bench, *parts: str) -> Config:
+    """The whole scene along its history with these parts of the experiment, or the relaxation, alone; without a history
+    it goes straight to the deepest row."""
+    own, experiment = bench.config.loading, bench.config.experiment
+    straight = Loading(history=((0.0, 0.0), (1.0, bench.delta)))
+    kept = {name: part for name in parts if (part := getattr(experiment, name, None))}
+    sections = {"loading": replace(own, times="auto") if own.in_time else straight}
+    law = next((material.relaxation for _, material in bench.config.materials()), None)
+    relaxing = law if "relaxation" in parts else None
+    return with_matter(
+        bench.whole,
+        lambda material: replace(material, relaxation=relaxing),
+        **sections,
+        experiment=Experiment(**kept) if kept else None,
+    )

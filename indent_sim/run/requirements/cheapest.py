@@ -118,7 +118,8 @@ def _models(config: Config, effects: Mapping[str, Effect]) -> Iterator[_Model]:
     rough = _of_contact(config)
     knows_finite = effects["small_strain"].percent is not None
     is_parabola = isinstance(config.indenter, Paraboloid)
-    transforms = [effects[name] for name in EXPERIMENT_PARTS if config.experiment and effects[name].size > 0]
+    parts = own_parts(config)
+    transforms = [effects[name] for name, of in EXPERIMENT_PARTS.items() if parts & {*of} and effects[name].size > 0]
     must_be_linear = any(effect.size >= effects["small_strain"].size for effect in transforms)
     bodies, no_yes = (*BODIES, ""), (False, True)
     walls = () if isinstance(config.body, Endless) else ("side_walls",)
@@ -139,6 +140,12 @@ def _models(config: Config, effects: Mapping[str, Effect]) -> Iterator[_Model]:
         change = variations.of_finite_strain if finite else variations.of_small_strain
         applying = tuple(effect for effect in dropped if effect.applies)
         yield _Model(applying, body, None if finite == is_finite else change, sphere, bool(smooth and rough))
+
+
+def own_parts(config: Config) -> set[str]:
+    """What of a scene is made of its curve: parts of its experiment, and its relaxation."""
+    parts = {name for name, part in vars(config.experiment or Experiment()).items() if part}
+    return parts | {"relaxation" for _, material in config.materials() if material.relaxation}
 
 
 def _of_contact(config: Config) -> str:
@@ -169,8 +176,8 @@ def _sentence(model: _Model, config: Config, effects: Mapping[str, Effect], with
     own = "friction" if effects["friction"].applies else "stick"  # what may come of any only where there is none
     several = [name for name in (own, "rate", "adhesion", "cantilever", "calibration") if name != kept]
     felt = [name for name in several if effects[name].size > 100 * within and (effects[name].low or effects[name].high)]
-    own_parts = {name for name, part in vars(config.experiment or Experiment()).items() if part}
-    computed = [name for name in felt if own_parts & set(EXPERIMENT_PARTS.get(name, ()))]
+    parts = own_parts(config)
+    computed = [name for name in felt if parts & set(EXPERIMENT_PARTS.get(name, ()))]
     if computed:
         words += f" Its experiment adds {_listed(computed)}."
     if unknown := [name for name in felt if name not in computed]:

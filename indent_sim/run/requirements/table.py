@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from math import hypot, inf, log
@@ -12,11 +11,11 @@ from indent_sim.config.schema import Config
 from indent_sim.model.body import Cylinder, Endless, HalfSpace, InfiniteLayer, MeshFromFile, Strip, StripSides, Support
 from indent_sim.model.body import Layer as Ply
 from indent_sim.model.contact import Friction
-from indent_sim.model.experiment import Relaxation
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.loading import History
+from indent_sim.model.materials import LinearElastic, Relaxation
 from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, Sphere
 from indent_sim.run.requirements import variations
-from indent_sim.run.requirements.bench import Bench, experiment_of
+from indent_sim.run.requirements.bench import Bench, history_of
 from indent_sim.run.requirements.effects import Known, Pair, Requirement, Said, Start, Unknown, absent
 from indent_sim.run.requirements.variations import on_half_space, varied, with_matter
 from indent_sim.scene.given import remaining
@@ -236,11 +235,11 @@ def _adhesion(bench: Bench, within: float) -> Said:
         return Pair(bench.meshed(bench.whole, adhesion=own), bench.meshed(bench.whole), words)
     experiment = bench.config.experiment
     if experiment and experiment.adhesion:
-        with_it = experiment_of(bench, "adhesion")
+        with_it = history_of(bench, "adhesion")
         said = bench.findings(with_it).report["adhesion"]
         words = f", pull-off {said['pull_off']['force_control']['force'] / bench.own:.2g} of this force"
         words += f", Tabor number {said['tabor']:.2g}" if "tabor" in said else ""
-        return Pair(with_it, experiment_of(bench), f"the JKR limit{words}{bench.how}")
+        return Pair(with_it, history_of(bench), f"the JKR limit{words}{bench.how}")
     if isinstance(bench.tip, FlatPunch | Plate) and not bench.is_dome:
         return absent("a flat punch touches the same disc with adhesion as without")
     return _work(bench, within)
@@ -264,21 +263,21 @@ def _work(bench: Bench, within: float) -> Said:
 
 
 def _rate(bench: Bench, within: float) -> Said:
-    experiment = bench.config.experiment
-    law = experiment.relaxation if experiment else None
-    if experiment is None or law is None:
+    law = next((material.relaxation for _, material in bench.config.materials()), None)
+    if law is None:
         needs = f"above {100 * within:g} % from a fraction of the modulus that relaxes before the deepest point"
         return Unknown("Lee & Radok: the force falls by that fraction at most", f"{needs} = {within:.2g}")
-    if experiment.points:
-        words = f"the history over that of an elastic body{_deborah(experiment.points, law)}{bench.how}"
-        return Pair(experiment_of(bench, "relaxation"), experiment_of(bench), words)
+    if history := bench.config.loading.in_time:
+        words = f"the history over that of an elastic body{_deborah(history, law)}{bench.how}"
+        return Pair(history_of(bench, "relaxation"), history_of(bench), words)
     if law.power_law is not None:
         return Unknown("a power law has no modulus without a time")
-    return Known(remaining(experiment) - 1, 0.0, "between the instantaneous and the last modulus")
+    return Known(remaining(law, None) - 1, 0.0, "between the instantaneous and the last modulus")
 
 
-def _deborah(points: Sequence[tuple[float, ...]], law: Relaxation) -> str:
+def _deborah(history: History, law: Relaxation) -> str:
     """The relaxation's mean time over that of the way in, in words."""
+    points = history.points
     t = max(points, key=lambda point: (point[1], -point[0]))[0] - points[0][0]
     total = sum(fraction for fraction, _ in law.prony or ())
     return f", Deborah number {sum(f * tau for f, tau in law.prony or ()) / total / t:.2g}" if total and t > 0 else ""
@@ -287,10 +286,10 @@ def _deborah(points: Sequence[tuple[float, ...]], law: Relaxation) -> str:
 def _cantilever(bench: Bench, within: float) -> Said:
     experiment = bench.config.experiment
     if experiment is not None and experiment.compliance > 0:
-        if experiment.force_history:
+        if bench.config.loading.force_history:
             return absent("the force is prescribed, whatever holds the tip")
         words = f"the way of the base taken for the depth{bench.how}"
-        return Pair(experiment_of(bench, "cantilever", "frame"), experiment_of(bench), words)
+        return Pair(history_of(bench, "cantilever", "frame"), history_of(bench), words)
     stiffness = (1 - within) * bench.own / (bench.delta - _depth_of(bench, 1 - within))
     needs = f"above {100 * within:g} % from stiffness = {stiffness:.2g} down"
     return Unknown("the way of the base taken for the depth", needs)

@@ -36,8 +36,9 @@ def matter(config: Config) -> list[Material]:
     return [material.canonical() for material in found or [config.material] if material]
 
 
-def with_matter(config: Config, change: Change) -> Config:
-    """The config with each of its materials changed: that of the section, of layers, inclusions and regions."""
+def with_matter(config: Config, change: Change, **sections: Any) -> Config:
+    """The config with each of its materials changed: that of the section, of layers, inclusions and regions; and with
+    other sections replaced."""
 
     def changed(part: Layer | Inclusion) -> Layer | Inclusion:
         return replace(part, material=change(part.material)) if part.material else part
@@ -46,7 +47,13 @@ def with_matter(config: Config, change: Change) -> Config:
     parts: Document = {name: tuple(map(changed, found)) for name, found in several.items() if found}
     if regions := getattr(config.body, "regions", None):
         parts["regions"] = {name: change(material) for name, material in regions.items()}
-    return varied(config, body=replace(config.body, **parts), material=config.material and change(config.material))
+    body, material = replace(config.body, **parts), config.material and change(config.material)
+    return varied(config, body=body, material=material, **sections)
+
+
+def elastic(material: Material) -> Material:
+    """The material of the instantaneous constants, which does not relax."""
+    return replace(material, relaxation=None)
 
 
 def linear(material: Material) -> Material:
@@ -113,7 +120,7 @@ def on_layer(config: Config) -> Config:
 
 def of_finite_strain(config: Config) -> Config:
     """A scene whose materials and gap are of finite strain: solved whole, and no curve determines its experiment."""
-    return varied(_of_any_gap(with_matter(config, hyperelastic)), solver=SolverSettings(), experiment=None)
+    return _of_any_gap(with_matter(config, hyperelastic, solver=SolverSettings(), experiment=None))
 
 
 def of_small_strain(config: Config) -> Config:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from scenes import placed
 
 from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.process.errors import ConfigError
@@ -26,25 +27,25 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
     ("experiment", "sections", "key", "words"),
     [
         ({}, {}, "experiment", "says nothing"),
-        ({"history": RAMP, "force_history": RAMP}, {}, "experiment.force_history", "contradicts history"),
-        ({"history": [[1, 0], [0, 0.01]]}, {}, r"experiment.history\[1\]", "time goes back"),
-        ({"history": [[0, 0], [0, 0.01]]}, {}, "experiment.history", "lasts no time"),
-        ({"history": [[0, -1], [1, 0]]}, {}, "experiment.history", "never presses"),
-        ({"force_history": [[0, 1e-3], [1, -1e-3]]}, {}, "experiment.force_history", "nothing holds on"),
-        ({"relaxation": SLOW}, {}, "experiment.relaxation", "needs a time"),
-        ({"relaxation": {}, "history": RAMP}, {}, "experiment.relaxation", "one of two laws"),
-        ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "experiment.relaxation.prony", "sum to"),
-        ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"experiment.relaxation.prony\[0\]", "no term"),
+        ({"history": RAMP, "force_history": RAMP}, {}, "loading.force_history", "contradicts history"),
+        ({"history": [[1, 0], [0, 0.01]]}, {}, r"loading.history\[1\]", "time goes back"),
+        ({"history": [[0, 0], [0, 0.01]]}, {}, "loading.history", "lasts no time"),
+        ({"history": [[0, -1], [1, 0]]}, {}, "loading.history", "never presses"),
+        ({"force_history": [[0, 1e-3], [1, -1e-3]]}, {}, "loading.force_history", "nothing holds on"),
+        ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
+        ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of two laws"),
+        ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "material.relaxation.prony", "sum to"),
+        ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"material.relaxation.prony\[0\]", "no term"),
         (
             {"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0], [0, 0.01], [1, 0.01]]},
             {},
-            "experiment.history",
+            "loading.history",
             "jumps",
         ),
         (
             {"relaxation": {"power_law": {"exponent": 0.2, "time": 1}}, "history": [[0, 0.01], [1, 0.01]]},
             {},
-            "experiment.history",
+            "loading.history",
             "jumps",
         ),
         ({"frequencies": [1.0]}, {}, "experiment.frequencies", "relaxes"),
@@ -77,27 +78,34 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
         ({"adhesion": {"work": -1.0}}, {}, "experiment.adhesion.work", "> 0"),
         ({"cantilever": {"k": 1.0}}, {}, "experiment.cantilever.k", "unknown key"),
-        ({"history": RAMP}, {"material": HYPERELASTIC}, "experiment", "not linear"),
-        ({"history": RAMP}, {"contact": {"method": "nitsche"}}, "experiment", "solved whole"),
-        ({"history": RAMP}, {"contact": {"friction": 0.3}}, "experiment", "without friction and adhesion"),
-        ({"adhesion": {"work": 1e-3}}, {"contact": {"friction": "stick"}}, "experiment", "without friction"),
+        ({"history": RAMP, "relaxation": SLOW}, {"material": HYPERELASTIC}, "material.relaxation", "not linear"),
         (
-            {"history": RAMP},
-            {
-                "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0},
-                "contact": {"adhesion": {"work": 1e-3, "range": 0.05}},
-            },
-            "experiment",
-            "and adhesion",
+            {"history": RAMP, "cantilever": {"stiffness": 1.0}},
+            {"contact": {"method": "nitsche"}},
+            "experiment.cantilever",
+            "row by row",
         ),
+        (
+            {"history": RAMP, "relaxation": SLOW},
+            {"contact": {"friction": 0.3}},
+            "material.relaxation",
+            "friction, or adhesion over a range",
+        ),
+        ({"history": RAMP}, {"output": {"fields": "all"}}, "output.fields", "no fields"),
+        ({"adhesion": {"work": 1e-3}}, {"contact": {"friction": "stick"}}, "experiment", "without friction"),
         (
             {"adhesion": {"work": 1e-3}},
             {"body": {"shape": "strip", "width": 4.0, "height": 1.0}},
             "experiment.adhesion",
             "disc",
         ),
-        ({"history": RAMP}, {"contact": {"gap": "current"}}, "experiment", "solved whole"),
-        ({"history": [[0, 0], [1, 2.0]]}, {}, "experiment", "beyond the body's thickness"),
+        (
+            {"history": RAMP, "calibration": {"R": 0.1}},
+            {"contact": {"gap": "current"}},
+            "experiment.calibration",
+            "made of a curve",
+        ),
+        ({"history": [[0, 0], [1, 2.0]]}, {}, "loading", "beyond the body's thickness"),
         ({"adhesion": {"work": 1e15}}, {}, "experiment.adhesion", "wider than theory"),
         ({"adhesion": {"work": 1e-12}}, {"solver": {"method": "condensed"}}, "experiment.adhesion.work", "comes? off"),
         (
@@ -118,61 +126,104 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
                 "body": {"shape": "strip", "width": 4.0, "height": 1.0, "sides": "roller"},
                 "solver": {"method": "theory"},
             },
-            "experiment.relaxation",
+            "material.relaxation",
             "stepped in time",
         ),
     ],
 )
 def test_refusals(experiment: dict[str, Any], sections: dict[str, Any], key: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words) as refused:
-        resolve(from_mapping(SCENE | {"experiment": experiment} | sections))
+        resolve(from_mapping(placed(SCENE | {"experiment": experiment} | sections)))
     errors = getattr(refused.value, "errors", [refused.value])
     assert any(error.key.replace("[", r"\[").replace("]", r"\]") == key for error in errors)
 
 
-def test_a_history_stands_in_for_the_loading() -> None:
-    given = {name: part for name, part in SCENE.items() if name != "loading"}
-    scene = resolve(from_mapping(given | {"experiment": {"history": [[0, 0], [1, 0.02], [2, 0]]}}))
+def test_a_history_is_a_loading() -> None:
+    scene = resolve(from_mapping(SCENE | {"loading": {"history": [[0, 0], [1, 0.02], [2, 0]]}}))
     assert scene.physics.path.control == "depth" and len(scene.physics.deltas) == 10
-    assert max(scene.physics.deltas) == pytest.approx(0.02) == scene.asked
-    forces = resolve(from_mapping(given | {"experiment": {"force_history": [[0, 0], [1, 1e-3]]}}))
+    assert max(scene.physics.deltas) == pytest.approx(0.02)
+    forces = resolve(from_mapping(SCENE | {"loading": {"force_history": [[0, 0], [1, 1e-3]]}}))
     assert forces.physics.path.control == "force"
-    with pytest.raises(ConfigError, match="this section is missing"):
+    with pytest.raises(ConfigError, match="contradicts delta"):
+        from_mapping(SCENE | {"loading": {"delta": 0.01, "history": RAMP}})
+    with pytest.raises(ConfigError, match="belongs to delta"):
+        from_mapping(SCENE | {"loading": {"history": RAMP, "steps": 3}})
+
+
+@pytest.mark.parametrize(
+    ("key", "section"), [("history", "loading"), ("force_history", "loading"), ("relaxation", "material")]
+)
+def test_keys_that_have_moved(key: str, section: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        from_mapping(SCENE | {"experiment": {key: SLOW if key == "relaxation" else RAMP}})
+    assert refused.value.key == f"experiment.{key}" and "has moved" in refused.value.problem
+    assert refused.value.remedy == f"write {section}.{key}"
+
+
+def test_what_relaxes_does_so_alike_everywhere() -> None:
+    law = {"model": "linear_elastic", "E": 1.0, "nu": 0.3}
+    unlike = [law | {"relaxation": SLOW}, law]
+    body = {"shape": "layer", "height": 1.0, "layers": [{"thickness": 0.5, "material": one} for one in unlike]}
+    given = {"body": body, "indenter": SCENE["indenter"], "loading": {"history": RAMP}}
+    with pytest.raises(ConfigError, match=r"not that of body.layers\[1\].material") as refused:
         from_mapping(given)
-    with pytest.raises(ConfigError, match="this section is missing"):
-        from_mapping(given | {"experiment": {"adhesion": {"work": 1e-3}}})
+    assert refused.value.key == "body.layers[0].material.relaxation"
+    body["layers"][1]["material"] = unlike[0]  # type: ignore[index]
+    assert resolve(from_mapping(given)).relaxation is not None
+
+
+@pytest.mark.parametrize(
+    ("times", "words"), [([0.5, 0.2], "does not go on"), ([2.0], "outside the history"), ([-1.0, 0.5], "outside")]
+)
+def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        from_mapping(SCENE | {"loading": {"history": RAMP, "times": times}})
+    with pytest.raises(ConfigError, match="is for a path in time"):
+        from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
+
+
+def test_times_of_forces_on_a_whole_body_are_the_programs() -> None:
+    given = SCENE | {"material": HYPERELASTIC, "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]}}
+    with pytest.raises(ConfigError, match="are the program's") as refused:
+        resolve(from_mapping(given))
+    assert refused.value.key == "loading.times"
 
 
 def test_a_soft_spring_keeps_the_tip_back() -> None:
     """z = 1 through a compliance of 1e3: the depth is where the spring balances a half-space, far below 1."""
-    given = SCENE | {"experiment": {"cantilever": {"stiffness": 1e-3}, "history": [[0, 0], [1, 1.0]]}}
-    asked = resolve(from_mapping(given)).asked
-    assert asked + 1e3 * 4 / 3 / 0.91 * asked**1.5 == pytest.approx(1.0, rel=1e-6)
+    given = {"experiment": {"cantilever": {"stiffness": 1e-3}}, "loading": {"history": [[0, 0], [1, 1.0]]}}
+    depth = max(resolve(from_mapping(SCENE | given)).physics.deltas)
+    assert depth + 1e3 * 4 / 3 / 0.91 * depth**1.5 == pytest.approx(1.0, rel=1e-6)
 
 
 def test_a_deeper_history_sizes_the_mesh() -> None:
     shallow, deep = (
-        resolve(from_mapping(SCENE | {"experiment": {"history": [[0, 0], [1, depth]]}}, ["solver.method=condensed"]))
+        resolve(from_mapping(SCENE | {"loading": {"history": [[0, 0], [1, depth]]}}, ["solver.method=condensed"]))
         for depth in (0.01, 0.04)
     )
     assert deep.sizes.patch == pytest.approx(2 * shallow.sizes.patch, rel=0.1)
-    assert deep.physics.path == shallow.physics.path
 
 
 def test_the_section_is_written_and_read_back() -> None:
-    given = SCENE | {"experiment": {"relaxation": SLOW, "history": RAMP, "frequencies": [1.0, 2.0]}}
-    config = from_mapping(given)
+    given = placed(SCENE | {"experiment": {"relaxation": SLOW, "history": RAMP, "frequencies": [1.0, 2.0]}})
+    config = from_mapping(given | {"loading": {"history": RAMP, "times": [0.5, 1.0]}})
     assert loads(to_yaml(config)) == config
-    assert loads(to_yaml(config), overrides=["experiment.relaxation.prony[0][0]=0.4"]).experiment != config.experiment
+    assert loads(to_yaml(config), overrides=["material.relaxation.prony[0][0]=0.4"]).material != config.material
 
 
 def test_plan_says_what_is_exact() -> None:
     def said(experiment: dict[str, Any]) -> dict[str, str]:
-        choices = resolve(from_mapping(SCENE | {"experiment": experiment})).plan.choices
-        return {choice.key: f"{choice.value}: {choice.why}" for choice in choices if "experiment" in choice.key}
+        choices = resolve(from_mapping(placed(SCENE | {"experiment": experiment}))).plan.choices
+        return {choice.key: f"{choice.value}: {choice.why}" for choice in choices if choice.key in KEYS}
 
     assert "JKR" in said({"adhesion": {"work": 1e-3}})["experiment.adhesion"]
-    assert "Ting" in said({"relaxation": SLOW, "history": RAMP})["experiment.relaxation"]
+    assert "Ting" in said({"relaxation": SLOW, "history": RAMP})["time"]
     back = [[0, 0], [1, 0.01], [2, 0.0], [3, 0.01]]
-    assert "stepped" in said({"relaxation": SLOW, "history": back})["experiment.relaxation"]
-    assert "equilibrium" in said({"history": RAMP})["experiment.history"]
+    assert "stepped" in said({"relaxation": SLOW, "history": back})["time"]
+    assert "curve: every point an equilibrium" in said({"history": RAMP})["time"]
+    rubber = resolve(from_mapping(SCENE | {"material": HYPERELASTIC, "loading": {"history": RAMP}}))
+    (time,) = (choice for choice in rubber.plan.choices if choice.key == "time")
+    assert time.value == "steps" and "not linear" in time.why and "t" in rubber.columns
+
+
+KEYS = ("time", "experiment.adhesion")

@@ -146,8 +146,6 @@ def test_forces_on_a_strip_are_per_length():
         ("cantilever: {stiffness: 0.01 N/m}", "per length, not a pressure"),
         ("frame: {compliance: 2 um^2/nN}", 2.0),
         ("frame: {compliance: 2 um/nN}", "2 um^2/mN"),
-        ("force_history: [[0, 0], [1, 2 mN/m]]", 2.0),
-        ("force_history: [[0, 0], [1, 2 nN]]", "not a force per length"),
     ],
 )
 def test_springs_of_a_strip_are_per_length(given, value):
@@ -160,7 +158,10 @@ def test_springs_of_a_strip_are_per_length(given, value):
             loads(text, "", [f"experiment={{{given}}}"])
     else:
         found = loads(text, "", [f"experiment={{{given}}}"]).experiment
-        assert value in (found.compliance, 1 / (found.compliance or 1), (found.force_history or ((0,),))[-1][-1])
+        assert value in (found.compliance, 1 / found.compliance)
+    assert loads(text, "", ["loading={force_history: [[0, 0], [1, 2 mN/m]]}"]).loading.force_history[-1] == (1.0, 2.0)
+    with pytest.raises(ConfigError, match="not a force per length"):
+        loads(text, "", ["loading={force_history: [[0, 0], [1, 2 nN]]}"])
 
 
 @pytest.mark.parametrize("body", ["strip, width: 30", "cylinder, radius: 30"])
@@ -174,23 +175,22 @@ def test_work_of_adhesion_is_an_energy_per_area_everywhere(body):
 
 def test_times_are_in_seconds():
     with pytest.raises(ConfigError, match="valid here: length, force") as caught:
-        loads(BASE, "", ["units.time=ms", "experiment={history: [[0, 0], [2 s, 200 nm]]}"])
+        loads(BASE, "", ["units.time=ms", "loading={history: [[0, 0], [2 s, 200 nm]]}"])
     assert caught.value.key == "units.time"
 
 
 def test_experiments_take_them_too():
     """Rows of numbers with a dimension each, times in seconds, frequencies in 1/s."""
-    experiment = (
-        "experiment={relaxation: {prony: [[0.4, 100 ms]]}, history: [[0, 0], [2 s, 200 nm]], frequencies: [0.1 kHz]}"
-    )
+    relaxation, history = "material.relaxation={prony: [[0.4, 100 ms]]}", "loading={history: [[0, 0], [2 s, 200 nm]]}"
+    given = [relaxation, history, "loading.times=[1 ms, 2 s]", "experiment={frequencies: [0.1 kHz]}"]
     text = BASE.replace("cylinder, radius: 30, height: 10", "half_space").replace(
         "{shape: cone, half_angle: 70, tip_radius: 0.05}", "{shape: paraboloid, R: 5}"
     )
-    found = loads(text, "", [experiment]).experiment
-    assert found.relaxation.prony == ((0.4, 0.1),) and found.history == ((0.0, 0.0), (2.0, 0.2))
-    assert found.frequencies == (100.0,)
+    found = loads(text, "", given)
+    assert found.material.relaxation.prony == ((0.4, 0.1),) and found.loading.history == ((0.0, 0.0), (2.0, 0.2))
+    assert found.loading.times == (1e-3, 2.0) and found.experiment.frequencies == (100.0,)
     with pytest.raises(ConfigError, match="a length, not a time"):
-        loads(text, "", [experiment.replace("2 s", "2 um")])
+        loads(text, "", [relaxation, history.replace("2 s", "2 um")])
     work = "experiment={adhesion: {work: 0.1 mJ/m^2}, cantilever: {stiffness: 0.05 N/m}}"
     adhesive = loads(text, "", [work]).experiment
     assert adhesive.adhesion.work == 0.1 and adhesive.cantilever.stiffness == 50.0

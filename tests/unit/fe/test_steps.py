@@ -203,3 +203,17 @@ def test_what_is_remembered_knows_neither_guesses_nor_cuts(reach: float) -> None
     body = Spring(reach, memory=True)
     walked(body, "depth", 1.0, 2.0, 3.0, 2.0, 2.5, 2.0)
     assert body.worn == pytest.approx(1.5, abs=1e-12)  # sums of exact binary fractions, but for thirds of a step
+
+
+def test_a_long_way_of_which_each_longer_step_fails_is_walked() -> None:
+    """Steps above 0.3 never work: each doubling fails, and two steps after it do not."""
+    rule, at, failures = StepRule(), 0.0, 0
+    rule.begin(20.0)
+    while (goal := rule.goal(at, 20.0)) is not None and at < 20.0:
+        if goal - at > 0.3:
+            rule.failed(1)
+            failures += 1
+        else:
+            rule.succeeded()
+            at = goal
+    assert at == 20.0 and failures > 10

@@ -1,22 +1,14 @@
-"""An experiment without units: the same numbers whatever units the scene came in."""
+"""An experiment without units: the same numbers whatever units the scene came in; the points of a history."""
 
 from __future__ import annotations
 
 from dataclasses import astuple
 from typing import Any
 
-import numpy as np
 import pytest
 
-from indent_sim.model.experiment import (
-    Calibration,
-    Cantilever,
-    Experiment,
-    Frame,
-    JKRAdhesion,
-    PowerLaw,
-    Relaxation,
-)
+from indent_sim.model.experiment import Calibration, Cantilever, Experiment, Frame, JKRAdhesion
+from indent_sim.model.loading import Loading
 from indent_sim.model.units import Scales
 
 
@@ -32,9 +24,6 @@ def in_units(length: float, force: float, dim: int) -> Experiment:
     work = force / length if dim == 3 else force  # energy per area: pressure times length
     return Experiment(
         JKRAdhesion(2e-3 / work, 3e-9 / length),
-        Relaxation(power_law=PowerLaw(0.2, 0.5)),
-        ((0.0, 0.0), (1.0, 4e-6 / length)),
-        ((0.0, 1e-9 / force), (2.0, 5e-9 / force)),
         Cantilever(0.05 / (force / length)),
         Frame(0.7 / (length / force)),
         (10.0, 20.0),
@@ -52,13 +41,22 @@ def test_units_go_away(dim: int, pieces: int) -> None:
         scales = Scales(height / length, E / pressure, dim, pieces)
         found.append(numbers(astuple(in_units(length, force, dim).without_units(scales))))
     assert found[0] == pytest.approx(found[1], rel=1e-12)
-    assert found[0][1:3] == pytest.approx([3e-9 / height, 0.2], rel=1e-12)
-    ways, forces = found[0][4:8], found[0][8:12]
+    assert found[0][1] == pytest.approx(3e-9 / height, rel=1e-12)
     F = E * height ** (dim - 1)
-    assert np.allclose(ways, [0.0, 0.0, 1.0, 4e-6 / (pieces * height)], rtol=1e-12)
-    assert np.allclose(forces, [0.0, 1e-9 / F, 2.0, 5e-9 / F], rtol=1e-12)
     # a spring that gives way by w under a force f still does
-    stiffness, compliance = found[0][12:14]
-    assert stiffness == pytest.approx(0.05 * pieces * height / F) and compliance == pytest.approx(
-        0.7 * F / (pieces * height)
-    )
+    stiffness, compliance = found[0][2:4]
+    assert stiffness == pytest.approx(0.05 * pieces * height / F)
+    assert compliance == pytest.approx(0.7 * F / (pieces * height))
+
+
+def test_a_history_has_a_row_at_every_point() -> None:
+    """At a jump one before and one after; from rest none before; and its own times become points."""
+    points = ((0.0, 0.5), (1.0, 0.5), (1.0, 0.2), (3.0, 0.0))
+    history = Loading(history=points, times=(0.25, 2.0)).in_time
+    assert history is not None and history.jumps and not history.comes_back and history.span == 3.0
+    rows = [(row.t, row.value, row.branch) for row in history.instants]
+    assert [(t, value) for t, value, _ in rows if (t, value) in points] == list(points)
+    assert [branch for t, _, branch in rows if t == 1.0] == ["hold", "retract"] and rows[-1] == (3.0, 0.0, "retract")
+    through = history.through_its_times
+    assert set(through.points) - set(points) == {(0.25, 0.5), (2.0, 0.1)} and not through.times
+    assert through.without_units(0.1).largest == pytest.approx(5.0, rel=1e-15)

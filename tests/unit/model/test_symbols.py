@@ -111,19 +111,13 @@ def test_the_json_schema_knows_walls_tags_and_defaults():
 
 
 def test_the_page_of_the_scene_file_says_which_sections_another_may_replace():
-    """As a scene of layers with their own materials and of a history has neither section."""
+    """As a scene of layers with their own materials has no section of its own for one."""
     layers = [{"material": {"model": "linear_elastic", "E": 1.0, "nu": 0.3}}]
-    history = {"history": [[0, 0], [1, 0.01]]}
-    from_mapping(
-        {
-            "body": {"shape": "half_space", "layers": layers},
-            "indenter": {"shape": "sphere", "R": 1.0},
-            "experiment": history,
-        }
-    )
+    body, loading = {"shape": "half_space", "layers": layers}, {"history": [[0, 0], [1, 0.01]]}
+    from_mapping({"body": body, "indenter": {"shape": "sphere", "R": 1.0}, "loading": loading})
     rows = [row.split(" | ") for row in config_markdown().splitlines() if "](#" in row and "**required**" in row]
     unless = {row[0].strip("| [`").split("`")[0]: "unless" in row[1] for row in rows if not row[0].endswith("[]")}
-    assert {name for name, is_conditional in unless.items() if is_conditional} == {"material", "loading"}
+    assert {name for name, is_conditional in unless.items() if is_conditional} == {"material"}
 
 
 def test_the_page_of_the_scene_file_has_every_key():

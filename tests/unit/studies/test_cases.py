@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from indent_sim.process.errors import ConfigError
 from indent_sim.studies import cases, study_file
+from indent_sim.studies.truth import Truth
 
 SCENE = """
 base:
@@ -46,3 +48,25 @@ def test_another_experiment_is_another_run(tmp_path: Path) -> None:
     first, second, third = cases.asked_for(study_file.read(study))[0]
     assert first.id == third.id != second.id
     assert len(cases.unique([first, second, third])) == 2
+
+
+@pytest.mark.parametrize(
+    "varied",
+    [
+        "loading: [{history: [[0, 0], [1, 0.01]]}, {history: [[0, 0], [2, 0.01]]}]",
+        "loading: [{history: [[0, 0], [1, 0.01]]}, {history: [[0, 0], [1, 0.01]], times: [0.5]}]",
+        "material.relaxation: [{prony: [[0.5, 1]]}, {prony: [[0.5, 2]]}]\n  loading: [{history: [[0, 0], [1, 0.1]]}]",
+    ],
+)
+def test_another_history_or_relaxation_is_another_run(varied: str, tmp_path: Path) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text(f"{SCENE}  {varied}\n")
+    assert len(cases.unique(cases.asked_for(study_file.read(study))[0])) == 2
+
+
+def test_a_history_is_compared_with_nothing_by_depth(tmp_path: Path) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text(f"{SCENE}  loading: [{{history: [[0, 0], [1, 0.01]]}}]\ncompare_to: theory\n")
+    read = study_file.read(study)
+    with pytest.raises(ConfigError, match="passes one several times"):
+        Truth(read, cases.asked_for(read)[0])

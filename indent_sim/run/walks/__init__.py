@@ -1,0 +1,1 @@
+"""Walks along a load path that is not solved row by row on a mesh."""
