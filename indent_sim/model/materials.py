@@ -50,19 +50,35 @@ class Relaxation:
 
 
 @dataclass(frozen=True)
+class HolmesMow:
+    """Pores that close: permeability ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2), with the solid's share phi0
+    of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
+
+    phi0: Annotated[float, Ge(0), Lt(1)]
+    exponent: Annotated[float, Ge(0)] = 0.0
+    M: Annotated[float, Ge(0)] = 0.0
+
+    def factor(self, J: Expr) -> Expr:
+        """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
+        return ((J - self.phi0) / (1 - self.phi0)) ** self.exponent * exp(self.M * (J * J - 1) / 2)
+
+
+@dataclass(frozen=True)
 class Flow:
     """Fluid in the pores of a law whose own constants are those of the drained body (Biot 1941).
 
     Fluid content per volume zeta = alpha tr eps + storage p, zeta' = div(permeability grad p). `permeability`: that of
     the pores over the viscosity [length^2/(pressure time)]; or `diffusivity` [length^2/time], with which pressure
     evens out while the body is confined, permeability/(storage + alpha^2/M_c). alpha [1]: 1 where grains do not
-    change their volume; storage [1/pressure]: 0 where, besides, the fluid does not.
+    change their volume; storage [1/pressure]: 0 where, besides, the fluid does not. holmes_mow: how the permeability
+    changes at finite strain; without it that of the deformed body stays what it is.
     """
 
     permeability: Annotated[float, Gt(0), Unit("length^2/(pressure time)")] | None = None
     diffusivity: Annotated[float, Gt(0), Unit("length^2/time")] | None = None
     alpha: Annotated[float, Gt(0), Le(1)] = 1.0
     storage: Annotated[float, Ge(0), Unit("1/pressure")] = 0.0
+    holmes_mow: HolmesMow | None = None
 
     def canonical(self, confined_modulus: float) -> Self:
         """The same said by the permeability; ValueError when not exactly one way of saying it is used.
@@ -131,12 +147,13 @@ class _Law(ABC):
 
     def mobility(self, H: Expr) -> Expr:
         """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at small strain, else
-        that of the deformed body, J permeability F^-1 F^-T."""
+        J k(J) F^-1 F^-T with that of the deformed body, k(J)."""
         assert self.flow
         if self.small_strain:
             return self.flow.permeability * ufl.Identity(3)
-        inverse = ufl.inv(ufl.Identity(3) + H)
-        return (1 + self.growth(H)) * self.flow.permeability * inverse * inverse.T
+        J, inverse = 1 + self.growth(H), ufl.inv(ufl.Identity(3) + H)
+        k = self.flow.permeability * (self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1)
+        return J * k * inverse * inverse.T
 
     @property
     @abstractmethod

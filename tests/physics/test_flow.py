@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from indent_sim.fe import solver
 from indent_sim.model.body import Conductance, Drainage
-from indent_sim.model.materials import Flow
+from indent_sim.model.materials import Flow, HolmesMow
 from indent_sim.run import chain
 from indent_sim.scene.scene import Scene
 
@@ -32,7 +32,7 @@ VERIFY = pytest.mark.verify
 
 
 def draining(
-    base: Scene, drainage: Drainage = DRAINAGE, regions: Sequence[int] = (), k: float = PERMEABILITY, **flow: float
+    base: Scene, drainage: Drainage = DRAINAGE, regions: Sequence[int] = (), k: float = PERMEABILITY, **flow: Any
 ) -> Scene:
     """A scene with fluid in the pores of some regions, without any in those of all."""
     part = base.physics.part
@@ -189,18 +189,18 @@ def test_a_nearly_incompressible_drained_law_keeps_its_own_pressure(nu: float) -
 # ---- exact solutions -----------------------------------------------------------------------------------------------
 
 
-def under_plate(radius: float, h: float, nu: float, drainage: Drainage, **body: str) -> Draining:
-    """A body of height 1 under a punch as wide as itself."""
-    whole = WALLED | {"radius": radius} | body
-    sections = {"material": DRAINED | {"nu": nu}, "mesh": {"h_contact": h, "h_far": h}, "solver": NEWTON}
-    tip = {"shape": "flat_punch", "radius": radius}
-    return Draining(draining(scene(whole, **sections, indenter=tip, loading={"delta": DELTA, "steps": 1}), drainage))
+def under_plate(radius: float, h: float, law: dict[str, Any], drainage: Drainage, **flow: Any) -> Draining:
+    """A column of height 1 between frictionless walls, or a body that is free to the side, under a punch as wide."""
+    whole = WALLED | {"radius": radius} | ({"base": "roller", "sides": "free"} if radius == 1.0 else {})
+    sections = {"material": law, "mesh": {"h_contact": h, "h_far": h}, "solver": NEWTON}
+    tip, loading = {"shape": "flat_punch", "radius": radius}, {"delta": DELTA, "steps": 1}
+    return Draining(draining(scene(whole, **sections, indenter=tip, loading=loading), drainage, **flow))
 
 
 @pytest.mark.parametrize("steps", [20, pytest.param(40, marks=VERIFY)])
 def test_confined_ramp(steps: int) -> None:
     """6e-4 from 20 steps on, of the layer that drains at first: 0.04 thin beside h = 0.025."""
-    body = under_plate(0.1, 0.025, 0.2, Drainage(tip="drained"))
+    body = under_plate(0.1, 0.025, DRAINED, Drainage(tip="drained"))
     forces = body.ramp(0.01, 0.1, steps) / (np.pi * 0.1**2)
     for n in (steps // 2, steps):
         exact = exact_flow.confined_ramp(1.0, 0.2, PERMEABILITY, 1.0, 0.1, 0.1 * n / steps)
@@ -210,7 +210,7 @@ def test_confined_ramp(steps: int) -> None:
 def test_consolidation_under_a_force() -> None:
     """Terzaghi's settlement. A sudden force has no undrained equilibrium: it comes with the first step. The depth is
     straight within a step where the layer settles by the root of time: 1.5e-3 with eight steps a doubling."""
-    body, area = under_plate(0.1, 0.05, 0.2, Drainage(tip="drained")), np.pi * 0.1**2
+    body, area = under_plate(0.1, 0.05, DRAINED, Drainage(tip="drained")), np.pi * 0.1**2
     for dt in ladder(1e-4, 0.1, 8):
         body.press(0.01 * area, dt)
     assert body.depth == pytest.approx(exact_flow.terzaghi(1.0, 0.2, PERMEABILITY, 1.0, 0.01, 0.1), rel=1.5e-3)
@@ -221,7 +221,7 @@ def test_consolidation_under_a_force() -> None:
 def test_unconfined_disc(nu: float, h: float, early: float, late: float) -> None:
     """At once uniform and incompressible, which the elements hold exactly; then, as a share of what relaxes, from
     T = 0.001 and 0.01 on, what the elements at the side cost."""
-    body = under_plate(1.0, h, nu, Drainage(), base="roller", sides="free")
+    body = under_plate(1.0, h, DRAINED | {"nu": nu}, DRAINAGE)
     k, eps = PERMEABILITY, 0.01
     assert body.step(eps) == pytest.approx(1.5 / (1 + nu) * np.pi * eps, rel=1e-10)
     relaxes = np.pi * eps * (1.5 / (1 + nu) - 1)
@@ -378,7 +378,7 @@ def test_a_base_with_a_conductance(share: float) -> None:
     """A column that draws fluid in through its base fills as exp(-b^2 D t/h^2) at last, b tan b = X h/k. What 20 steps
     a decay leave of the rate: 1e-3."""
     drainage = Drainage(surface="sealed", base=Conductance(share * PERMEABILITY), bath=((0.0, 0.0), (1e-3, 0.01)))
-    body = under_plate(0.1, 0.1, 0.2, drainage)
+    body = under_plate(0.1, 0.1, DRAINED, drainage)
     body.step(-1.0, 1e-3)
     b = brentq(lambda b: b * np.tan(b) - share, 1e-6, np.pi / 2 - 1e-6)
     filled = 0.01 * np.pi * 0.1**2 / exact_flow.confined_modulus(1.0, 0.2)
@@ -475,3 +475,22 @@ def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
     assert np.diff(forces).max() < 3e-6 * forces[0]
     assert body.drain() == pytest.approx(solver_force(base), rel=1e-8)
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)
+
+
+@pytest.mark.parametrize("pores", [None, HolmesMow(phi0=0.3, exponent=2.0, M=3.0)])
+def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
+    """Small changes about the stretch s of a drained column decay as exp(-pi^2 m dP/ds t), m = k(s)/s. To 3e-3, of
+    20 steps a decay and of the change, 1e-3 of the stretch."""
+    law, s = {"model": "neo_hookean", "E": 1.0, "nu": 0.2}, 0.8
+    body = under_plate(0.1, 0.05, law, Drainage(tip="drained"), holmes_mow=pores)
+    for n in range(1, 5):
+        body.step(0.05 * n, LONG)
+    body.drain()
+    mu, lame = 1 / 2.4, 0.2 / (1.2 * 0.6)
+    slope = mu * (1 + 1 / s**2) + lame * (1 - np.log(s)) / s**2
+    k = PERMEABILITY * (pores.factor(s) if pores else 1.0)
+    decay = 1 / (np.pi**2 * k / s * slope)
+    body.step(0.2002, decay / 4)
+    forces = [body.step(0.2002, 0.05 * decay) for _ in range(80)]
+    left = np.array(forces) - body.drain()
+    assert np.log(left[59] / left[79]) == pytest.approx(1.0, rel=3e-3)
