@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
-from annotated_types import Ge, Gt, Len, Lt
+from annotated_types import Ge, Gt, Le, Len, Lt
 
 from indent_sim.model import algebra
 from indent_sim.model.algebra import Expr, exp, expm1_remainder, log1p, log1p_remainder, power_sum, ufl
-from indent_sim.model.units import PRESSURE, TIME, AnyModulus, Auto, Modulus, PoissonRatio, UnitRow
+from indent_sim.model.units import PRESSURE, TIME, AnyModulus, Auto, Modulus, PoissonRatio, Unit, UnitRow
 
 Formulation = Literal["auto", "displacement", "mixed"]
 LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
@@ -57,6 +57,50 @@ class Exponentials(NamedTuple):
     times: tuple[float, ...]
 
 
+@dataclass(frozen=True)
+class HolmesMow:
+    """Pores that close: permeability ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2), with the solid's share phi0
+    of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
+
+    phi0: Annotated[float, Ge(0), Lt(1)]
+    exponent: Annotated[float, Ge(0)] = 0.0
+    M: Annotated[float, Ge(0)] = 0.0
+
+    def factor(self, J: Expr) -> Expr:
+        """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
+        return ((J - self.phi0) / (1 - self.phi0)) ** self.exponent * exp(self.M * (J * J - 1) / 2)
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Fluid in the pores of a law whose own constants are those of the drained body (Biot 1941).
+
+    Fluid content per volume zeta = alpha tr eps + storage p, zeta' = div(permeability grad p). `permeability`: that of
+    the pores over the viscosity [length^2/(pressure time)]; or `diffusivity` [length^2/time], with which pressure
+    evens out while the body is confined, permeability/(storage + alpha^2/M_c). alpha [1]: 1 where grains do not
+    change their volume; storage [1/pressure]: 0 where, besides, the fluid does not. holmes_mow: how the permeability
+    changes at finite strain; without it that of the deformed body stays what it is.
+    """
+
+    permeability: Annotated[float, Gt(0), Unit("length^2/(pressure time)")] | None = None
+    diffusivity: Annotated[float, Gt(0), Unit("length^2/time")] | None = None
+    alpha: Annotated[float, Gt(0), Le(1)] = 1.0
+    storage: Annotated[float, Ge(0), Unit("1/pressure")] = 0.0
+    holmes_mow: HolmesMow | None = None
+
+    def canonical(self, confined_modulus: float) -> Self:
+        """The same said by the permeability; ValueError when not exactly one way of saying it is used.
+        confined_modulus: M_c of the drained body [pressure]."""
+        if (self.permeability is None) == (self.diffusivity is None):
+            raise ValueError("flow needs exactly one of permeability, diffusivity")
+        if not math.isfinite(confined_modulus):
+            raise ValueError("nu = 0.5 leaves no pores to drain; give the drained nu, below 0.5")
+        if self.diffusivity is None:
+            return self
+        permeability = self.diffusivity * (self.storage + self.alpha**2 / confined_modulus)
+        return replace(self, permeability=permeability, diffusivity=None)
+
+
 class Constants(NamedTuple):
     """Young's modulus E [pressure] and Poisson's ratio nu at small strain."""
 
@@ -71,6 +115,7 @@ class _Law(ABC):
     is_isotropic: ClassVar[bool] = True
     is_conservative: ClassVar[bool] = True  # the stress is the slope of an energy: strains that come back cost no work
     has_memory: ClassVar[bool] = False  # the stress depends on the strains before as well as on the present one
+    flow: Flow | None
 
     @property
     @abstractmethod
@@ -87,6 +132,36 @@ class _Law(ABC):
         """Small-strain plane-strain modulus E/(1 - nu^2) [pressure]."""
         E, nu = self.constants
         return E / (1 - nu * nu)
+
+    @property
+    def confined_modulus(self) -> float:
+        """Small-strain M_c = E (1 - nu)/((1 + nu)(1 - 2 nu)) [pressure] of a bar between rigid walls."""
+        E, nu = self.constants
+        return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
+
+    @property
+    def flow_by_permeability(self) -> Flow | None:
+        """Its flow, said by the permeability; ValueError where it is not well said."""
+        return self.flow and self.flow.canonical(self.confined_modulus)
+
+    def growth(self, H: Expr) -> Expr:
+        """Growth e of the volume, per undeformed volume: tr eps at small strain, else J - 1, to all digits."""
+        return ufl.tr(H) if self.small_strain else ufl.tr(H) + _curved_growth(H)
+
+    def content(self, H: Expr, p: Expr) -> Expr:
+        """zeta = alpha e + storage p of the fluid per undeformed volume; p [pressure] from that at rest."""
+        assert self.flow
+        return self.flow.alpha * self.growth(H) + self.flow.storage * p
+
+    def mobility(self, H: Expr) -> Expr:
+        """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at small strain, else
+        J k(J) F^-1 F^-T with that of the deformed body, k(J)."""
+        assert self.flow
+        if self.small_strain:
+            return self.flow.permeability * ufl.Identity(3)
+        J, inverse = 1 + self.growth(H), ufl.inv(ufl.Identity(3) + H)
+        k = self.flow.permeability * (self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1)  # type: ignore[operator]
+        return J * k * inverse * inverse.T
 
     @property
     @abstractmethod
@@ -119,12 +194,14 @@ class _TwoConstants(_Law):
     lame_lambda: AnyModulus | None = None
     formulation: Formulation = "auto"
     relaxation: Relaxation | None = None
+    flow: Flow | None = None
 
     def canonical(self) -> Self:
         """The same material said by E and nu; ValueError when it is not said by exactly two constants."""
         given = {name: getattr(self, name) for name in ISOTROPIC_CONSTANTS if getattr(self, name) is not None}
         E, nu = young_and_poisson(given)
-        return replace(self, E=E, nu=nu, mu=None, kappa=None, lame_lambda=None)
+        said = replace(self, E=E, nu=nu, mu=None, kappa=None, lame_lambda=None)
+        return replace(said, flow=said.flow_by_permeability)
 
     @property
     def constants(self) -> Constants:
@@ -188,6 +265,7 @@ class TransverselyIsotropic(_Law):
     G_z: Modulus
     formulation: Formulation = "auto"
     relaxation: Relaxation | None = None
+    flow: Flow | None = None
     model: Literal["transversely_isotropic"] = "transversely_isotropic"
 
     small_strain: ClassVar[bool] = True
@@ -199,7 +277,7 @@ class TransverselyIsotropic(_Law):
             most = math.sqrt((1 - self.nu) * self.E_z / (2 * self.E))
             problem = f"nu_z = {self.nu_z:g} makes the energy of some strain negative"
             raise ValueError(f"{problem}: with these E, E_z and nu it must lie within +-{most:.6g}")
-        return self
+        return replace(self, flow=self.flow_by_permeability)
 
     @property
     def constants(self) -> Constants:
@@ -278,9 +356,14 @@ def _excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
 
 def _excess_and_growth(H: Expr) -> tuple[Expr, Expr]:
     """(I1 - 3)/2 - ln J and J - 1, likewise."""
-    curved = (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 + ufl.det(H)  # J - 1 less tr H, which cancels that of (I1 - 3)/2
+    curved = _curved_growth(H)  # without tr H, which cancels that of (I1 - 3)/2
     growth = ufl.tr(H) + curved
     return ufl.inner(H, H) / 2 - curved + log1p_remainder(growth), growth
+
+
+def _curved_growth(H: Expr) -> Expr:
+    """J - 1 less tr H."""
+    return (ufl.tr(H) ** 2 - ufl.tr(H * H)) / 2 + ufl.det(H)
 
 
 @dataclass(frozen=True)
@@ -291,6 +374,7 @@ class _Isochoric(_Law):
     kappa: Modulus | None = None
     formulation: Formulation = "auto"
     relaxation: Relaxation | None = None
+    flow: Flow | None = None
 
     @property
     @abstractmethod
@@ -313,11 +397,12 @@ class _Isochoric(_Law):
         if not (math.isfinite(mu) and mu > 0):
             raise ValueError(f"the small-strain shear modulus is {mu:g}; it must be > 0")
         if self.kappa is None:
-            return self
+            return replace(self, flow=self.flow_by_permeability)
         nu = (3 * self.kappa - 2 * mu) / (2 * (3 * self.kappa + mu))
         if not nu > -1:
             raise ValueError(f"kappa = {self.kappa:g} is lost beside mu = {mu:g}: nu is -1 to all digits")
-        return replace(self, nu=nu, kappa=None)
+        said = replace(self, nu=nu, kappa=None)
+        return replace(said, flow=said.flow_by_permeability)
 
     @property
     def constants(self) -> Constants:
@@ -649,20 +734,6 @@ def _bisected(function: Callable[[float], float], low: float, high: float) -> fl
     while low < (middle := (low + high) / 2) < high or high < middle < low:
         low, high = (low, middle) if (function(middle) >= 0) == is_up else (middle, high)
     return high
-
-
-@dataclass(frozen=True)
-class HolmesMow:
-    """The permeability of a matrix whose pores widen and close, over that at rest: k(J)/k(1) = ((J - phi0)/(1 -
-    phi0))^exponent exp(M (J^2 - 1)/2), phi0 the share of solid at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
-
-    M: float
-    phi0: Annotated[float, Gt(0), Lt(1)]
-    exponent: Annotated[float, Gt(0)] = 2.0
-
-    def __call__(self, J: Expr) -> Expr:
-        """k(J)/k(1) [1]; not a number at J < phi0, where only solid is left."""
-        return ((J - self.phi0) / (1 - self.phi0)) ** self.exponent * exp(self.M * (J * J - 1) / 2)
 
 
 Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
