@@ -100,14 +100,13 @@ material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
 holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
-flow.exponent [1]: of the share of the pores in the volume
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
 relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
   exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
+exponent [1] $b$: of a power law of relaxation, between 0 (elastic) and 1 (a liquid); of pores, of their share in the volume
 time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 

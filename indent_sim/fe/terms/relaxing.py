@@ -110,17 +110,17 @@ class Relaxing(Strain):
         self._mean_h.x.array.reshape(-1, width)[cells] = np.tensordot(self._weights, here, (0, 1)) / sum(self._weights)
 
     def end(self, stage: Stage) -> None:
-        """Find S and A_k at the end of the stage."""
+        """Find S and the A_k at the end of the stage."""
+        self._found = self._at_the_end()
+
+    def _at_the_end(self) -> list[np.ndarray]:
         S = self._shear_stress()
         follows = zip(self._kept, self._followed, self._from, strict=True)
-        found = [kept * A + followed * self._start.x.array + (1 - kept - followed) * S for kept, followed, A in follows]
-        self._found = [S, *found]
+        return [S, *(a * A + b * self._start.x.array + (1 - a - b) * S for a, b, A in follows)]
 
     def accept(self) -> None:
-        """S and A_k at the end of the step are those that the next one sets out from."""
-        if not self._found:
-            self.end(Stage(0.0))
-        for function, values in zip(self.history, self._found, strict=True):
+        """S and the A_k at the end of the step are those that the next one sets out from."""
+        for function, values in zip(self.history, self._found or self._at_the_end(), strict=True):
             function.x.array[:] = values
 
 
