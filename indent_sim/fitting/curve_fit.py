@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -245,20 +245,16 @@ def _fixed(config: Config, forces: SceneForces) -> dict[str, float]:
 def _windows(verdict: Verdict) -> list[dict[str, float]]:
     """Values and intervals of every window, the whole curve the last."""
     parameters = verdict.estimate.model.forces.parameters
-    rows = []
-    for window in verdict.windows:
-        row = {"upper": window.upper}
+
+    def row(upper: float, theta: np.ndarray, interval: Callable[[int], tuple[float, float]]) -> dict[str, float]:
+        found = {"upper": upper}
         for k, one in enumerate(parameters):
-            low, high = window.interval(k)
-            row |= {one.key: one.value(float(window.theta[k]))}
-            row |= {f"{one.key}_low": one.value(low), f"{one.key}_high": one.value(high)}
-        rows.append(row)
-    last: dict[str, float] = {"upper": 1.0}
-    for k, one in enumerate(parameters):
-        low, high = verdict.statistical(k)
-        last |= {one.key: one.value(float(verdict.estimate.theta[k]))}
-        last |= {f"{one.key}_low": one.value(low), f"{one.key}_high": one.value(high)}
-    return [*rows, last]
+            low, high = map(one.value, interval(k))
+            found |= {one.key: one.value(float(theta[k])), f"{one.key}_low": low, f"{one.key}_high": high}
+        return found
+
+    rows = [row(window.upper, window.theta, window.interval) for window in verdict.windows]
+    return [*rows, row(1.0, verdict.estimate.theta, verdict.statistical)]
 
 
 def _model(other: Other, parameters: tuple[Any, ...]) -> dict[str, Any]:
@@ -308,10 +304,9 @@ def _warnings(verdict: Verdict) -> list[str]:
 def _said(key: str, config: Config, value: float) -> str:
     """A value with its unit, where the scene has units."""
     kind = kind_of(config, key)
-    told = {"length": config.units.length, "force": config.units.force}
     if kind is None:
         return f"{value:.4g}"
-    return scaled(kind, [Results(Path(), {}, {"units": told})], np.array([value]), key).said(value)
+    return scaled(kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value]), key).said(value)
 
 
 def kind_of(config: Config, key: str) -> str | None:

@@ -227,10 +227,7 @@ def _curves(
         for curve in found:
             name = _own_name(curve.name, file, taken)
             if not writer.keeps(name, source):
-                named = (
-                    replace(curve, name=name) if isinstance(curve, Measured) else refused(name, curve.entry["reason"])
-                )
-                yield named, source
+                yield _renamed(curve, name), source
 
 
 def _renamed(curve: Measured | CurveFit, name: str) -> Measured | CurveFit:
