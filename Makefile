@@ -22,8 +22,8 @@ export OMPI_MCA_btl := ^tcp
 help: ## this list
 	@sed -nE 's/^([a-z0-9]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
 
-setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim
-	@scripts/setup
+setup: ## install what is missing: Debian packages, .venv, .venv/bin/indent-sim; AFM=1: readers of AFM files
+	@AFM=$(AFM) scripts/setup
 
 demo: setup ## run configs/hertz.yaml and show its last row beside Hertz
 	@$(VENV)/indent-sim run configs/hertz.yaml

@@ -1,7 +1,7 @@
 """indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every number.
 
 The names of a notebook: `load` a scene file, `resolve` it to a Scene, walk its `states` or `condense` its body,
-`simulate` it into a result folder, and `read` one.
+`simulate` it into a result folder, `read` one, and `fit` a scene to a measured curve.
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from indent_sim.config.scene_file import load
+    from indent_sim.fitting.notebook import fit
     from indent_sim.process.version import VERSION as __version__
     from indent_sim.results.reader import read
     from indent_sim.run.chain import condense, simulate, states
     from indent_sim.scene.scene import resolve
 
 
-__all__ = ["__version__", "condense", "load", "read", "resolve", "simulate", "states"]
+__all__ = ["__version__", "condense", "fit", "load", "read", "resolve", "simulate", "states"]
 
 
 def __getattr__(name: str) -> Any:
@@ -29,6 +30,10 @@ def __getattr__(name: str) -> Any:
         from indent_sim.config.scene_file import load
 
         return load
+    if name == "fit":
+        from indent_sim.fitting.notebook import fit
+
+        return fit
     if name == "resolve":
         from indent_sim.scene.scene import resolve
 

@@ -29,7 +29,9 @@ from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
+    from indent_sim.fitting.fit_folder import Fits
     from indent_sim.model.state import State
+    from indent_sim.results.reader import Results
     from indent_sim.run.chain import Outcome
     from indent_sim.scene.scene import Scene
 
@@ -220,6 +222,8 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
     return found
 
 
+PARTS = ("approach", "hold", "retract", "all")  # of a measured curve
+SEGMENT_HELP = "Part of the curve; hold: up to its end."
 WITHIN_HELP = "Relative error of the force that is accepted."
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
@@ -329,6 +333,61 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 
 
 @program.command()
+@click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, required=True, type=PATH)
+@click.option("--scene", required=True, type=PATH, help="Scene that is the model; its loading does not matter.")
+@click.option("--vary", "keys", required=True, multiple=True, metavar="KEY", help="Key to fit, e.g. material.E.")
+@set_option
+@click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help="Columns, by title or number from 1.")
+@click.option("--units", callback=_pairs, help="Units where a file says none, e.g. length=m,force=N.")
+@click.option("--segment", type=click.Choice(PARTS), default="approach", show_default=True, help=SEGMENT_HELP)
+@click.option("--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known.")
+@click.option("--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level.")
+@click.option("--models", flag_value="all", default="needed", help="Ask other models of every curve.")
+@click.option("--jobs", type=click.IntRange(1, 1000), default=1, metavar="N", help="Curves at the same time [1].")
+@click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
+@quiet_option
+@json_option
+def fit(curves: tuple[Path, ...], scene: Path, told: Told, form: Form, **how: Any) -> None:
+    """Fit keys of a scene to measured curves: text tables of any kind, AFM files. Prints the folder.
+
+    Contact point and baseline are always unknown. A call with the same folder goes on with the curves that lack a row.
+    """
+    _refuse_ranks()
+    require_room()
+    from indent_sim.config.scene_file import load
+
+    output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
+    with _quiet_libraries(LEVELS[told]), stoppable():
+        fits = _fit(curves, load(scene, how.pop("overrides")), output, tell if told == "all" else _silent, **how)
+    if fits.exit_code:
+        none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
+        none.beside = fits.as_json()
+        raise none
+    say_done({"directory": output} | fits.as_json()) if form == "json" else say(str(output))
+
+
+def _silent(line: str) -> None:
+    """Say nothing."""
+
+
+def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Callable[[str], None], **how: Any) -> Fits:
+    """The fits of some curves, with the options of the command line."""
+    from indent_sim.fitting import fit_folder
+    from indent_sim.fitting.curve_fit import Request
+    from indent_sim.fitting.inference.estimate import Unknowns
+
+    columns, units = how["columns"], how["units"]
+    if columns and not 2 <= len(columns) <= 3:
+        raise ConfigError("--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME")
+    if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
+        raise UsageError(f"--units {wrong[0]}: there are length, force, time")
+    unknowns = Unknowns(how["contact_point"], how["baseline"] == "tilted")
+    request = Request(config, how["keys"], how["segment"], unknowns, how["models"])
+    reading = fit_folder.Reading(columns, units)
+    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
+
+
+@program.command()
 @click.argument("first", metavar="A", type=PATH)
 @click.argument("second", metavar="B", type=PATH)
 @click.option("--rtol", callback=_tolerances, metavar=COLUMNS, default="1e-6", show_default=True, help=RTOL_HELP)
@@ -337,8 +396,9 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form) -> None:
     """Compare two results row by row. Exit code 6 when they differ.
 
-    Rows are matched by step, or by depth where a table has no steps; those of an experiment, which of two results are
-    compared as well, by number.
+    A or B may be a measured curve. Rows are matched by step, or by depth where a table has no steps; where depths
+    differ the curve with more rows is interpolated. Those of an experiment, which of two results are compared as well,
+    are matched by number.
     """
     from indent_sim.results import compare
 
@@ -355,16 +415,16 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 
 
 @program.command()
-@click.argument("paths", metavar="RESULT...", nargs=-1, required=True, type=PATH)
+@click.argument("paths", metavar="RESULT_OR_CURVE...", nargs=-1, required=True, type=PATH)
 @click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
 @click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
 @click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
 @click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
-@click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf.")
+@click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab.")
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
-    """Draw finished results over one another. Prints the picture's path.
+    """Draw finished results and measured curves over one another. Prints the picture's path.
 
     \b
     Without --what: force, contact radius and pressure of one result, force and contact radius of several.
@@ -377,12 +437,28 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     given = {name: value for name, value in wish.items() if value}
     wanted = panels.wish(given) if given else None
     runs = [reader.read(path) for path in paths]
+    if output is not None and output.suffix.lower() == ".tab":
+        return _write_tab(runs, given, output)
     if output is None:
         first = paths[0] if paths[0].is_dir() else paths[0].parent
         output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.FORCE_PICTURE)
         canvas.refuse_foreign(output)
     try:
         panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
+    except OSError as error:
+        raise unwritable(output, error) from error
+    say(str(output))
+
+
+def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None:
+    """Write the force curve of a result as a .tab file."""
+    from indent_sim.results.folder import write_atomically
+    from indent_sim.results.measured.tab_file import tab_of
+
+    if given or len(runs) > 1:
+        raise UsageError(f"{output}: a .tab file holds the force curve of one result", "leave the other options out")
+    try:
+        write_atomically(output, tab_of(runs[0]))
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))

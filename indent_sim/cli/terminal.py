@@ -177,7 +177,19 @@ def comparison(found: Comparison) -> str:
         for i, step in enumerate(found.steps)
     ]
     beside = [f"{name}, {len(table.steps)} rows: {_worst(table)}" for name, table in found.beside.items()]
-    return "\n".join([_aligned([head, *rows]), _worst(found), *beside])
+    return "\n".join([_aligned([head, *rows]), _worst(found), *_interpolated(found), *beside])
+
+
+def _interpolated(found: Comparison) -> list[str]:
+    """Which of the two was interpolated, what that costs, and how far the forces lie apart."""
+    if found.interpolated is None:
+        return []
+    path, error = found.interpolated
+    said = [f"{path} interpolated in depth, to {100 * error:.2g} % of the largest force"]
+    if apart := found.residual:
+        largest, rms = apart["percent_largest"], apart["percent_rms"]
+        said.append(f"forces apart by {largest:.3g} % of the largest at most, {rms:.3g} % rms")
+    return said
 
 
 def _worst(found: Comparison) -> str:

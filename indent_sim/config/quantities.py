@@ -65,6 +65,15 @@ def converted(document: Mapping[str, Any]) -> tuple[dict[str, Any], Given]:
     return changed, convert.found
 
 
+def size_of(unit: str, kind: str) -> float:
+    """How many SI units a unit of length, force or time is; ConfigError when it is no such unit."""
+    factor, exponents = _factor(f"units.{kind}", unit)
+    if exponents != {kind: 1}:
+        problem = f"'{unit}' is {_in_words(exponents)}, no {kind}"
+        raise ConfigError(f"units.{kind}", problem, f"for example {UNIT_EXAMPLES.get(kind, 's')}")
+    return float(factor)
+
+
 class Conversion:
     """Turns the quantities of a document into numbers in its units; `found` and `errors` are what it met."""
 

@@ -272,6 +272,22 @@ verdict: right, flagged, refused, wrong or reference; only with a tolerance
 memory_MB [MB]: memory the run needed beyond what its process held before
 peak_memory_MB [MB]: largest memory of the process during the run, and of the one that meshes
 
+## Table of a fit, one row a curve
+curve: name of the measured curve: its file's, with a number where the file has several
+fit.reason: why a curve has no parameters
+explained: whether nothing in the curve stands against the scene: residuals, windows, baseline, other models
+cause: what does: thickness, adhesion, relaxation, tip (another model is better), shape, window, baseline
+contact_point [length]: where the tip touches first, on the file's own scale of depths or ways
+contact_point_low [length]: lower end of its 95 % interval
+contact_point_high [length]: upper end of its 95 % interval
+force_max [force]: largest force of the fit, its baseline taken off
+fit.depth [length]: of the deepest sample, from first touch
+rms_percent [1]: root of the mean square residual, in per cent of force_max
+fit.n [1]: samples that were fitted, means of neighbours where a file has more than 1500
+n_effective [1]: samples without correlation that tell as much
+drift_percent [1]: first varied key at half the depth over that at the whole, less one, in per cent
+hertz_E [pressure]: modulus that a half-space fit from the same contact point reads
+
 ## Contact surface
 x [length] $x$: undeformed position along x; along the radius in an axisymmetric scene
 y [length] $y$: undeformed position along y; 0 in a scene with two dimensions

@@ -11,11 +11,23 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError, VerificationError
 from indent_sim.results.folder import TABLE, Report
-from indent_sim.results.reader import COMPARED, force_table, read, read_table
+from indent_sim.results.measured.measurement import parts_of
+from indent_sim.results.reader import (
+    COMPARED,
+    MEASURED,
+    Results,
+    force_table,
+    header_of,
+    in_common_units,
+    read,
+    read_table,
+)
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 
 MOST_DIFFERENCES = 10  # differences told one by one
 RTOL = 1e-6
+FEWEST = 3  # rows of a table that is interpolated
+NEAR, MATCHED = 1e-9, 0.5  # relative: depths that are one; share of the rows that must have one to be matched by name
 Table = dict[str, np.ndarray]
 Tolerances = float | Mapping[str, float]  # of all columns, or by column
 
@@ -25,7 +37,9 @@ class Comparison:
     """Two tables side by side: one (a, b) pair per row and column, rows matched by step, by row, or else by depth.
 
     steps: what is said of each row, step 3 or delta 0.1; rtol of every column; worst: its largest relative difference;
-    differences: what differs, in words; empty when equal; beside: of two results the tables beside the force table.
+    differences: what differs, in words; empty when equal; beside: of two results the tables beside the force table;
+    interpolated: the one of two paths whose numbers were interpolated, and the largest error that this may make of the
+    force, relative to the largest one.
     """
 
     steps: tuple[float, ...]
@@ -35,6 +49,18 @@ class Comparison:
     worst: dict[str, float]
     differences: tuple[str, ...]
     beside: dict[str, Comparison] = field(default_factory=dict)
+    interpolated: tuple[Path, float] | None = None
+
+    @property
+    def residual(self) -> dict[str, float]:
+        """Difference of the forces in per cent of the largest one: the largest, and the root of the mean square."""
+        pair = self.pairs.get("force", np.empty((0, 2)))
+        pair = pair[np.isfinite(pair).all(axis=1)]
+        largest = float(np.abs(pair).max(initial=0.0))
+        if not largest:
+            return {}
+        off = 100 * np.abs(pair[:, 0] - pair[:, 1]) / largest
+        return {"percent_largest": float(off.max()), "percent_rms": float(np.sqrt(np.mean(off**2)))}
 
     def check(self) -> None:
         """Raise VerificationError when the two differ."""
@@ -47,7 +73,11 @@ class Comparison:
         """The comparison as one JSON object."""
         numbers = [{name: pair[i] for name, pair in self.pairs.items()} for i in range(len(self.steps))]
         rows = [{self.matched_by: key} | row for key, row in zip(self.steps, numbers, strict=True)]
-        found = {"matched_by": self.matched_by, "rtol": self.rtol, "worst": self.worst, "rows": rows}
+        found: Report = {"matched_by": self.matched_by, "rtol": self.rtol, "worst": self.worst, "rows": rows}
+        found |= {"residual": self.residual or None, "interpolated": None}
+        if self.interpolated:
+            path, error = self.interpolated
+            found["interpolated"] = {"curve": str(path), "error": error}
         beside = {name: table.as_json() for name, table in self.beside.items()}
         return found | {"differences": self.differences, "beside": beside}
 
@@ -59,14 +89,18 @@ def compare(
 
     Two numbers agree when |x - y| <= rtol max(|x|, |y|, 1e-6 largest of the column): a force of 1e-18 out of
     contact is a zero. An empty cell agrees with an empty cell alone. Where rtol says nothing of a column it is 1e-6.
-    Rows belong together by step; where a file has no steps by depth, the k-th of a depth with the k-th; those of two
-    experiment.csv or dynamic.csv by their number, and all their columns are compared, words too. Of two results these
-    tables, where both have them, are compared as well. UsageError for a column that no two tables have.
+    Rows belong together by step; where a file has no steps by depth, the k-th of a depth with the k-th. Where depths
+    differ the curve with more rows is interpolated in depth, approach and retraction apart: a result by power laws
+    through two neighbours, a measured curve by chords. Either misses something of the order h^2: a quarter of what it
+    misses at rows that are left out. Measured curves are taken in the units of the other.
+    Rows of two experiment.csv or dynamic.csv belong together by their number, and all their columns are compared, words
+    too. Of two results these tables, where both have them, are compared as well. UsageError for a column that no two
+    tables have.
     """
     paths = (Path(first), Path(second))
     beside = [name for name in (EXPERIMENT, DYNAMIC) if all((path / name).exists() for path in paths)]
-    tables = {TABLE: (_table(paths[0]), _table(paths[1]))}
-    tables |= {name: (_table(paths[0] / name), _table(paths[1] / name)) for name in beside}
+    tables = {TABLE: _both(*paths)}
+    tables |= {name: _both(paths[0] / name, paths[1] / name) for name in beside}
     if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
         raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
     asked = {*(columns or ()), *(rtol if isinstance(rtol, Mapping) else ())} - {""}
@@ -94,6 +128,8 @@ def _compared(
     alone = [(paths[0], A[key][i]) for name, i in in_A.items() if name not in in_B]
     alone += [(paths[1], B[key][i]) for name, i in in_B.items() if name not in in_A]
     keys, differences = A[key][of_A], [f"{key} {value:.10g} is in {path} alone" for path, value in alone]
+    if key != "row" and not _is_matched(A, B, of_A, of_B, tolerances) and (found := _by_depth(paths, A, B, tolerances)):
+        return found
     if not len(keys):
         differences.append(f"the two have no {key} in common")
     for name in [name for name in tolerances if name in WORD_COLUMNS]:
@@ -101,24 +137,135 @@ def _compared(
         a, b = A[name][of_A], B[name][of_B]
         differences += [f"{key} {keys[i]:.10g}: {name} {a[i]} and {b[i]}" for i in np.flatnonzero(a != b)]
     pairs = {name: np.column_stack([A[name][of_A], B[name][of_B]]) for name in tolerances}
-    worst = {}
+    worst, told = _judged(key, keys, pairs, tolerances)
+    return Comparison(tuple(keys), key, pairs, tolerances, worst, (*differences, *told))
+
+
+def _judged(
+    key: str, keys: np.ndarray, pairs: dict[str, np.ndarray], tolerances: dict[str, float]
+) -> tuple[dict[str, float], list[str]]:
+    """The largest relative difference of every column, and what differs in words."""
+    worst, told = {}, []
     for name, pair in pairs.items():
         relative = _relative_difference(pair)
         worst[name] = float(relative.max(initial=0.0))
         for i in np.flatnonzero(~(relative <= tolerances[name])):
             sides = f"{pair[i, 0]:.10g} and {pair[i, 1]:.10g} differ by {relative[i]:.2g}"
-            differences.append(f"{key} {keys[i]:.10g}: {name} {sides}")
-    return Comparison(tuple(keys), key, pairs, tolerances, worst, tuple(differences))
+            told.append(f"{key} {keys[i]:.10g}: {name} {sides}")
+    return worst, told
 
 
-def _table(path: Path) -> Table:
-    """The columns of a result folder's or any other force table, with or without steps, or of a table beside one."""
+def _is_matched(A: Table, B: Table, of_A: np.ndarray, of_B: np.ndarray, tolerances: dict[str, float]) -> bool:
+    """Whether rows that belong together by name are at the same depths, or too few for anything else.
+
+    Where forces are prescribed depths are found, and differ a little: then, too, steps belong together.
+    """
+    if min(len(A["delta"]), len(B["delta"])) < 1 or max(len(A["delta"]), len(B["delta"])) < FEWEST:
+        return True
+    if not len(of_A):
+        return False
+    a, b = A["delta"][of_A], B["delta"][of_B]
+    near = np.isclose(a, b, rtol=max(tolerances.get("delta", 0.0), NEAR), atol=0.0, equal_nan=True)
+    if "step" in A and "step" in B:
+        return bool(near.mean() >= MATCHED)
+    return len(of_A) >= MATCHED * min(len(A["delta"]), len(B["delta"]))
+
+
+def _by_depth(paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]) -> Comparison | None:
+    """The table with more rows at the depths of the other; None where the two have no depth in common."""
+    first = len(A["delta"]) >= len(B["delta"])
+    (dense, sparse), (curve, other) = ((A, B), paths) if first else ((B, A), paths[::-1])
+    names = [name for name in tolerances if name not in (*WORD_COLUMNS, "delta")]
+    rows, values, error = _interpolated(dense, sparse, names)
+    if not len(rows):
+        return None
+    sides = {name: (values[name], sparse[name][rows]) for name in names}
+    pairs = {name: np.column_stack(pair if first else pair[::-1]) for name, pair in sides.items()}
+    keys = sparse["delta"][rows]
+    alone = np.setdiff1d(np.arange(len(sparse["delta"])), rows)
+    differences = [f"delta {sparse['delta'][i]:.10g} is in {other} alone" for i in alone]
+    worst, told = _judged("delta", keys, pairs, tolerances)
+    found = tuple(keys), "delta", pairs, {name: tolerances[name] for name in names}, worst, (*differences, *told)
+    return Comparison(*found, interpolated=(curve, error))
+
+
+def _interpolated(dense: Table, sparse: Table, names: Sequence[str]) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+    """The rows of the sparse table inside the dense one's range, the dense one's columns there, and what that misses of
+    its force at most, relative to the largest one; approach and retraction apart."""
+    parts = [parts_of(table["delta"]) for table in (dense, sparse)]
+    rows: list[np.ndarray] = []
+    values: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    is_smooth = "step" in dense  # a measured curve has none, and noise
+    error, largest = 0.0, float(np.nanmax(np.abs(dense["force"]), initial=0.0)) or 1.0
+    for part in ("approach", "retract"):
+        if not all(part in found for found in parts):
+            continue
+        of_dense, of_sparse = (
+            np.arange(len(t["delta"]))[found[part]] for t, found in zip((dense, sparse), parts, strict=True)
+        )
+        order = of_dense[np.argsort(dense["delta"][of_dense], kind="stable")]
+        x, at = dense["delta"][order], sparse["delta"][of_sparse]
+        inside = (at >= x[0]) & (at <= x[-1])
+        rows.append(of_sparse[inside])
+        for name in names:
+            values[name].append(_between(at[inside], x, dense[name][order], is_smooth))
+        error = max(error, _left_out(x, dense["force"][order], is_smooth) / largest)
+    joined = {name: np.concatenate([np.empty(0), *found]) for name, found in values.items()}
+    return np.concatenate([np.empty(0, dtype=int), *rows]), joined, error
+
+
+def _between(at: np.ndarray, x: np.ndarray, y: np.ndarray, is_smooth: bool) -> np.ndarray:
+    """Values between points in order of x: of a smooth curve by power laws through neighbours, else by chords."""
+    values = np.interp(at, x, y)
+    k = np.clip(np.searchsorted(x, at), 1, max(len(x) - 1, 1))
+    if not is_smooth or len(x) < 2:
+        return values
+    low, high = k - 1, k
+    known = (x[low] > 0) & (y[low] > 0) & (y[high] > 0) & (x[high] > x[low])
+    with np.errstate(all="ignore"):
+        power = np.log(y[high] / y[low]) / np.log(x[high] / x[low])
+        along = y[low] * (at / x[low]) ** power
+    return np.where(known, along, values)
+
+
+def _left_out(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
+    """What interpolation misses at most: a quarter of what it misses at a point that is left out, between neighbours
+    twice as far apart."""
+    if len(x) < FEWEST:
+        return 0.0
+    off = 0.0
+    for first in (0, 1):
+        kept, out = x[first::2], x[1 - first :: 2]
+        inside = (out > kept[0]) & (out < kept[-1])
+        found = _between(out[inside], kept, y[first::2], is_smooth)
+        off = max(off, float(np.nanmax(np.abs(found - y[1 - first :: 2][inside]), initial=0.0)))
+    return 0.25 * off
+
+
+def _both(first: Path, second: Path) -> tuple[Table, Table]:
+    """The two tables, measured curves in the units of the other."""
+    A, B = (_table(path) for path in (first, second))
+    one, other = (found if isinstance(found, Results) else Results(first, found) for found in (A, B))
+    one, other = in_common_units([one, other])
+    return _columns(one), _columns(other)
+
+
+def _columns(results: Results) -> Table:
+    """The table of a result; a measured curve has neither steps nor radii."""
+    if not results.report.get(MEASURED):
+        return results.table
+    return {name: column for name, column in results.table.items() if name not in ("step", "a")}
+
+
+def _table(path: Path) -> Table | Results:
+    """A result or a measured curve, or the columns of a table of an experiment, under whatever name."""
     file = force_table(path)
-    found = read_table(file, (), words=WORD_COLUMNS)
-    if "branch" in found or "frequency" in found:
+    names = set(header_of(file))
+    is_of_branches = "branch" in names and ("step" in names or {"z", "a"} <= names)
+    if is_of_branches or "frequency" in names:
+        found = read_table(file, (), words=WORD_COLUMNS)
         return {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)} | found
-    columns = read_table(file, ("delta", "force"))
-    return read(path).table if "step" in columns else columns
+    return read(path)
 
 
 def _tolerances(rtol: Tolerances, columns: Sequence[str] | None, usual: Sequence[str]) -> dict[str, float]:

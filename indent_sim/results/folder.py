@@ -31,6 +31,7 @@ LOCK = ".lock"
 HIDDEN = {LOCK, ".staging", ".old"}
 REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
 STUDY, RUNS = "study.json", "runs"  # in the folder of a study
+FIT = "fit.json"  # in the folder of a fit
 MESH_FILE = "body.msh"  # the mesh of a body that came from a file
 RESULT_FILES = {REPORT, TABLE, CONFIG, MESH_FILE, "surface.csv", "fields.xdmf", "tip.xdmf", "checkpoint.h5"}
 RESULT_FILES |= {"experiment.csv", "dynamic.csv", "force_indentation.png", "experiment.png", "report.html"}
@@ -114,7 +115,7 @@ def read_report(folder: Path, name: str = REPORT) -> Report:
     return report if isinstance(report, dict) and report.get("program") == PROGRAM else {}
 
 
-def held(folder: Path) -> Literal["nothing", "run", "study", "other"]:
+def held(folder: Path) -> Literal["nothing", "run", "study", "fit", "other"]:
     """What a folder holds; nothing where there is none, or only what a run or a study that was killed at once left.
 
     UsageError when it is no folder, or cannot be read.
@@ -124,6 +125,8 @@ def held(folder: Path) -> Literal["nothing", "run", "study", "other"]:
         return "run"
     if read_report(folder, STUDY):
         return "study"
+    if read_report(folder, FIT):
+        return "fit"
     begun = names <= {LOCK, RUNS} and not contents(folder / RUNS, ()) and not (folder / RUNS).is_symlink()
     lock = folder / LOCK  # in which a run killed right then has written nothing; a study never does
     is_empty = not os.path.lexists(lock) or (lock.is_file() and lock.stat().st_size == 0)

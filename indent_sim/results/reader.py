@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import GenericAlias
@@ -17,6 +17,7 @@ from annotated_types import Ge
 from pydantic import AllowInfNan, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
+from indent_sim.config.quantities import size_of
 from indent_sim.config.schema import GONE
 from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
 from indent_sim.model.state import (
@@ -32,6 +33,8 @@ from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import folder as result_folder
 from indent_sim.results import tables
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, content, has_rows, read_report
+from indent_sim.results.measured.curve_file import read_measured
+from indent_sim.results.measured.measurement import NoCurve
 from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, state_of
 from indent_sim.results.xdmf import lost_fields
 
@@ -39,6 +42,8 @@ RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --
 RUN_AGAIN = "run its scene again without --resume, or with another --output"
 COMPARED = ("delta", "force", "a")
 SAME_DEPTH = 1e-9  # relative
+LONGEST_HEADER = 10_000  # bytes
+MEASURED = "measured"  # entry of the report of a curve that nobody simulated
 BEYOND_STATE = (
     *READINGS,
     *FRICTION_COLUMNS,
@@ -68,30 +73,77 @@ class Results:
 
 
 def read(path: Path | str) -> Results:
-    """Read a result folder or a force table; UsageError when there is none or it is damaged.
+    """Read a result folder, a force table or a measured curve; UsageError when there is none or it is damaged.
 
-    Of a table that is no result's, a measured curve, the rows are numbered, and the contact radius may be unknown.
+    Of a table that is no result's, a measured curve, the rows are numbered, its units are those that it says, and the
+    contact radius is unknown.
     """
     path = Path(path)
     file = force_table(path)
-    if file == path and "step" not in (columns := read_table(path, ("delta", "force"))):
-        rows = len(columns["delta"])
-        columns = {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan)} | columns
-    else:
-        columns = read_table(file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS)
-        if "t" not in columns and not np.isfinite(columns["delta"]).all():
-            raise UsageError(f"{file}: column 'delta' holds a cell that is no number", file=str(file))
-        steps = columns["step"]
-        if not ((steps >= 0) & (steps < LARGEST_STEP_NUMBER) & (steps == np.floor(steps))).all():
-            raise UsageError(f"{file}: a step is not a whole number", file=str(file))
-        if len(set(steps)) != len(steps):
-            raise UsageError(f"{file} holds a step twice", file=str(file))
+    if file == path and path.name == EXPERIMENT:
+        read_table(path, ())  # which says what it is
+    if file == path and not _is_result_table(path):
+        return _of_curve(path)
+    columns = read_table(file, ("step", "delta", "force"), unknown=("a", "delta"), words=WORD_COLUMNS)
+    if "t" not in columns and not np.isfinite(columns["delta"]).all():
+        raise UsageError(f"{file}: column 'delta' holds a cell that is no number", file=str(file))
+    steps = columns["step"]
+    if not ((steps >= 0) & (steps < LARGEST_STEP_NUMBER) & (steps == np.floor(steps))).all():
+        raise UsageError(f"{file}: a step is not a whole number", file=str(file))
+    if len(set(steps)) != len(steps):
+        raise UsageError(f"{file} holds a step twice", file=str(file))
     surface = {}
     if os.path.lexists(path / SURFACE):
         surface = read_table(path / SURFACE, tables.SURFACE_COLUMNS, tables.SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
     return Results(path, columns, checked_report(path), surface)
+
+
+def _is_result_table(path: Path) -> bool:
+    """Whether a file has the columns of a force table, or is none that could be read."""
+    return "step" in header_of(path) or not path.is_file()
+
+
+def header_of(path: Path) -> list[str]:
+    """The titles in the first line of a table with commas; none where nothing can be read."""
+    try:
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as file:
+            line = file.read(LONGEST_HEADER).split(b"\n")[0]
+    except OSError:
+        return []
+    return [name.strip() for name in line.decode("latin-1").split(",")]
+
+
+def _of_curve(path: Path) -> Results:
+    """The first curve of a file of measured ones, as a table; its way stands for a depth that it does not have."""
+    try:
+        curve = read_measured(path)[0]
+    except NoCurve as error:
+        raise UsageError(f"{path} is {error.problem}", error.remedy, str(path)) from None
+    delta, rows = curve.x(curve.along("delta")), len(curve)
+    table = {"step": np.arange(1.0, rows + 1), "a": np.full(rows, np.nan), "delta": delta, "force": curve.force}
+    table |= {"t": curve.t} if curve.t is not None else {}
+    return Results(path, table, {MEASURED: True, "units": {name: curve.units[name] for name in ("length", "force")}})
+
+
+def in_common_units(runs: Sequence[Results]) -> list[Results]:
+    """The results, measured curves in the units of the first that is none; ConfigError for units that are none.
+
+    A curve that says no units has those of the others.
+    """
+    said = sorted(runs, key=lambda run: run.report.get(MEASURED, False))
+    known = (run.report.get("units") or {} for run in said)
+    units = next((one for one in known if one.get("length") and one.get("force")), {})
+    return [_in_units(run, units) if units and run.report.get(MEASURED) else run for run in runs]
+
+
+def _in_units(run: Results, units: Mapping[str, str]) -> Results:
+    table = dict(run.table)
+    for column, kind in (("delta", "length"), ("force", "force")):
+        if own := run.report["units"][kind]:
+            table[column] = table[column] * (size_of(own, kind) / size_of(units[kind], kind))
+    return replace(run, table=table, report=run.report | {"units": dict(units)})
 
 
 def force_table(path: Path) -> Path:

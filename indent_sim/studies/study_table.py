@@ -182,8 +182,10 @@ def recommended(table: Sequence[Row], keys: Sequence[str], target: float) -> Row
     others = [key for key in keys if key not in MESH_KEYS]
 
     def is_within(row: Row) -> bool:
-        alike = (finer for finer in known if all(finer[key] == row[key] for key in others))
-        return all(abs(finer["force_error_vs"]) <= target for finer in alike if finer["dofs"] >= row["dofs"])
+        alike = (one for one in known if all(one[key] == row[key] for key in others))
+        return all(
+            abs(finer["force_error_vs"]) <= target for finer in alike if (finer["dofs"] or 0) >= (row["dofs"] or 0)
+        )
 
     return min(filter(is_within, measured(table)), key=lambda row: row["cpu_s"], default=None)
 

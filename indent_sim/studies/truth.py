@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from indent_sim.config.scene_file import Place
 from indent_sim.process.errors import ConfigError, UsageError
 from indent_sim.results import reader
+from indent_sim.results.measured.measurement import parts_of
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
 from indent_sim.studies.study_file import StudyFile
@@ -30,6 +32,7 @@ class Answer:
     """Force, contact radius and peak pressure at given depths, in the user's units; NaN where unknown.
 
     `between`: the depths asked for are found, not prescribed, and lie near those known rather than on them.
+    `measured`: they are those of a measured curve, between any two of which it is straight.
     """
 
     delta: np.ndarray
@@ -37,10 +40,13 @@ class Answer:
     a: np.ndarray
     p_max: np.ndarray
     between: bool = field(default=False, kw_only=True)
+    measured: bool = field(default=False, kw_only=True)
 
     def at(self, delta: float) -> tuple[float, float, float]:
         """(force, a, p_max) at a depth, if need be by power laws between those known; NaN when it is not known."""
         columns = self.force, self.a, self.p_max
+        if self.measured:
+            return tuple(float(np.interp(delta, self.delta, column, NAN, NAN)) for column in columns)  # type: ignore[return-value]
         if self.between:
             return tuple(_power_law(delta, self.delta, column) for column in columns)  # type: ignore[return-value]
         match = np.flatnonzero(np.isclose(self.delta, delta, rtol=SAME_DEPTH, atol=0))[-1:]
@@ -76,9 +82,11 @@ class Truth:
                 raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
         elif not isinstance(self._wanted, str):
             try:
-                self._file = of_results(reader.read(self._wanted))
+                self._file = of_results(_read(self._wanted, cases))
             except UsageError as error:
-                raise _error(where, str(error), "give a result folder or its force_indentation.csv") from None
+                raise _error(
+                    where, str(error), "give a result folder, its force_indentation.csv or a measured curve"
+                ) from None
             missing = [case for case in cases if math.isnan(_for(case, self._file).at(case.depth)[0])]
             if missing:
                 raise _error(where, f"has no depth {missing[0].depth:g}, the last of {missing[0].words}")
@@ -147,9 +155,24 @@ def of_theory(case: Case) -> Answer | None:
     return Answer(*np.array(rows).T)
 
 
+def _read(path: Path, cases: Sequence[Case]) -> Results:
+    """A result or a measured curve, which is taken in the units of the cases."""
+    found = reader.read(path)
+    if not found.report.get(reader.MEASURED) or not cases:
+        return found
+    units = cases[0].config.units
+    scene = Results(path, {}, {"units": {"length": units.length, "force": units.force}})
+    return reader.in_common_units([scene, found])[1]
+
+
 def of_results(found: Results) -> Answer:
-    """The table of a result, by depth."""
+    """The table of a result, by depth; of a measured curve the approach, in order of depth."""
     unknown = np.full(len(found), NAN)
+    if found.report.get(reader.MEASURED):
+        rows = parts_of(found["delta"])["approach"]
+        order = np.argsort(found["delta"][rows], kind="stable")
+        known = (found["delta"][rows][order], found["force"][rows][order])
+        return Answer(*known, unknown[rows], unknown[rows], measured=True)
     return Answer(found["delta"], found["force"], found["a"], found.table.get("p_max", unknown))
 
 

@@ -32,6 +32,7 @@ ROOMS: dict[str, set[str]] = {
     "fe": {"scene", "mesh", "model", "process"},
     "run": {"fe", "scene", "mesh", "config", "results", "theory", "model", "process"},
     "studies": {"run", "scene", "config", "results", "theory", "model", "process"},
+    "fitting": {"run", "scene", "config", "results", "theory", "model", "process"},
 }
 ROOMS["cli"] = set(ROOMS) - {"fe"}
 
@@ -61,9 +62,10 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "mpi4py": ("fe/", "run/", "cli/"),
     "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
     "meshio": ("mesh/mesh_file.py",),
+    "afmformats": ("results/measured/afm_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
-    "matplotlib": ("results/pictures/", "studies/picture.py"),
-    "scipy": ("theory/", "fe/"),
+    "matplotlib": ("results/pictures/", "studies/picture.py", "fitting/fit_picture.py"),
+    "scipy": ("theory/", "fe/", "fitting/"),
     "yaml": ("config/strict_yaml.py",),
     "pint": ("config/quantities.py",),
     "jinja2": ("results/report.py",),

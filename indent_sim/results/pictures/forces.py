@@ -15,9 +15,10 @@ from indent_sim.results.pictures.axes import Axis, axis, choice, in_picture, is_
 from indent_sim.results.pictures.canvas import GREY, LABEL_LETTERS, THEORY_STYLE, Axes, Look, save
 from indent_sim.results.pictures.names import in_order, names_of
 from indent_sim.results.pictures.pressure import draw_pressure, strongest_step
-from indent_sim.results.reader import Results
+from indent_sim.results.reader import MEASURED, Results, in_common_units
 
 ESTIMATED, UNLOADING = "estimated error", "unloading"
+POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}  # of a measured curve
 PANELS, HEIGHT = 9.2, 4.8  # inches: width and height of all panels
 
 
@@ -28,10 +29,14 @@ def force_indentation(results: Results, path: Path | str) -> None:
     """
     theory, strongest = results.report.get("theory"), strongest_step(results)
     with canvas.canvas((PANELS, HEIGHT)) as figure:
-        rows = [["force", "a"], ["force", "pressure"]] if strongest else [["force", "a"]]
-        panels: dict[str, Axes] = figure.subplot_mosaic([*rows, ["names", "names"]], width_ratios=[1.55, 1])
-        draw_forces(panels["force"], [results], theory)
-        _draw_radius(panels["a"], [results], theory)
+        beside = ["a"] if _with_radius([results]) else []
+        rows = [["force", *beside], ["force", "pressure"]] if strongest else [["force", *beside]]
+        widths = [1.55, 1][: len(rows[0])]
+        panels: dict[str, Axes] = figure.subplot_mosaic([*rows, ["names"] * len(widths)], width_ratios=widths)
+        name = "measured" if results.report.get(MEASURED) else "this run"
+        draw_forces(panels["force"], [results], theory, [name])
+        if beside:
+            _draw_radius(panels["a"], [results], theory)
         if strongest:
             draw_pressure(panels["pressure"], results, strongest)
         canvas.legend_below(figure, panels["names"], panels["force"])
@@ -51,16 +56,19 @@ def overlay(runs: Sequence[Results], path: Path | str) -> None:
     columns = -(-len(runs) // 30)  # names to a column
     beside = columns * (0.7 + canvas.LETTER * max(map(len, [ESTIMATED, *names])))
     with canvas.canvas((PANELS + beside, max(HEIGHT, 0.19 * len(runs) / columns + 0.6))) as figure:
-        widths = [PANELS / 2, PANELS / 2, beside]
-        panels: dict[str, Axes] = figure.subplot_mosaic([["force", "a", "names"]], width_ratios=widths)
+        shown = ["force", *(["a"] if _with_radius(runs) else [])]
+        widths = [*[PANELS / len(shown)] * len(shown), beside]
+        panels: dict[str, Axes] = figure.subplot_mosaic([[*shown, "names"]], width_ratios=widths)
         draw_forces(panels["force"], runs, None, names)
-        _draw_radius(panels["a"], runs, None)
+        if "a" in panels:
+            _draw_radius(panels["a"], runs, None)
         canvas.legend_in(panels["names"], panels["force"], columns)
         save(figure, path)
 
 
 def named_apart(runs: Sequence[Results]) -> tuple[list[Results], list[str]]:
     """Several runs in the order of their names, which say what differs; UsageError when no axis can show all."""
+    runs = in_common_units(runs)
     _refuse_other_units(runs)
     names = [in_picture(name) + in_picture(unit) for name, unit in zip(names_of(runs), _units(runs), strict=True)]
     named = sorted(zip(names, runs, strict=True), key=lambda pair: in_order(pair[0]))
@@ -74,7 +82,8 @@ def draw_forces(
     depth, force = axis("delta", runs), axis("force", runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         draw_force(axes, run, depth, force, curves.look(i, len(runs)), name)
-    if any(goes_out for run in runs for _, goes_out in curves.branches(run["delta"])):
+    paths = (run["delta"] for run in runs if not run.report.get(MEASURED))
+    if any(goes_out for path in paths for _, goes_out in curves.branches(path)):
         axes.plot([], [], color=GREY, label=UNLOADING, marker="o", ms=5.5, mec=GREY, lw=1.2, **curves.UNLOADING_STYLE)
     _draw_bars(axes, runs, depth, force)
     if theory:
@@ -85,6 +94,9 @@ def draw_forces(
 
 def draw_force(axes: Axes, run: Results, depth: Axis, force: Axis, look: Look, name: str) -> None:
     """The force of one run over its depth; without adhesion its first branch begins with no force at no depth."""
+    if run.report.get(MEASURED):
+        axes.plot(depth(run["delta"]), force(run["force"]), color=look["color"], label=name, **POINTS)
+        return
     jumps = _may_jump(run)
     begin = [0.0] if jumps is False and len(run) and run["delta"][0] > 0 else []
     rows = run["delta"], depth(run["delta"]), force(run["force"])
@@ -148,9 +160,15 @@ def _of_last(half: np.ndarray, y: np.ndarray) -> str:
     return f", \N{PLUS-MINUS SIGN}{said} at the last step"
 
 
+def _with_radius(runs: Sequence[Results]) -> list[int]:
+    """Which runs know a contact radius, or have no rows that could say."""
+    return [i for i, run in enumerate(runs) if not len(run) or np.isfinite(run["a"]).any()]
+
+
 def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> None:
     depth, radius = axis("delta", runs), axis("a", runs)
-    for i, run in enumerate(runs):
+    for i in _with_radius(runs):
+        run = runs[i]
         joined = curves.chords if _may_jump(run) else curves.smooth
         rows = run["delta"], depth(run["delta"]), radius(run["a"])
         curves.draw(axes, rows, curves.look(i, len(runs)), joined=joined)

@@ -15,6 +15,7 @@ from indent_sim.config.json_schema import json_schema, sections_and_kinds
 from indent_sim.config.key_types import core, hints, members
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
+from indent_sim.fitting import fit_table
 from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
@@ -66,6 +67,11 @@ def test_every_column_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 
 
+@pytest.mark.parametrize("name", [*fit_table.BEGIN, *fit_table.END])
+def test_every_column_of_a_fit_has_a_meaning(name):
+    assert lookup(name, "fit"), f"add {name} to indent_sim/model/symbols.py"
+
+
 @pytest.mark.parametrize("name", [*study_file.KEYS, *points.RANGE, "zip"])
 def test_every_key_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
@@ -84,6 +90,7 @@ def test_one_entry_a_name():
 def test_an_entry_for_one_section_names_a_section_and_key():
     known = {f"{section}.{name}" for section, _, name in yaml_fields()}
     known |= {f"study.{name}" for name in (*study_file.KEYS, *study_table.STUDY_COLUMNS)}
+    known |= {f"fit.{name}" for name in (*fit_table.BEGIN, *fit_table.END)}
     assert [name for name in SYMBOLS if "." in name and name not in known] == []
 
 

@@ -604,8 +604,8 @@ def test_a_measured_curve_is_read_as_it_is(tmp_path):
     (tmp_path / "measured.csv").write_text("delta,force\n0.1,1\n0.2,3\n")
     found = read(tmp_path / "measured.csv")
     assert found["step"].tolist() == [1, 2] and found["force"].tolist() == [1, 3] and np.isnan(found["a"]).all()
-    with pytest.raises(UsageError, match="no column 'force'"):
-        (tmp_path / "measured.csv").write_text("delta,load\n0.1,1\n")
+    with pytest.raises(UsageError, match="no column of force among delta, width"):
+        (tmp_path / "measured.csv").write_text("delta,width\n0.1,1\n")
         read(tmp_path / "measured.csv")
 
 
@@ -666,6 +666,42 @@ class TestCompare:
         (tmp_path / "B").write_text("delta,force\n0.1,1\n0.2,3\n")
         with pytest.raises(VerificationError, match=r"delta 0\.3 is in .*A alone\ndelta 0\.2 is in .*B alone"):
             compare(tmp_path / "A", tmp_path / "B").check()
+
+    def curve(self, n: int, head: str = "step,delta,force,a") -> str:
+        """Rows of F = delta^1.5 to the depth 1."""
+        depths = np.arange(1, n + 1) / n
+        if not head.startswith("step"):
+            return head + "\n" + "".join(f"{d:.15g},{d**1.5:.15g}\n" for d in depths)
+        return head + "\n" + "".join(f"{k},{d:.15g},{d**1.5:.15g},{d**0.5:.15g}\n" for k, d in enumerate(depths, 1))
+
+    def test_rows_at_other_depths_are_interpolated(self, tmp_path):
+        """Power laws come back exactly; a depth beyond the other's range is alone."""
+        A, B = tmp_path / "A", tmp_path / "B"
+        A.write_text(self.curve(20))
+        B.write_text(self.curve(7))
+        found = compare(A, B, 1e-9)
+        assert found.matched_by == "delta" and found.interpolated[0] == A and found.interpolated[1] < 1e-12
+        assert len(found.steps) == 7 and list(found.pairs) == ["force", "a"] and found.differences == ()
+        assert found.residual["percent_largest"] < 1e-8 and found.as_json()["interpolated"]["curve"] == str(A)
+        B.write_text(self.curve(7) + "8,1.5,2,1\n")
+        assert compare(A, B, 1e-6).differences == (f"delta 1.5 is in {B} alone",)
+
+    def test_a_measured_curve_is_interpolated_by_chords(self, tmp_path):
+        """What chords miss is said: h^2/8 of the second derivative, largest at the shallowest row."""
+        A, B = tmp_path / "A.csv", tmp_path / "B"
+        A.write_text(self.curve(400, "depth [nm],force [nN]"))  # B says no units: numbers as they stand
+        B.write_text(self.curve(7))
+        found = compare(A, B, 1e-3)
+        assert found.differences == () and found.interpolated[0] == A
+        assert 1e-6 < found.interpolated[1] < 1e-3
+        assert found.worst["force"] < 1e-3 and list(found.pairs) == ["force"]
+
+    def test_the_residual_is_of_the_largest_force(self, tmp_path):
+        found = self.pair(
+            tmp_path, "1,0.1,2,0.5\n2,0.2,4,0.5\n3,0.3,8,0.5\n", "1,0.1,2,0.5\n2,0.2,4,0.5\n3,0.3,10,0.5\n"
+        )
+        assert found.residual == pytest.approx({"percent_largest": 20.0, "percent_rms": 20 / 3**0.5})
+        assert found.interpolated is None
 
     ROWS = "t,z,delta,force,a,branch\n,0.1,0.1,1,,approach\n,0.1,0.1,1.1,,hold\n,0.05,0.05,0,,retract\n"
 

@@ -1,0 +1,1 @@
+"""A scene and measured curves -> parameters with intervals."""

@@ -1,0 +1,372 @@
+"""Curve fit: one measured curve and one scene -> parameters with intervals, or the reason why there are none."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from indent_sim.config.scene_file import to_mapping
+from indent_sim.config.schema import Config, spot_at
+from indent_sim.config.strict_yaml import key_path
+from indent_sim.fitting.elastic_table import NoTable, elastic_scene, solved
+from indent_sim.fitting.forces import Forces, Tables
+from indent_sim.fitting.inference import models
+from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, far_level, fit, refuse_hopeless
+from indent_sim.fitting.inference.models import Other, with_experiment
+from indent_sim.fitting.inference.profile import profiled
+from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
+from indent_sim.fitting.inference.windows import windows
+from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
+from indent_sim.model.units import PRESSURE, Unit, unit_of
+from indent_sim.process.errors import ConfigError
+from indent_sim.results.measured.measurement import Measured, NoCurve, Part
+from indent_sim.results.pictures.axes import scaled
+from indent_sim.results.reader import Results
+from indent_sim.run.readings import hertz_force
+from indent_sim.theory.solution import UNSOLVED
+
+ABOVE, DEEPER = 0.02, 1.3  # of the rise: where the contact begins at the latest; of its width: what is solved
+BARELY_DEEPER = 1.01  # times the width, where the body has no more
+GRADES = 1.25  # ratio of the depths of tables, so that curves share them
+LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
+MEANS, HERTZ_POINTS = 200, 200
+R_VARIATION = 0.05  # for the exponent of the force
+Models = Literal["needed", "all"]
+NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a fit asks of every curve: scene, keys, part of the curve, what is known, which models are tried."""
+
+    config: Config
+    keys: tuple[str, ...]
+    part: Part = "approach"
+    unknowns: Unknowns = field(default_factory=Unknowns)
+    models: Models = "needed"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a picture and the curve's table show: depth, force off the baseline and the fit, each (n,); `named`: the
+    fits of other models by name."""
+
+    delta: np.ndarray
+    force: np.ndarray
+    fit: np.ndarray
+    named: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CurveFit:
+    """What one curve came to: its entry of fit.json, and what is drawn of it."""
+
+    entry: dict[str, Any]
+    drawn: Drawn | None = None
+
+    @property
+    def name(self) -> str:
+        """The curve's name."""
+        return str(self.entry["curve"])
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the parameters are known."""
+        return bool(self.entry["status"] == "done")
+
+
+def refused(name: str, reason: str, seconds: float = 0.0) -> CurveFit:
+    """A curve without parameters."""
+    return CurveFit({"curve": name, "status": "refused", "reason": reason, "seconds": seconds})
+
+
+def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
+    """Fit one curve, in units of its own; ConfigError where the scene or a key is wrong whatever the curve."""
+    began = time.process_time()
+    try:
+        with np.errstate(all="ignore"):
+            return _fitted(curve.in_units(_units(request.config)).part(request.part), request, tables, began)
+    except (Refused, NoTable) as error:
+        return refused(curve.name, str(error), time.process_time() - began)
+    except NoCurve as error:
+        return refused(curve.name, error.problem, time.process_time() - began)
+    except NUMBERS as error:
+        why = f"not a curve: its numbers are beyond arithmetic ({' '.join(str(error).split())[:120]})"
+        return refused(curve.name, why, time.process_time() - began)
+
+
+def _units(config: Config) -> dict[str, str]:
+    return {"length": config.units.length, "force": config.units.force}
+
+
+def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> CurveFit:
+    config, samples, notes = _prepared(curve, request)
+    refuse_hopeless(samples)
+    forces = _forces(config, request.keys, samples, tables)
+    if forces.relaxes and samples.t is None:
+        raise NoCurve("no column of time, which a scene that relaxes needs")
+    estimate = fit(forces, samples, request.unknowns)
+    deep = _depth_of(estimate)
+    if deep > forces.deepest:
+        forces = tables.forces(config, request.keys, DEEPER * deep)
+        estimate = fit(forces, samples, request.unknowns)
+    verdict = _judged(profiled(estimate), config, request.models, tables)
+    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
+
+
+def _prepared(curve: Measured, request: Request) -> tuple[Config, Samples, list[str]]:
+    """The scene as this curve needs it, its samples, and what was assumed."""
+    config, notes = request.config, []
+    is_held = config.experiment is not None and config.experiment.compliance > 0
+    stiffness = curve.stiffness
+    if not is_held and stiffness and curve.z is not None:
+        config = with_experiment(config, cantilever={"stiffness": stiffness})
+        is_held = True
+    along = curve.along("z" if is_held else "delta")
+    if is_held and along == "delta":
+        config = _rigid(config)
+        notes.append("the curve has depths: the scene's spring is not used")
+    if not is_held and along == "z":
+        notes.append("no spring is known: the way of the base is taken for the depth")
+    t = None if curve.t is None else curve.t - curve.t[0]
+    return config, Samples(curve.x(along), curve.force, t), notes
+
+
+def _rigid(config: Config) -> Config:
+    parts = config.experiment
+    assert parts is not None
+    return config.model_copy(update={"experiment": replace(parts, cantilever=None, frame=None)})
+
+
+def _forces(config: Config, keys: tuple[str, ...], samples: Samples, tables: Tables) -> Forces:
+    """The scene's forces to the depth that the curve may have, one that other curves are given too where it exists."""
+    width = _width(samples, config)
+    graded = GRADES ** math.ceil(math.log(DEEPER * width) / math.log(GRADES))
+    try:
+        return tables.forces(config, keys, graded)
+    except (ConfigError, NoTable):
+        return tables.forces(config, keys, BARELY_DEEPER * width)
+
+
+def _width(samples: Samples, config: Config) -> float:
+    """The depth of the part that lies above the baseline, at most [length]."""
+    few = samples.means(MEANS)
+    order = np.argsort(few.x, kind="stable")  # a retraction begins at its deepest
+    x, force = few.x[order], few.force[order]
+    level, top = far_level(few), int(np.argmax(force))
+    rise = float(force[top]) - level
+    below = np.flatnonzero(force[: top + 1] < level + ABOVE * rise)
+    width = float(samples.x.max() - x[below[-1] if len(below) else 0])
+    compliance = config.experiment.compliance if config.experiment else 0.0
+    return max(width - compliance * rise, LEAST_DEPTH * width)
+
+
+def _depth_of(estimate: Estimate) -> float:
+    """The depth of the deepest sample behind the spring [length]."""
+    return estimate.depth - estimate.model.forces.experiment.compliance * estimate.rise
+
+
+def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) -> Verdict:
+    forces = estimate.model.forces
+    seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
+    found: list[Other] = []
+    if wanted == "all" or is_suspect(seen, shape, baseline):
+        found = models.others(estimate, config, tables)
+    uncertain = half_widths(estimate, forces.error, _calibration(config, forces))
+    return Verdict(estimate, seen, shape, baseline, found, uncertain)
+
+
+def _calibration(config: Config, forces: Forces) -> float:
+    """Relative uncertainty of a modulus by those of the cantilever's stiffness and the tip's radius."""
+    given = config.experiment.calibration if config.experiment else None
+    return math.hypot(given.stiffness, _of_R(config, forces.deepest) * given.R if given.R else 0.0) if given else 0.0
+
+
+def _of_R(config: Config, deepest: float) -> float:
+    """The exponent of the tip's radius in the deepest force."""
+    R, at = number_at(config, "indenter.R"), np.array([deepest])
+    sizes = (1.0 - R_VARIATION, 1.0 + R_VARIATION)
+    scenes = (with_numbers(config, {"indenter.R": size * R}) for size in sizes)
+    less, more = (float(solved(scene, deepest).force(at)[0]) for scene in scenes)
+    return math.log(more / less) / math.log(sizes[1] / sizes[0])
+
+
+# ---- what is said of it ------------------------------------------------------------------------------------
+
+
+def _entry(name: str, verdict: Verdict, config: Config, notes: tuple[str, ...], began: float) -> dict[str, Any]:
+    """The curve's entry of fit.json."""
+    estimate, forces = verdict.estimate, verdict.estimate.model.forces
+    parameters, k = forces.parameters, len(forces.parameters)
+    stated = {one.key: verdict.stated(i) for i, one in enumerate(parameters)}
+    numbers = {
+        one.key: vars(stated[one.key]) | {"statistical": [one.value(end) for end in verdict.statistical(i)]}
+        for i, one in enumerate(parameters)
+    }
+    half = 1.96 * float(estimate.sd[k])
+    place = {"value": estimate.contact_point, "low": estimate.contact_point - half}
+    shared = {one.key: ratio for one, ratio in zip(parameters, tied(estimate), strict=True)}
+    rise, n = estimate.rise, len(estimate.model.samples)
+    noise = estimate.found.likeliest
+    residual: dict[str, Any] = {"rms": estimate.rms, "percent": 100 * estimate.rms / rise, "n": n}
+    residual |= {"n_effective": n / noise.samples, "correlation": noise.tau}
+    residual |= {"p_shape": verdict.p_shape, "p_baseline": verdict.p_baseline}
+    span = max(float(np.ptp(estimate.model.samples.x)), 1e-300)
+    found = {"curve": name, "status": "done", "reason": "", "explained": verdict.explained, "cause": verdict.cause}
+    found |= {"parameters": numbers, "fixed": _fixed(config, forces)}
+    found |= {"contact_point": place | {"high": estimate.contact_point + half}}
+    found |= {"baseline": {"force": float(estimate.p[-2]), "slope": float(estimate.p[-1]) / span}}
+    found |= {"force_max": rise, "depth": _depth_of(estimate), "residual": residual}
+    found |= {"window": _windows(verdict), "models": [_model(one, parameters) for one in verdict.others]}
+    found |= {"identifiable": verdict.identifiable, "tied": shared, "words": _words(verdict, config)}
+    found |= {"hertz": _hertz(verdict, config), "model_error": forces.error}
+    return found | {"warnings": [*notes, *_warnings(verdict)], "seconds": time.process_time() - began}
+
+
+def _fixed(config: Config, forces: Forces) -> dict[str, float]:
+    """Numbers of the scene on which a modulus leans, and which the fit did not touch."""
+    known = {}
+    for key in ("material.E", "material.nu", "indenter.R", "indenter.half_angle", "body.height", *SPRINGS):
+        if key not in forces.keys:
+            try:
+                known[key] = number_at(config, key)
+            except ConfigError:
+                continue
+    return known
+
+
+def _windows(verdict: Verdict) -> list[dict[str, float]]:
+    """Values and intervals of every window, the whole curve the last."""
+    parameters = verdict.estimate.model.forces.parameters
+    rows = []
+    for window in verdict.windows:
+        row = {"upper": window.upper}
+        for k, one in enumerate(parameters):
+            low, high = window.interval(k)
+            row |= {one.key: one.value(float(window.theta[k]))}
+            row |= {f"{one.key}_low": one.value(low), f"{one.key}_high": one.value(high)}
+        rows.append(row)
+    last: dict[str, float] = {"upper": 1.0}
+    for k, one in enumerate(parameters):
+        low, high = verdict.statistical(k)
+        last |= {one.key: one.value(float(verdict.estimate.theta[k]))}
+        last |= {f"{one.key}_low": one.value(low), f"{one.key}_high": one.value(high)}
+    return [*rows, last]
+
+
+def _model(other: Other, parameters: tuple[Any, ...]) -> dict[str, Any]:
+    """Another model: what it adds, and the first varied key that it would give."""
+    first = parameters[0] if parameters else None
+    found: dict[str, Any] = {"name": other.name, "p": other.p, "parameters": other.added}
+    if first is None:
+        return found
+    low, high = other.estimate.interval(0)
+    value = first.value(float(other.estimate.theta[0]))
+    return found | {"value": value, "low": first.value(low), "high": first.value(high)}
+
+
+def _hertz(verdict: Verdict, config: Config) -> dict[str, float] | None:
+    """The modulus of a half-space fit from the same contact point, and by how many per cent it is off the scene's."""
+    estimate, forces = verdict.estimate, verdict.estimate.model.forces
+    scene = elastic_scene(config, forces.deepest)
+    scales = scene.physics.scales
+    samples = estimate.model.samples.means(HERTZ_POINTS)
+    off = estimate.model.samples.force - estimate.model.baseline(estimate.p)
+    force = Samples(estimate.model.samples.x, off).means(HERTZ_POINTS).force
+    delta = samples.x - estimate.contact_point - forces.experiment.compliance * force
+    try:
+        known = [hertz_force(scene, float(one / scales.depth)) or 0.0 for one in delta]
+    except UNSOLVED:
+        return None
+    total = sum(one * one for one in known)
+    if not total:
+        return None
+    E = float(np.dot(known, force)) / total / scales.force * scene.physics.material.constants.E * scales.pressure
+    own = next((one.value(float(x)) for one, x in zip(forces.parameters, estimate.theta, strict=True)
+                if one.key == "material.E"), scene.physics.material.constants.E * scales.pressure)  # fmt: skip
+    return {"E": E, "percent": 100 * (E / own - 1)}
+
+
+def _warnings(verdict: Verdict) -> list[str]:
+    estimate = verdict.estimate
+    parameters = estimate.model.forces.parameters
+    told = [f"{one.key} is at the end of its range" for k, one in enumerate(parameters) if estimate.at_bound(k)]
+    error, sd = estimate.model.forces.error, estimate.sd[: len(parameters)]
+    if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):  # a third of 1.96 sd
+        told.append(f"the mesh is off by {100 * error:.2g} %, more than a third of the noise: a finer mesh tells more")
+    return told
+
+
+def _said(key: str, config: Config, value: float) -> str:
+    """A value with its unit, where the scene has units."""
+    kind = kind_of(config, key)
+    told = {"length": config.units.length, "force": config.units.force}
+    if kind is None:
+        return f"{value:.4g}"
+    return scaled(kind, [Results(Path(), {}, {"units": told})], np.array([value]), key).said(value)
+
+
+def kind_of(config: Config, key: str) -> str | None:
+    """Length, force or pressure, of a key of these dimensions."""
+    unit = unit_of(spot_at(key_path(key), to_mapping(config)).type)
+    names = {"length": "length", "force": "force", PRESSURE.words: "pressure"}
+    return names.get(unit.words) if isinstance(unit, Unit) else None
+
+
+def _words(verdict: Verdict, config: Config) -> str:
+    """The verdict in a few sentences."""
+    said = [_sentence(verdict, k, config) for k in range(verdict.estimate.model.size)]
+    if verdict.explained:
+        return " ".join([*said, "Nothing in the curve stands against the scene."])
+    named = ", ".join(one.name for one in verdict.named)
+    other = f"{named} would." if named else "no model known here does." if verdict.others else ""
+    return " ".join([*said, f"The scene does not explain the curve; {other}".rstrip("; ")])
+
+
+def in_short(entry: Mapping[str, Any], config: Config) -> str:
+    """The intervals, and what stands against the scene, on one line."""
+    said = []
+    for key, stated in entry["parameters"].items():
+        value, low, high = (_said(key, config, stated[end]) for end in ("value", "low", "high"))
+        said.append(f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}")
+    against = f"not explained: {', '.join(entry['cause'])}" if entry["cause"] else "explained"
+    return "  ·  ".join([*said, against])
+
+
+def _sentence(verdict: Verdict, k: int, config: Config) -> str:
+    one = verdict.estimate.model.forces.parameters[k]
+    stated = verdict.stated(k)
+    name = one.key.rpartition(".")[2]
+    value, low, high = (_said(one.key, config, number) for number in (stated.value, stated.low, stated.high))
+    text = f"{name} = {value}, 95 % in {low} to {high}"
+    half = 196 * float(verdict.estimate.sd[k])
+    alone = f"statistics alone would say ±{half:.2g} %" if not one.is_linear else ""
+    if "window" in verdict.cause and verdict.windows:
+        first = _said(one.key, config, one.value(float(verdict.windows[0].theta[k])))
+        text += f": the fit moves with the window, from {first} at {verdict.windows[0].upper:g} of the depth"
+    return f"{text}; {alone}." if alone and not verdict.explained else f"{text}."
+
+
+def _drawn(verdict: Verdict) -> Drawn:
+    """The curve off its baseline with the fits, over the depth behind the spring that the scene's has."""
+    estimate = verdict.estimate
+    model, baseline = estimate.model, estimate.model.baseline(estimate.p)
+    fitted = model.contact(estimate.p)
+    delta = model.samples.x - estimate.contact_point - model.forces.experiment.compliance * fitted
+    named: dict[str, np.ndarray] = {}
+    for one in verdict.named:
+        other = one.estimate
+        named[one.name] = other.model.contact(other.p) + other.model.baseline(other.p) - baseline
+    return Drawn(delta, model.samples.force - baseline, fitted, named)
+
+
+def request_words(request: Request) -> Mapping[str, Any]:
+    """What tells one request from another, for the folder that goes on with it."""
+    known = {"scene": to_mapping(request.config), "vary": list(request.keys), "part": request.part}
+    return known | {"unknowns": vars(request.unknowns), "models": request.models}

@@ -1,0 +1,125 @@
+"""Pictures of fits: one curve with its fit, residuals and windows; many curves with their intervals in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from indent_sim.config.schema import Config
+from indent_sim.fitting.curve_fit import CurveFit, in_short, kind_of
+from indent_sim.results.pictures import canvas
+from indent_sim.results.pictures.axes import Axis, in_picture, scaled
+from indent_sim.results.pictures.canvas import COLOURS, GREY, INK, Axes, Figure, Look
+from indent_sim.results.reader import Results
+
+SIZE, MANY_SIZE = (10.5, 5.2), (9.2, 4.8)  # inches
+BASELINE = 1.0  # depths of the baseline that are shown
+BLOCKS = 40  # whose means are drawn over the residuals
+BESIDE = 1.06  # where other models stand beside the windows
+POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
+FIT: Look = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
+Entry = Mapping[str, Any]
+
+
+@contextmanager
+def pictured(fit: CurveFit, config: Config) -> Iterator[Figure]:
+    """The figure of one curve: force with the fit, residuals in per cent of the largest force, and the first varied
+    key by the depth that is used."""
+    assert fit.drawn is not None
+    with canvas.canvas(SIZE) as figure:
+        panels: dict[str, Axes] = figure.subplot_mosaic(
+            [["force", "window"], ["residual", "window"]], width_ratios=[1.5, 1], height_ratios=[2.2, 1]
+        )
+        _forces(panels["force"], panels["residual"], fit, config)
+        keys = list(fit.entry["parameters"])
+        if keys:
+            _windows(panels["window"], fit.entry, keys[0], _axis_of(config, keys[0], [fit.entry]))
+        canvas.head(figure, in_picture(fit.name), in_short(fit.entry, config))
+        yield figure
+
+
+def draw_curve(fit: CurveFit, config: Config, path: Path) -> None:
+    """Draw one curve into a file."""
+    with pictured(fit, config) as figure:
+        canvas.save(figure, path)
+
+
+def draw_many(entries: Sequence[Entry], keys: Sequence[str], config: Config, path: Path) -> None:
+    """Draw the first varied key of many curves with its intervals, in order of its size; hollow: not explained."""
+    done = [entry for entry in entries if entry["status"] == "done"]
+    if not done or not keys:
+        return
+    axis = _axis_of(config, keys[0], done)
+    ordered = sorted(done, key=lambda entry: float(entry["parameters"][keys[0]]["value"]))
+    with canvas.canvas(MANY_SIZE) as figure:
+        axes = figure.subplots()
+        for explained, name in ((True, "explained by the scene"), (False, "not explained")):
+            places = [k for k, entry in enumerate(ordered) if bool(entry["explained"]) is explained]
+            stated = [ordered[k]["parameters"][keys[0]] for k in places]
+            if not places:
+                continue
+            value, low, high = (axis([one[end] for one in stated]) for end in ("value", "low", "high"))
+            look: Look = {"fmt": "o", "ms": 4, "lw": 1.0, "color": COLOURS[0 if explained else 1]}
+            face = {} if explained else {"mfc": "white"}
+            axes.errorbar(places, value, [value - low, high - value], label=name, **look, **face)
+        axes.set(xlabel="curve, by size", ylabel=axis.label)
+        axes.legend(loc="upper left")
+        refused = len(entries) - len(done)
+        beside = f", {refused} refused" if refused else ""
+        canvas.head(figure, f"{len(done)} curves{beside}", "95 % intervals; fit.csv has a row for each curve")
+        canvas.save(figure, path)
+
+
+def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
+    """Measured and fitted forces, and what is left."""
+    drawn, labels = fit.drawn, _shown(config)
+    assert drawn is not None
+    depth = float(drawn.delta.max())
+    shown = drawn.delta > -BASELINE * depth
+    delta, force = labels("length", drawn.delta[shown], "depth δ"), labels("force", drawn.force[shown], "force F")
+    x = delta(drawn.delta[shown])
+    above.plot(x, force(drawn.force[shown]), label="measured", **POINTS)
+    above.plot(x, force(drawn.fit[shown]), label="scene", **FIT)
+    for k, (name, other) in enumerate(drawn.named.items(), start=1):
+        above.plot(x, force(other[shown]), label=f"{name} instead", color=COLOURS[k], ls="--", lw=1.2)
+    above.set(ylabel=force.label)
+    above.legend(loc="upper left")
+    left = 100 * (drawn.force - drawn.fit)[shown] / max(float(np.abs(drawn.fit).max()), 1e-300)
+    below.plot(x, left, **POINTS)
+    size = max(1, len(left) // BLOCKS)
+    whole = len(left) // size * size
+    means = (one[:whole].reshape(-1, size).mean(axis=1) for one in (x, left))
+    below.plot(*means, color=INK, lw=1.0)
+    below.axhline(0, color=GREY, lw=0.6)
+    below.set(xlabel=delta.label, ylabel="residual [%]")
+
+
+def _windows(axes: Axes, entry: Entry, key: str, axis: Axis) -> None:
+    """The key of each window with its own interval over the stated one, named models beside them."""
+    stated, windows = entry["parameters"][key], entry["window"]
+    axes.axhspan(float(axis(stated["low"])), float(axis(stated["high"])), color=COLOURS[0], alpha=0.15, lw=0)
+    upper = [100 * window["upper"] for window in windows]
+    value, low, high = (axis([window[f"{key}{end}"] for window in windows]) for end in ("", "_low", "_high"))
+    axes.errorbar(upper, value, [value - low, high - value], fmt="o", ms=4, lw=1.0, color=COLOURS[0])
+    for k, other in enumerate(entry["models"], start=1):
+        if other["name"] in entry["cause"]:
+            place, bar = axis(other["value"]), axis([[other["value"] - other["low"]], [other["high"] - other["value"]]])
+            axes.errorbar([100 * BESIDE], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"])
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="best")
+    axes.set(xlabel="depth used [%]", ylabel=axis.label)
+
+
+def _shown(config: Config) -> Callable[[str, Any, str], Axis]:
+    units = {"length": config.units.length, "force": config.units.force}
+    return lambda kind, values, name: scaled(kind, [Results(Path(), {}, {"units": units})], values, name)
+
+
+def _axis_of(config: Config, key: str, entries: Sequence[Entry]) -> Axis:
+    name, kind = key.rpartition(".")[2], kind_of(config, key)
+    values = [entry["parameters"][key]["value"] for entry in entries]
+    return _shown(config)(kind, values, name) if kind else Axis(name)

@@ -1,0 +1,60 @@
+"""Tables of a fit: fit.csv, a row for each curve, and the curves themselves with what was fitted to them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from indent_sim.fitting.curve_fit import Drawn
+
+BEGIN = ("curve", "status", "reason", "explained", "cause")
+PLACE = ("contact_point", "contact_point_low", "contact_point_high")
+END = (*PLACE, "force_max", "depth", "rms_percent", "n", "n_effective", "drift_percent", "hertz_E")
+CURVE = ("delta", "force", "fit", "residual")
+Entry = Mapping[str, Any]
+
+
+def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
+    """fit.csv: status, reason and cause in words, each varied key with its interval, and what the residuals leave.
+
+    drift_percent: the first key at half the depth over that at the whole, less one. What a curve lacks is empty.
+    """
+    columns = (*BEGIN, *(f"{key}{end}" for key in keys for end in ("", "_low", "_high")), *END)
+    text = io.StringIO()
+    table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
+    table.writeheader()
+    for entry in entries:
+        table.writerow(_row(entry, keys))
+    return text.getvalue()
+
+
+def _row(entry: Entry, keys: Sequence[str]) -> dict[str, Any]:
+    row: dict[str, Any] = {name: entry.get(name, "") for name in ("curve", "status", "reason")}
+    if entry["status"] != "done":
+        return row
+    row |= {"explained": str(entry["explained"]).lower(), "cause": " ".join(entry["cause"])}
+    for key in keys:
+        stated = entry["parameters"][key]
+        row |= {key: stated["value"], f"{key}_low": stated["low"], f"{key}_high": stated["high"]}
+    place, residual = entry["contact_point"], entry["residual"]
+    row |= {"contact_point": place["value"], "contact_point_low": place["low"], "contact_point_high": place["high"]}
+    row |= {"force_max": entry["force_max"], "depth": entry["depth"], "rms_percent": residual["percent"]}
+    row |= {"n": residual["n"], "n_effective": residual["n_effective"], "drift_percent": drift(entry, keys)}
+    return row | {"hertz_E": (entry["hertz"] or {}).get("E", "")}
+
+
+def drift(entry: Entry, keys: Sequence[str]) -> float | str:
+    """By how many per cent the first key is larger at half the depth; empty where there is no such window."""
+    windows = entry["window"]
+    if not keys or windows[0]["upper"] != 0.5 or not windows[-1][keys[0]]:
+        return ""
+    return float(100 * (windows[0][keys[0]] / windows[-1][keys[0]] - 1))
+
+
+def table_of_curve(drawn: Drawn) -> str:
+    """curves/NAME.csv: depth from first touch, force without its baseline, the fit, and what it leaves."""
+    rows = zip(drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, strict=True)
+    lines = (",".join(f"{float(value):.10g}" for value in row) for row in rows)
+    return "\n".join([",".join(CURVE), *lines, ""])

@@ -1,0 +1,279 @@
+"""Forces: a scene as a function of depth and of its parameters, with what its experiment adds.
+
+    F(x, t; theta),   x the depth delta, or with a spring the way z = delta + compliance F of its base
+
+Signs as everywhere: x > 0 in, F > 0 pushing; 0 before first touch. Units of the scene, times in seconds.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from indent_sim.config.scene_file import to_yaml
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import key_path
+from indent_sim.fitting.elastic_table import LEAST_RADIUS, Lattice, NoTable, Table, elastic_scene
+from indent_sim.fitting.parameters import POWER, POWERS, WORK, Parameter, number_at, parameters_of
+from indent_sim.model.experiment import Experiment
+from indent_sim.process.errors import ConfigError
+from indent_sim.theory.surface.relaxation import PowerLaw, Prony
+
+SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
+SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
+SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power law are not seen
+MOST_ROUNDS, SETTLED = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
+NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
+MOST_TABLES = 100
+# Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for long
+THINNEST_BODY, WIDEST_BODY = 0.2, 20.0
+SAME_PACE = 1e-6  # relative: samples at equal times
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The experiment at some values of the parameters: work of adhesion, compliance, relaxation."""
+
+    scale: float
+    shape: tuple[float, ...]
+    work: float
+    compliance: float
+    modulus: Prony | PowerLaw | None
+    power: float = 0.0  # of the depth, beside the scene's own
+
+
+class Forces:
+    """The force of a scene at depths, or ways of the base, for any values of its varied keys.
+
+    config: the scene; keys: what varies; deepest [length]: of the table. ConfigError for a scene that cannot exist,
+    NoTable for one without a solution.
+    """
+
+    def __init__(self, config: Config, keys: Sequence[str], deepest: float):
+        self.config, self.keys, self.deepest = config, tuple(keys), deepest
+        self.parameters = parameters_of(config, keys, deepest)
+        self.experiment = config.experiment or Experiment()
+        self.pivot = deepest
+        self.adheres = self.experiment.adhesion is not None
+        self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
+        self.lattice = Lattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
+
+        radius = self.lattice.first.radius
+        self.parameters = tuple(_within(one, radius) for one in self.parameters)
+
+    @property
+    def start(self) -> np.ndarray:
+        """The coordinates of the scene's own values."""
+        return np.array([one.theta(one.start) for one in self.parameters])
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The least and largest coordinates."""
+        low, high = zip(*(one.bounds for one in self.parameters), strict=True) if self.parameters else ((), ())
+        return np.array(low, dtype=float), np.array(high, dtype=float)
+
+    @property
+    def scaling(self) -> int | None:
+        """Which parameter multiplies the force, if one does."""
+        return next((k for k, one in enumerate(self.parameters) if one.role == "scale"), None)
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether the force depends on time."""
+        return relaxation_of(self.config) is not None
+
+    @property
+    def has_spring(self) -> bool:
+        """Whether the abscissa is the way of the base."""
+        return self.experiment.compliance > 0
+
+    @property
+    def error(self) -> float:
+        """Relative error bar of the force, from its mesh."""
+        return self.lattice.first.error
+
+    def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
+        """Forces [force] at ways x [length] (n,) and times t (n,), in order of time."""
+        at = self._settings(theta)
+        table = self.lattice.at(at.shape)
+        if self.adheres:
+            return self._adhering(table, at, x)
+        if at.modulus is not None:
+            if t is None:
+                raise ValueError("a scene that relaxes needs times")
+            return self._relaxed(table, at, x, t)
+        if not at.compliance:
+            return self._pressed(table, at, x)
+        top = max(float(x.max(initial=0.0)), 1e-300)
+        deep = min(top, 1.2 * self.deepest) * np.linspace(0.0, 1.0, SAMPLES_OF_WAY) ** 2
+        force = self._pressed(table, at, deep)
+        return np.where(x > 0, np.interp(x, deep + at.compliance * force, force), 0.0)
+
+    def rigid(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """The forces over the depth, without spring and relaxation: where a fit begins."""
+        at = self._settings(theta)
+        table = self.lattice.at(at.shape)
+        if self.adheres:
+            held = replace(at, compliance=0.0, modulus=None)
+            return lambda delta: self._adhering(table, held, delta)
+        return lambda delta: self._pressed(table, at, delta)
+
+    def _pressed(self, table: Table, at: Settings, delta: np.ndarray) -> np.ndarray:
+        """The elastic force at depths: the scene's, times another power of the depth."""
+        force = at.scale * table.force(delta)
+        return force * np.maximum(delta / self.pivot, NEAR_ZERO) ** at.power if at.power else force
+
+    def _settings(self, theta: np.ndarray) -> Settings:
+        values = {one.key: one.value(float(x)) for one, x in zip(self.parameters, theta, strict=True)}
+        scale = math.prod(values[one.key] / one.start for one in self.parameters if one.role == "scale")
+        adhesion = self.experiment.adhesion
+        work = values.get(WORK, adhesion.work if adhesion else 0.0)
+        held, frame = self.experiment.cantilever, self.experiment.frame
+        compliance = 1.0 / values.get("experiment.cantilever.stiffness", held.stiffness) if held else 0.0
+        compliance += values.get("experiment.frame.compliance", frame.compliance) if frame else 0.0
+        varied = {one.key: values[one.key] for one in self.parameters if one.role == "relaxation"}
+        power = values.get(POWER, 0.0)
+        modulus = relaxation_of(self.config, varied)
+        return Settings(scale, tuple(theta[self._shape]), work, compliance, modulus, power)
+
+    def with_free_power(self, pivot: float) -> Forces:
+        """The same scene whose force rises with a free power of the depth beside its own, as under another tip; at the
+        depth `pivot` [length] the force is the scene's."""
+        other = copy.copy(self)
+        other.parameters = (*self.parameters, Parameter(POWER, 0.0, "power", *POWERS, is_linear=True))
+        other.keys, other.pivot = (*self.keys, POWER), pivot
+        return other
+
+    def _adhering(self, table: Table, at: Settings, x: np.ndarray) -> np.ndarray:
+        """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes off."""
+        assert table.punches is not None
+        end = math.log(LEAST_RADIUS)
+        ln_a = np.linspace(end, 0.0, SAMPLES_OF_RADIUS)
+        logs = [np.polynomial.chebyshev.chebval(1.0 - 2.0 * ln_a / end, one) for one in table.punches]
+        delta, force, K, slope = np.exp(logs)
+        q = np.sqrt(4.0 * np.pi * table.widest * np.exp(ln_a) * at.work / (at.scale * slope))
+        delta, force = delta - q, at.scale * (force - K * q)
+        way = delta + at.compliance * force
+        falls = np.flatnonzero(np.diff(way) <= 0)
+        first = int(falls[-1]) + 1 if len(falls) else 0
+        touches = np.logical_or.accumulate(x >= 0.0)
+        return np.where(touches & (x >= way[first]), np.interp(x, way[first:], force[first:]), 0.0)
+
+    def _relaxed(self, table: Table, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """The force of a relaxing body: depths behind a spring are found by rounds of Newton's kind."""
+        law = prony_of(at.modulus, t)
+        force = relaxed(self._pressed(table, at, x), t, law)
+        if not at.compliance:
+            return force
+        delta, h = x.copy(), 1e-6 * self.deepest
+        for _ in range(MOST_ROUNDS):
+            elastic = self._pressed(table, at, delta)
+            stiffness = (self._pressed(table, at, delta + h) - elastic) / h
+            force = relaxed(elastic, t, law)
+            change = (x - delta - at.compliance * force) / (1.0 + at.compliance * stiffness)
+            delta = delta + change
+            if np.abs(change).max(initial=0.0) < SETTLED * self.deepest:
+                break
+        return force
+
+
+def _within(parameter: Parameter, radius: float) -> Parameter:
+    """A height between those that are worth solving, for a contact of this radius [length]."""
+    if parameter.key.rpartition(".")[2] not in ("height", "thickness"):
+        return parameter
+    thinnest, thickest = THINNEST_BODY * radius, WIDEST_BODY * radius
+    low = max(parameter.low, min(thinnest, 0.99 * parameter.start))
+    return replace(parameter, low=low, high=max(thickest, 1.01 * parameter.start))
+
+
+def relaxed(elastic: np.ndarray, t: np.ndarray, law: Prony) -> np.ndarray:
+    """F = rest F_el + sum g_i h_i, dh_i/dt = dF_el/dt - h_i/tau_i: exact where F_el is linear between the times."""
+    dt, rise = np.diff(t), np.diff(elastic)
+    force = law.lasting * elastic
+    steady = bool(len(dt)) and bool(np.all(np.abs(dt - dt[0]) <= SAME_PACE * abs(dt[0])))
+    for fraction, tau in zip(law.fractions, law.times, strict=True):
+        decay = np.exp(-dt / tau)
+        gain = np.where(dt > 0, rise * -np.expm1(-dt / tau) * tau / np.where(dt > 0, dt, 1.0), rise)
+        force = force + fraction * np.append(elastic[0], _held(elastic[0], decay, gain, steady))
+    return force
+
+
+def _held(first: float, decay: np.ndarray, gain: np.ndarray, steady: bool) -> np.ndarray:
+    """h_j = h_{j-1} decay_j + gain_j."""
+    if steady and len(decay):
+        return lfilter([1.0], [1.0, -decay[0]], gain, zi=np.array([decay[0] * first]))[0]  # type: ignore[no-any-return]
+    held, now = np.empty(len(decay)), first
+    for j, (d, g) in enumerate(zip(decay.tolist(), gain.tolist(), strict=True)):
+        now = now * d + g
+        held[j] = now
+    return held
+
+
+def prony_of(modulus: Prony | PowerLaw | None, t: np.ndarray) -> Prony:
+    """A relaxation as a sum of exponentials between the shortest and the longest of some times."""
+    assert modulus is not None
+    span = max(float(np.ptp(t)), 1e-300)
+    return modulus.prony(SHORTEST_SHARE * span / max(len(t) - 1, 1), span)
+
+
+def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> Prony | PowerLaw | None:
+    """The relaxation of a scene, with other numbers at some of its keys; None where it does not relax."""
+    law = next((law.relaxation for _, law in config.materials() if law.relaxation), None)
+    if law is None:
+        return None
+    numbers = {_inside(key): value for key, value in (values or {}).items()}
+    if law.power_law:
+        own = law.power_law
+        exponent, time = (numbers.get(("power_law", name), getattr(own, name)) for name in ("exponent", "time"))
+        return PowerLaw(exponent, time)
+    given = enumerate(law.prony or ())
+    terms = [[numbers.get(("prony", k, i), value) for i, value in enumerate(term)] for k, term in given]
+    return Prony(tuple(term[0] for term in terms), tuple(term[1] for term in terms))
+
+
+def _inside(key: str) -> tuple[str | int, ...]:
+    """What of a key lies inside the relaxation of a material, which is the same in all of them."""
+    path = key_path(key)
+    return tuple(path[path.index("relaxation") + 1 :])
+
+
+class Tables:
+    """The forces of scenes to some depths, made once for all curves that share them."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, tuple[str, ...], float], Forces] = {}
+
+    def forces(self, config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
+        """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
+        name = to_yaml(config), keys, deepest
+        if name not in self._known:
+            if len(self._known) >= MOST_TABLES:
+                self._known.clear()
+            self._known[name] = _new(config, keys, deepest)
+        return self._known[name]
+
+
+def _new(config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
+    for key in keys:
+        number_at(config, key)
+    try:
+        return Forces(config, keys, deepest)
+    except ConfigError as error:
+        elastic_scene(config, _own_depth(config))  # wrong whatever the depth
+        raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error
+
+
+def _own_depth(config: Config) -> float:
+    """A depth at which the scene itself must exist."""
+    loading = config.loading
+    return loading.delta or max(loading.deltas or (0.0,)) or 1e-3 * _size(config)
+
+
+def _size(config: Config) -> float:
+    height = getattr(config.body, "height", None)
+    return float(height or getattr(config.indenter, "R", None) or 1.0)

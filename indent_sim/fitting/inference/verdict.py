@@ -1,0 +1,197 @@
+"""Verdict: whether a scene explains a curve, and the interval that is stated for each parameter.
+
+It does not where the residuals have a shape, where a window's fit moves, where the contact is noisier than the
+baseline, or where another model is better. The interval is then widened until nothing contradicts it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from indent_sim.fitting.inference.estimate import Estimate, averaged_at
+from indent_sim.fitting.inference.models import Other
+from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
+from indent_sim.fitting.inference.windows import Window
+
+COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
+NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
+LEAST_BASELINE, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
+SUSPECT_SHAPE, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 2.5, 1e-3  # where other models are asked
+WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
+NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
+UNKNOWN_FACTOR = 3.0  # an interval beyond it is none
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A fit judged: what the residuals, windows and other models say of it.
+
+    uncertain: half-widths of each coordinate from the mesh and from calibration (k,), added in quadrature.
+    """
+
+    estimate: Estimate
+    windows: list[Window]
+    p_shape: float
+    p_baseline: float | None
+    others: list[Other] = field(default_factory=list)
+    uncertain: tuple[float, ...] = ()
+
+    @property
+    def named(self) -> list[Other]:
+        """The models that are better than the scene's by more than accident."""
+        return [one for one in self.others if one.p < NAMED]
+
+    @cached_property
+    def cause(self) -> list[str]:
+        """What stands against the scene: names of models, and shape, window, baseline; nothing where the residuals are
+        those of arithmetic, as of a curve that was simulated."""
+        if self.estimate.rms < NEGLIGIBLE * self.estimate.rise:
+            return []
+        moved = any(self._moves(k) for k in range(self.estimate.model.size))
+        noisy = self.p_baseline is not None and self.p_baseline < WRONG_BASELINE
+        told = {"shape": self.p_shape < WRONG_SHAPE, "window": moved, "baseline": noisy}
+        return [*(one.name for one in self.named), *(name for name, is_so in told.items() if is_so)]
+
+    def _moves(self, k: int) -> bool:
+        """Whether a window's value lies too far off, or its own interval misses that of the whole curve."""
+        low, high = self._uncertain(k, *self.statistical(k))
+        for window in self.windows:
+            own_low, own_high = window.interval(k)
+            if abs(window.z[k]) > WRONG_Z or own_high < low or own_low > high:
+                return True
+        return False
+
+    @property
+    def explained(self) -> bool:
+        """Whether nothing stands against the scene."""
+        return not self.cause
+
+    def statistical(self, k: int) -> tuple[float, float]:
+        """The interval of a coordinate by noise alone."""
+        return self.estimate.interval(k)
+
+    def interval(self, k: int) -> tuple[float, float]:
+        """The stated interval of a coordinate: with mesh and calibration; spanning all windows and the named models
+        where the scene does not explain the curve."""
+        low, high = self.statistical(k)
+        if not self.explained:
+            low = min([low, *(float(window.theta[k]) for window in self.windows)])
+            high = max([high, *(float(window.theta[k]) for window in self.windows)])
+            for other in self.named:
+                other_low, other_high = other.estimate.interval(k)
+                low, high = min(low, other_low), max(high, other_high)
+        low, high = self._uncertain(k, low, high)
+        least, most = self.estimate.model.forces.parameters[k].bounds
+        return max(low, least), min(high, most)
+
+    def _uncertain(self, k: int, low: float, high: float) -> tuple[float, float]:
+        """An interval with mesh and calibration in quadrature."""
+        value, more = float(self.estimate.theta[k]), self.uncertain[k] if self.uncertain else 0.0
+        return value - math.hypot(value - low, more), value + math.hypot(high - value, more)
+
+    def stated(self, k: int) -> Interval:
+        """Value and interval of a varied key, in the scene's units."""
+        one = self.estimate.model.forces.parameters[k]
+        ends = (one.value(end) for end in self.interval(k))
+        return Interval(one.value(float(self.estimate.theta[k])), *ends)
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether every parameter is known to a factor of three and lies inside its range."""
+        keys = range(self.estimate.model.size)
+        return not any(self.estimate.at_bound(k) or self._factor(k) > UNKNOWN_FACTOR for k in keys)
+
+    def _factor(self, k: int) -> float:
+        stated = self.stated(k)
+        ends = (abs(stated.high), abs(stated.value), abs(stated.low))
+        if self.estimate.model.forces.parameters[k].is_linear or min(ends) == 0:
+            return 1.0
+        return max(ends[0] / ends[1], ends[1] / ends[2])
+
+
+def is_suspect(windows: Sequence[Window], p_shape: float, p_baseline: float | None) -> bool:
+    """Whether other models are worth asking."""
+    moves = any(np.any(np.abs(window.z) > SUSPECT_Z) for window in windows)
+    return moves or p_shape < SUSPECT_SHAPE or (p_baseline is not None and p_baseline < SUSPECT_BASELINE)
+
+
+def shape_of(estimate: Estimate) -> float:
+    """The probability that the residuals look so wavy by accident: an F test of eight cosines in the contact.
+
+    The noise is found with and without them; the larger probability counts, since either may take one for the other.
+    """
+    model, p = estimate.model, estimate.ordinary
+    J, r = model.jacobian(p)[:, model.free], model.residual(p)
+    c, x = estimate.contact_point, model.samples.x
+    begin, end = c - BEFORE * estimate.depth, float(x.max())
+    u = np.clip((x - begin) / (end - begin), 0.0, 1.0)
+    waves = np.column_stack([np.where(x >= begin, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINES + 1)])
+    with_them = averaged(np.column_stack([J, waves]), r).likeliest
+    return max(gain(J, waves, r, noise) for noise in {with_them, estimate.found.likeliest})
+
+
+def baseline_of(estimate: Estimate) -> float | None:
+    """The probability that the contact is as noisy as the baseline by accident; None where the baseline is short."""
+    model, r = estimate.model, estimate.residual
+    c, x = estimate.contact_point, model.samples.x
+    before = x < c - NEAR_CONTACT * estimate.depth  # a tip that snaps in is missed by its model there
+    n, m = int(np.count_nonzero(before)), int(np.count_nonzero(~before))
+    if n < LEAST_BASELINE or not m:
+        return None
+    line = np.column_stack([np.ones(n), x[before] - x[before].mean()])
+    found = averaged(line, r[before])
+    if n / found.likeliest.samples < LEAST_EFFECTIVE:
+        return None
+    inside = float(r[~before] @ found.likeliest.whitened(r[~before])[0])
+    return f_test(inside, m, found.s2 * (n - 2), n - 2)
+
+
+def tied(estimate: Estimate) -> list[float]:
+    """Half width of each coordinate over that with all other varied keys known."""
+    ratios = []
+    for k in range(estimate.model.size):
+        held = [j for j in range(estimate.model.size) if j != k]
+        ratios.append(_alone(estimate, k, held))
+    return ratios
+
+
+def _alone(estimate: Estimate, k: int, held: Sequence[int]) -> float:
+    if not held:
+        return 1.0
+    model = estimate.model
+    free = model.free.copy()
+    free[list(held)] = False
+    J, noise = model.jacobian(estimate.p)[:, free], estimate.found.likeliest
+    covariance = estimate.found.s2 * np.linalg.pinv(J.T @ noise.whitened(J)[0])
+    place = int(np.count_nonzero(free[:k]))
+    whole = averaged_at(model, estimate.p, [noise]).sd[k]
+    return float(whole / max(math.sqrt(max(covariance[place, place], 0.0)), 1e-300))
+
+
+def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:
+    """By how much the coordinates move where the modelled force is off by `change` (n,)."""
+    model, noise = estimate.model, estimate.found.likeliest
+    J = model.jacobian(estimate.p)[:, model.free]
+    VJ = noise.whitened(J)[0]
+    return np.abs(np.linalg.lstsq(J.T @ VJ, VJ.T @ change, rcond=1e-13)[0][: model.size])
+
+
+def half_widths(estimate: Estimate, mesh: float, calibration: float) -> tuple[float, ...]:
+    """What a relative error of the force, from the mesh and from calibration at one standard deviation, adds."""
+    force = estimate.model.contact(estimate.p)
+    of = shifted(estimate, math.hypot(mesh, NORMAL_95 * calibration) * force)
+    return tuple(of.tolist())

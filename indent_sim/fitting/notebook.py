@@ -1,0 +1,81 @@
+"""A fit in a notebook: one curve and one scene -> parameters and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from indent_sim.config.scene_file import from_mapping, load
+from indent_sim.config.schema import Config
+from indent_sim.fitting.curve_fit import CurveFit, Models, Request, fit_curve
+from indent_sim.fitting.forces import Tables
+from indent_sim.fitting.inference.estimate import Unknowns
+from indent_sim.fitting.inference.verdict import Interval
+from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.results.measured.curve_file import read_measured
+from indent_sim.results.measured.measurement import Measured, Part, parts_of
+
+if TYPE_CHECKING:
+    from indent_sim.results.pictures.canvas import Figure
+
+Curve = str | Path | Measured | tuple[Any, Any]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A scene fitted to a curve: parameters by key, each with value, low and high, and the verdict in words."""
+
+    parameters: dict[str, Interval]
+    explained: bool
+    words: str
+    entry: dict[str, Any] = field(repr=False)
+    _curve_fit: CurveFit = field(repr=False)
+    _config: Config = field(repr=False)
+
+    def figure(self) -> Figure:
+        """Force, fit, residuals and windows."""
+        from indent_sim.fitting import fit_picture
+
+        with fit_picture.pictured(self._curve_fit, self._config) as figure:
+            return figure
+
+
+def fit(
+    curve: Curve,
+    scene: Config | Mapping[str, Any] | str | Path,
+    vary: Sequence[str] = ("material.E",),
+    *,
+    segment: Part = "approach",
+    columns: Sequence[str] = (),
+    units: Mapping[str, str] | None = None,
+    contact_point: float | None = None,
+    models: Models = "needed",
+) -> Fit:
+    """Fit the keys `vary` of a scene to one measured curve, contact point and baseline unknown.
+
+    curve: a file, the first curve of which is taken, a `Measured`, or arrays (depth, force) in the scene's units.
+    NotConverged with the reason for a curve that tells nothing; ConfigError for a key or scene that is wrong.
+    """
+    config = scene if isinstance(scene, Config) else from_mapping(scene) if isinstance(scene, Mapping) else load(scene)
+    request = Request(config, tuple(vary), segment, Unknowns(contact_point), models)
+    found = fit_curve(_measured(curve, columns, units), request, Tables())
+    if not found.is_done:
+        raise NotConverged(f"{found.name}: {found.entry['reason']}")
+    stated = found.entry["parameters"]
+    numbers = {key: Interval(*(stated[key][end] for end in ("value", "low", "high"))) for key in stated}
+    return Fit(numbers, found.entry["explained"], found.entry["words"], found.entry, found, config)
+
+
+def _measured(curve: Curve, columns: Sequence[str], units: Mapping[str, str] | None) -> Measured:
+    if isinstance(curve, Measured):
+        return curve
+    if isinstance(curve, tuple):
+        delta, force = (np.asarray(values, dtype=float) for values in curve)
+        if delta.ndim != 1 or delta.shape != force.shape:
+            raise UsageError("a curve is two rows of numbers of one length")
+        return Measured("curve", force, delta, parts=parts_of(delta))
+    return read_measured(curve, columns or None, units)[0]

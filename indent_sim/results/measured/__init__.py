@@ -1,0 +1,1 @@
+"""Measured curves: text tables of any kind and AFM files <-> depth, force and time."""

@@ -1,0 +1,153 @@
+"""Measurement: one measured curve as arrays, its parts (approach, hold, retract) and its units."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, cast, get_args
+
+import numpy as np
+
+from indent_sim.config.quantities import size_of
+from indent_sim.process.errors import ConfigError, UsageError, printable
+
+Part = Literal["approach", "hold", "retract", "all"]
+Along = Literal["delta", "z"]
+PARTS: tuple[Part, ...] = get_args(Part)
+PLATEAU = 0.01  # of the range of depths: what is nearer to the deepest may be a hold
+# A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least, it is a hold
+LEAST_HOLD, FEWEST_HELD = 0.1, 10
+TURNED = 0.1  # of the range: a path that goes back by less has not turned
+KINDS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
+UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
+
+
+class NoCurve(UsageError):
+    """A file, or a part of it, that holds no measured curve; the message says why."""
+
+    prefix = "not a curve: "
+
+    def __init__(self, why: str, file: str = ""):
+        super().__init__(printable(f"{self.prefix}{why}"), file=file)
+
+
+class Uncalibrated(NoCurve):
+    """A file of voltages that lacks what makes forces of them."""
+
+    prefix = ""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One measured curve, in the order of time.
+
+    delta (n,) depth [length] > 0 in, z (n,) way of the base [length], which grows towards the body; one of them may be
+    unknown. force (n,) > 0 pushing, t (n,) [time] or None. parts: rows of approach, hold and retract, those that there
+    are. stiffness [force/length] of the cantilever, where the file says it; units: names of length, force and time,
+    "" where the file says none; notes: what was assumed, in words.
+    """
+
+    name: str
+    force: np.ndarray
+    delta: np.ndarray | None = None
+    z: np.ndarray | None = None
+    t: np.ndarray | None = None
+    stiffness: float | None = None
+    parts: Mapping[str, slice] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.force)
+
+    def along(self, wanted: Along) -> Along:
+        """The abscissa that there is: the one that is wanted, else the other."""
+        other: Along = "z" if wanted == "delta" else "delta"
+        return wanted if getattr(self, wanted) is not None else other
+
+    def x(self, along: Along) -> np.ndarray:
+        """The abscissa by name [length]."""
+        return cast(np.ndarray, getattr(self, along))
+
+    def part(self, name: Part) -> Measured:
+        """The rows of one part, of hold those of the approach before it too; NoCurve where there is no such part."""
+        if name == "all":
+            return self
+        if name not in self.parts:
+            there = ", ".join(self.parts)
+            raise NoCurve(f"{self.name} has no {name}, but {there}")
+        rows = self.parts[name]
+        return self._rows(slice(0, rows.stop) if name == "hold" else rows)
+
+    def _rows(self, rows: slice) -> Measured:
+        cut = {name: None if (values := getattr(self, name)) is None else values[rows] for name in KINDS}
+        return replace(self, parts={}, **cut)  # type: ignore[arg-type]
+
+    def in_units(self, units: Mapping[str, str]) -> Measured:
+        """The curve in the units of a scene; numbers without a unit are the scene's, times in seconds.
+
+        ConfigError where the curve has a unit, and the scene says none of its kind.
+        """
+        wanted = dict(units) | {"time": "s"}
+        factors = {kind: _factor(kind, self.units.get(kind, ""), wanted.get(kind, "")) for kind in KINDS.values()}
+        columns = {name: None if (one := getattr(self, name)) is None else one * factors[KINDS[name]] for name in KINDS}
+        stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
+        return replace(self, **columns, stiffness=stiffness, units=wanted)  # type: ignore[arg-type]
+
+
+def _factor(kind: str, own: str, wanted: str) -> float:
+    """How many of the wanted unit one of the curve's own is."""
+    if not own or own == wanted:
+        return 1.0
+    if not wanted:
+        raise ConfigError("units", f"the curve has the {kind} in {own}, and the scene says no unit", UNITS_REMEDY)
+    return size_of(own, kind) / size_of(wanted, kind)
+
+
+def parts_of(x: np.ndarray) -> dict[str, slice]:
+    """The rows of approach, hold and retract of a path (n,) that goes in, may stay, and may come back.
+
+    A path that only goes out is an approach read backwards, as files that are sorted are.
+    """
+    n, span = len(x), float(np.ptp(x))
+    if n < 2 or not span > 0:
+        return {"approach": slice(0, n)}
+    deepest, top = int(np.argmax(x)), float(x.max())
+    if top - x[0] < TURNED * span:  # it begins at the deepest
+        return {"approach": slice(0, n)}
+    high = np.flatnonzero(x > top - PLATEAU * span)
+    first, last = int(high[0]), int(high[-1]) + 1
+    if len(high) > max(LEAST_HOLD * n, FEWEST_HELD):
+        parts = {"approach": slice(0, first + 1), "hold": slice(first + 1, last)}
+    else:
+        parts, last = {"approach": slice(0, deepest + 1)}, deepest + 1
+    if last < n and top - x[last:].min() > TURNED * span:
+        return parts | {"retract": slice(last, n)}
+    if "hold" in parts:
+        return parts | {"hold": slice(first + 1, n)}
+    return {"approach": slice(0, n)}
+
+
+def parts_by_name(names: np.ndarray) -> dict[str, slice]:
+    """The same of a column of words (approach, extend, hold, pause, retract, ...) or of numbers in order of time."""
+    changes = np.flatnonzero(names[1:] != names[:-1]) + 1
+    ends = [0, *changes.tolist(), len(names)]
+    parts: dict[str, slice] = {}
+    spoken = {str(name) for name in names[ends[:-1]]}
+    by_number = dict(zip(sorted(spoken), ("approach", "retract"), strict=False))
+    for begin, end in itertools.pairwise(ends):
+        word = str(names[begin]).strip().lower()
+        part = WORDS.get(word) or (by_number.get(str(names[begin])) if len(spoken) <= 2 else None)
+        if part is None:
+            raise NoCurve(f"'{word}' is no name of a part: approach, hold, retract")
+        if part not in parts:
+            parts[part] = slice(begin, end)
+        elif parts[part].stop == begin:
+            parts[part] = slice(parts[part].start, end)
+    return parts
+
+
+WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
+WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
+WORDS |= dict.fromkeys(("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract")

@@ -1,0 +1,53 @@
+"""A force curve -> .tab: tab-separated text with metadata, in SI units, that AFM programs open."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from indent_sim.config.quantities import size_of
+from indent_sim.process.errors import UsageError
+from indent_sim.process.version import VERSION
+from indent_sim.results.reader import Results
+
+COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
+STIFF = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
+FREE = 0.5  # of the depth: the way before contact that is written, where no force is felt
+RATE = 1.0  # depths per second
+
+
+def tab_of(results: Results) -> str:
+    """The text of a .tab file: approach, after a way without force, and retract, of a result.
+
+    height (measured) [m] is that of the base, -(delta + force/k), tip position [m] -delta, k the spring constant of the
+    metadata. UsageError for a result without units, which no other program could read.
+    """
+    units = results.report.get("units") or {}
+    if not (units.get("length") and units.get("force")):
+        raise UsageError(f"{results.path} says no units", "add units: {length: um, force: nN} to its scene")
+    if not results["delta"].max(initial=0.0) > 0:
+        raise UsageError(f"{results.path} has no row in contact", file=str(results.path))
+    delta, force = (
+        results[name] * size_of(units[kind], kind) for name, kind in (("delta", "length"), ("force", "force"))
+    )
+    turn = int(np.argmax(delta)) + 1
+    step = delta.max() / max(turn, 2)
+    free = np.arange(-FREE * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step)
+    back = np.array([delta[turn - 1]]) if turn == len(delta) else delta[turn:]
+    back_force = np.array([force[turn - 1]]) if turn == len(delta) else force[turn:]
+    delta = np.concatenate([free, delta[:turn], back])
+    force = np.concatenate([0.0 * free, force[:turn], back_force])
+    k = STIFF * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
+    time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (RATE * delta.max())
+    retracts = np.arange(len(delta)) >= len(free) + turn
+    table = zip(force, -(delta + force / k), -delta, time, retracts, strict=True)
+    lines = ["\t".join([*(f"{value:.12e}" for value in row[:4]), str(bool(row[4]))]) for row in table]
+    return "\n".join([*_head(k, len(delta)), *lines, ""])
+
+
+def _head(stiffness: float, points: int) -> list[str]:
+    said = {"imaging mode": "force-distance", "spring constant": stiffness, "point count": points, "enum": 0}
+    told = json.dumps(said | {"software": f"indent-sim {VERSION}"}, indent=2).splitlines()
+    metadata = [f"# {line}" for line in told]
+    return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(COLUMNS)]

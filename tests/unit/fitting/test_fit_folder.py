@@ -1,0 +1,134 @@
+"""A fit of files: entries, tables and pictures, a folder that is gone on with, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measurements import N, drawn, measured
+
+import indent_sim
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.fitting.curve_fit import Request
+from indent_sim.fitting.fit_folder import Fits, Reading, fit_all
+from indent_sim.fitting.forces import Forces
+from indent_sim.fitting.inference.noise import WHITE
+from indent_sim.process.errors import ConfigError, NotConverged, UsageError
+
+SCENE = {
+    "units": {"length": "um", "force": "nN"},
+    "body": {"shape": "half_space"},
+    "material": {"model": "linear_elastic", "E": "1 kPa", "nu": 0.5},
+    "indenter": {"shape": "paraboloid", "R": "5 um"},
+    "loading": {"delta": "0.5 um"},
+    "output": {"plot": False},
+}
+REQUEST = Request(from_mapping(SCENE), ("material.E",))
+X = np.linspace(-1, 1, N)
+FORCES = Forces(REQUEST.config, ["material.E"], 1.3)
+
+
+def write(path: Path, E: float = 2.0, seed: int = 0) -> Path:
+    """A curve in nm and pN, with a decimal comma."""
+    force = measured(FORCES, [np.log(E)], X, drawn(WHITE, N, np.random.default_rng(seed)), c=0.1)
+    rows = "".join(f"{1e3 * x:.5f};{1e3 * f:.5f}\n" for x, f in zip(X, force, strict=True))
+    path.write_text("depth [nm];force [pN]\n" + rows.replace(".", ","))
+    return path
+
+
+def fitted(paths: list[Path], folder: Path, request: Request = REQUEST, **how) -> Fits:  # type: ignore[no-untyped-def]
+    """The fit of some files."""
+    return fit_all(paths, request, folder, **how)
+
+
+@pytest.fixture
+def curves(tmp_path: Path) -> Path:
+    """A folder of three curves, and what is none."""
+    folder = tmp_path / "curves"
+    folder.mkdir()
+    for k, E in enumerate((1.0, 2.0, 4.0)):
+        write(folder / f"c{k}.csv", E, k)
+    (folder / "empty.csv").write_text("")
+    (folder / "short.csv").write_text("depth [um],force [nN]\n1,2\n2,3\n3,4\n")
+    (folder / "absurd.csv").write_text("delta,force\n" + "".join(f"{k}e99,{k * k}e90\n" for k in range(1, 60)))
+    return folder
+
+
+def test_every_curve_has_an_entry_and_a_row(curves, tmp_path):
+    fits = fitted([curves], tmp_path / "fit")
+    by_name = {entry["curve"]: entry for entry in fits.entries}
+    assert list(by_name) == ["absurd", "c0", "c1", "c2", "empty", "short"] and fits.exit_code == 0
+    for name, E in (("c0", 1.0), ("c1", 2.0), ("c2", 4.0)):
+        stated = by_name[name]["parameters"]["material.E"]
+        assert stated["low"] < E < stated["high"] and stated["high"] < 1.1 * stated["low"]
+        assert by_name[name]["contact_point"]["value"] == pytest.approx(0.1, abs=0.05)
+        assert by_name[name]["hertz"]["percent"] == pytest.approx(0.0, abs=0.1)  # it is a half-space
+        assert by_name[name]["window"][-1]["upper"] == 1.0 and by_name[name]["identifiable"]
+    assert by_name["short"]["reason"] == "3 points"
+    assert by_name["empty"]["reason"] == "not a curve: the file is empty"
+    assert by_name["absurd"]["status"] == "refused"
+    rows = list(csv.DictReader((tmp_path / "fit" / "fit.csv").open()))
+    assert [row["curve"] for row in rows] == list(by_name) and float(rows[1]["material.E"]) == pytest.approx(1.0, 0.05)
+    table = np.genfromtxt(tmp_path / "fit" / "curves" / "c1.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table["force"] - table["fit"], table["residual"], atol=1e-8)  # of ten digits
+    said = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert said["status"] == "done" and said["exit_code"] == 0 and len(said["curves"]) == 6
+    assert not list((tmp_path / "fit").glob("*.png"))
+
+
+def test_a_folder_goes_on_with_what_is_new_or_changed(curves, tmp_path):
+    fitted([curves], tmp_path / "fit")
+    before = json.loads((tmp_path / "fit" / "fit.json").read_text())["curves"]
+    write(curves / "c1.csv", 3.0)
+    write(curves / "c9.csv", 3.0)
+    told: list[str] = []
+    after = fitted([curves], tmp_path / "fit", tell=told.append).entries
+    assert len(told) == 2 and "c1" in told[0] and "c9" in told[1]
+    assert [entry for entry in after if entry["curve"] not in ("c1", "c9")] == [
+        entry for entry in before if entry["curve"] != "c1"
+    ]
+
+
+def test_another_scene_or_a_foreign_folder_is_refused(curves, tmp_path):
+    fitted([curves / "c0.csv"], tmp_path / "fit")
+    with pytest.raises(UsageError, match="holds the fit of another scene"):
+        fitted([curves / "c0.csv"], tmp_path / "fit", replace(REQUEST, part="all"))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("years")
+    with pytest.raises(UsageError, match="was not made by indent-sim"):
+        fitted([curves / "c0.csv"], tmp_path / "mine")
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+    with pytest.raises(UsageError, match="there is no curve"):
+        fitted([tmp_path / "nothing.csv"], tmp_path / "new")
+    with pytest.raises(ConfigError, match="is no number of the scene"):
+        fitted([curves / "c0.csv"], tmp_path / "new", replace(REQUEST, keys=("material.Q",)))
+    with pytest.raises(ConfigError, match="there is no column 'x'"):
+        fitted([curves / "c0.csv"], tmp_path / "other", reading=Reading(("x", "force")))
+    assert not (tmp_path / "new").exists() and not (tmp_path / "other").exists()
+
+
+def test_curves_of_one_name_have_rows_of_their_own(curves, tmp_path):
+    (tmp_path / "more").mkdir()
+    write(tmp_path / "more" / "c0.csv")
+    fits = fitted([curves / "c0.csv", tmp_path / "more" / "c0.csv", curves / "c0.csv"], tmp_path / "fit")
+    assert [entry["curve"] for entry in fits.entries] == ["c0", "c0.csv", "c0-2"]
+
+
+def test_a_curve_deeper_than_the_body_is_its_reason(tmp_path):
+    body = from_mapping(SCENE | {"body": {"shape": "layer", "height": "0.4 um"}, "loading": {"delta": "0.1 um"}})
+    fits = fitted([write(tmp_path / "c.csv")], tmp_path / "fit", replace(REQUEST, config=body))
+    assert fits.exit_code == 5 and fits.entries[0]["reason"].startswith("deeper than the scene is made for")
+
+
+def test_the_fit_of_a_notebook(tmp_path):
+    found = indent_sim.fit(write(tmp_path / "c.csv"), SCENE, vary=["material.E"])
+    assert found.parameters["material.E"].low < 2.0 < found.parameters["material.E"].high and found.explained
+    force = FORCES(np.array([0.0]), X)
+    arrays = indent_sim.fit((X, force + 1e-3 * np.sin(1e3 * X)), SCENE)
+    assert arrays.parameters["material.E"].value == pytest.approx(1.0, rel=1e-3)
+    with pytest.raises(NotConverged, match="no contact"):
+        indent_sim.fit((X, np.zeros(N)), SCENE)

@@ -1,0 +1,73 @@
+"""Noise against dense matrices and against its own draws."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from measurements import NOISES, drawn
+from scipy.linalg import toeplitz
+
+from indent_sim.fitting.inference.noise import WHITE, Noise, averaged, f_test, gain, grid
+
+
+def dense(noise: Noise, n: int) -> np.ndarray:
+    """V (n, n)."""
+    return noise.w * np.eye(n) + (1 - noise.w) * toeplitz(noise.rho ** np.arange(n))
+
+
+@pytest.mark.parametrize("noise", [WHITE, Noise(1, 0.0003), Noise(8, 0.5), Noise(64, 0.05)])
+def test_banded_products_are_those_of_the_dense_matrix(noise):
+    V, X = dense(noise, 50), np.random.default_rng(0).standard_normal((50, 3))
+    inverse, log_V = noise.whitened(X)
+    # conditions of V up to 1e4: ten digits are left
+    np.testing.assert_allclose(inverse, np.linalg.solve(V, X), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(log_V, np.linalg.slogdet(V)[1], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(noise.times(X), V @ X, rtol=1e-12, atol=1e-12)
+
+
+def test_samples_that_count_as_one():
+    """The variance of a mean is s2 samples/n: the row sums of V, but for its ends."""
+    noise, n = Noise(8, 0.3), 4000
+    assert abs(dense(noise, n).sum() / n / noise.samples - 1) < 0.005  # ends: tau/n
+
+
+def test_white_noise_gives_the_textbook_covariance():
+    J = np.column_stack([np.ones(200), np.linspace(-1, 1, 200)])
+    r = drawn(WHITE, 200, np.random.default_rng(3))
+    found = averaged(J, r, [WHITE])
+    left = r - J @ np.linalg.lstsq(J, r, rcond=None)[0]
+    np.testing.assert_allclose(found.covariance, left @ left / 198 * np.linalg.inv(J.T @ J), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(found.step, np.linalg.lstsq(J, r, rcond=None)[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_intervals_of_a_line_hold_its_slope(name):
+    """95 % of 100 intervals: fewer than 86 of 100 happen once in 4000. Not knowing the noise costs up to a third."""
+    n, noise, draw = 300, NOISES[name], np.random.default_rng(4)
+    J = np.column_stack([np.ones(n), np.linspace(-1, 1, n)])
+    found = [averaged(J, drawn(noise, n, draw)) for _ in range(100)]
+    inside = sum(abs(one.step[1]) < 1.96 * one.sd[1] for one in found)
+    V = dense(noise, n)
+    true = np.sqrt(np.linalg.inv(J.T @ np.linalg.solve(V, J))[1, 1])
+    assert inside >= 86 and np.median([one.sd[1] for one in found]) < 1.35 * true
+
+
+def test_the_likeliest_noise_of_a_long_record_is_its_own():
+    J, draw = np.ones((3000, 1)), np.random.default_rng(5)
+    found = averaged(J, drawn(Noise(16, 0.5), 3000, draw)).likeliest
+    assert found.tau in (8, 16, 32) and found.w in (0.25, 0.5, 0.8)  # beside it on the grid
+    assert averaged(J, drawn(WHITE, 3000, draw)).likeliest == WHITE
+
+
+def test_the_grid_ends_at_a_quarter_of_the_record():
+    assert grid(3) == [WHITE] and max(noise.tau for noise in grid(1200)) == 256 and len(grid(1200)) == 55
+
+
+def test_gains_by_accident_are_uniform():
+    """p of columns that say nothing: below 0.1 in a tenth of 200 draws, 5 to 38 in all but one case of 10^4."""
+    draw, x = np.random.default_rng(6), np.linspace(-1, 1, 80)
+    J, extra = np.column_stack([np.ones(80), x]), np.column_stack([x**2, x**3])
+    p = [gain(J, extra, draw.standard_normal(80), WHITE) for _ in range(200)]
+    assert 5 <= sum(one < 0.1 for one in p) <= 38
+    assert gain(J, extra, draw.standard_normal(80) + 3 * x**2, WHITE) < 1e-6
+    assert f_test(1.0, 2, 0.0, 5) == 1.0 and f_test(1.0, 2, 1.0, 0) == 1.0
