@@ -132,6 +132,12 @@ class _Law(ABC):
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
     @property
+    def diffusivity(self) -> float:
+        """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said by permeability."""
+        assert self.flow and self.flow.permeability
+        return self.flow.permeability / (self.flow.storage + self.flow.alpha**2 / self.confined_modulus)
+
+    @property
     def flow_by_permeability(self) -> Flow | None:
         """Its flow, said by the permeability; ValueError where it is not well said."""
         return self.flow and self.flow.canonical(self.confined_modulus)
@@ -152,8 +158,8 @@ class _Law(ABC):
         if self.small_strain:
             return self.flow.permeability * ufl.Identity(3)
         J, inverse = 1 + self.growth(H), ufl.inv(ufl.Identity(3) + H)
-        k = self.flow.permeability * (self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1)
-        return J * k * inverse * inverse.T
+        factor = self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1
+        return J * factor * self.flow.permeability * inverse * inverse.T
 
     @property
     @abstractmethod

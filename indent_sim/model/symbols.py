@@ -144,6 +144,21 @@ history [time, length]: the way of the tip in time, [t, delta] each; with a cant
 force_history [time, force]: the force in time, [t, force] each
 times [time] $t_i$: of the rows of a history; auto: every point and, between them, enough for a curve
 
+per_doubling [1]: with fluid in the pores: steps of each length before it doubles, in every piece of the history; 4
+
+## Drainage
+drainage: where fluid leaves the pores, and into what
+surface: what the tip may touch, where it does not: drained or sealed
+drainage.tip: where it does: drained, sealed, or a conductance
+drainage.base: of the lower face, as `tip`
+drainage.sides: of the walls; auto: drained where they are free
+bath [time, pressure] $p_b$: pressure of the fluid around the body, or [t, value] points; at rest there is none
+conductance [length/(pressure time)] $X$: flux out over the fluid's pressure above the bath's
+pore_pressure [pressure] $p$: of the fluid in the pores, above the bath's
+outflow [length^3]: fluid that has left the whole body since rest; < 0 what it has taken up
+pore_pressure_max [pressure]: largest pressure of the fluid, above the bath's
+unbalanced [length^3]: fluid that has neither left nor is there; zero
+
 ## Experiment
 adhesion: attraction of tip and body: of a contact over a range, of an experiment without
 work [energy/length^2] $w$: work of adhesion: the energy that separates a unit of area

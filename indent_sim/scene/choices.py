@@ -258,6 +258,7 @@ def solver(config: Config, given: Given, physics: Physics, nodes: float) -> Choi
         (not physics.small_strain, "the material is not linear"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.uncondensed), law.uncondensed),
+        (bool(physics.permeable), "the fluid's pressure lives inside the body"),
         (config.solver.linear == "iterative", FOR_WHOLE),
         (isinstance(law, Penalty) and physics.has_friction, "a penalty with friction is solved on the whole body"),
         (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
@@ -280,6 +281,7 @@ def against_iterative(config: Config, physics: Physics, sizes: Sizes) -> str:
         (physics.part.dim == 2, "axisymmetric and plane bodies are factored"),
         (bool(law.friction), "friction has a tangent that is not symmetric"),
         (law.adhesion is not None, "adhesion has a tangent that may be indefinite"),
+        (bool(physics.permeable), "its preconditioner does not know the pressure of the fluid"),
         (law.multiplier in ("stress", "nodal"), f"{law.method} has a tangent that is not symmetric"),
         (locked > NEARLY_LOCKED, f"formulation: displacement at nu = {locked:g} needs too many iterations"),
         (rigid > RIGID, f"a contact of {rigid:.2g} E*/h_contact needs too many iterations"),
@@ -343,6 +345,7 @@ def unlike_theory(config: Config) -> str:
     return first_of(
         (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
         (not all(material.small_strain for material in materials), "the material is not linear"),
+        (any(material.flow for _, material in config.materials()), "theory knows no fluid in the pores"),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (law.gap == "current", "theory tests the gap at the undeformed point"),
