@@ -614,7 +614,7 @@ class Drainage:
     tip: Drain | Conductance = "sealed"
     base: Drain | Conductance = "sealed"
     sides: Drain | Auto = "auto"
-    bath: Annotated[float | Annotated[tuple[BathPoint, ...], Len(1, MOST_POINTS)], UnitRow((TIME, PRESSURE))] = 0.0
+    bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, MOST_POINTS)] = 0.0
 
     def since(self, begin: float) -> Drainage:
         """The same with the bath's times counted from another one."""

@@ -98,9 +98,9 @@ diffusivity [length^2/time] $D$: with which pressure evens out in the confined b
 flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
-holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
+holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^power exp(M (J^2 - 1)/2) of that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
-flow.exponent [1]: of the share of the pores in the volume
+power [1]: of the share of the pores in the volume
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
 relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
@@ -143,12 +143,11 @@ forces [force] $F_i$: the forces one by one instead of `force`, unloading too; 0
 history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
 force_history [time, force]: the force in time, [t, force] each
 times [time] $t_i$: of the rows of a history; auto: every point and, between them, enough for a curve
-
 per_doubling [1]: with fluid in the pores: steps of each length before it doubles, in every piece of the history; 4
 
 ## Drainage
 drainage: where fluid leaves the pores, and into what
-surface: what the tip may touch, where it does not: drained or sealed
+drainage.surface: what the tip may touch, where it does not: drained or sealed
 drainage.tip: where it does: drained, sealed, or a conductance
 drainage.base: of the lower face, as `tip`
 drainage.sides: of the walls; auto: drained where they are free

@@ -22,7 +22,7 @@ from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import FREE, NEGLIGIBLE_ERROR, STIFFEST, penalty_loss
 from indent_sim.scene.expected import NEARLY_STICK, ExpectedAdhesion, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
-from indent_sim.scene.given import Given, Physics
+from indent_sim.scene.given import Durations, Given, Physics
 from indent_sim.scene.theories import NO_INCLUSIONS, first_of, layer_theory, shape_of
 from indent_sim.theory.solution import UNSOLVED
 
@@ -414,6 +414,16 @@ def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
     """Whether a history is followed row by row on the whole body: no curve determines it."""
     rough = any(getattr(config.contact, name, None) for name in ("friction", "adhesion"))
     return given.history is not None and (rough or solver.value == "newton")
+
+
+def fluid(given: Given, physics: Physics, sizes: Sizes) -> Choices:
+    """How long the fluid takes, and how it is followed; nothing where none flows."""
+    if not physics.permeable or given.history is None:
+        return []
+    times = Durations.of(given, physics, sizes.h_contact)
+    through = f"fluid takes {times.contact:.3g} through the contact, {times.height:.3g} through the body"
+    steps = f"{given.per_doubling} of each length in every piece of the history, then twice as long; SDIRK2"
+    return [Choice("time.first_step", float(f"{times.first:.4g}"), f"{through}; {steps}")]
 
 
 def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:

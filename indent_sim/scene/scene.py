@@ -180,7 +180,8 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
     of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
-    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_curve)
+    of_time = (*of_curve, *choices.fluid(given, physics, sizes))
+    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_time)
     predicted = _prediction(given, doubted, cost)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)
     known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr)
