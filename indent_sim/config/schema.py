@@ -22,8 +22,20 @@ from indent_sim.config import number_limits
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.model import body as bodies
-from indent_sim.model.body import Ball, Box, Cap, Cylinder, Endless, HalfSpace, Inclusion, Layer, MeshFromFile, Strip
-from indent_sim.model.contact import AutoContact, Contact
+from indent_sim.model.body import (
+    Ball,
+    Box,
+    Cap,
+    Cylinder,
+    Drainage,
+    Endless,
+    HalfSpace,
+    Inclusion,
+    Layer,
+    MeshFromFile,
+    Strip,
+)
+from indent_sim.model.contact import AutoContact, Contact, Nitsche
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import WAYS, Loading
 from indent_sim.model.materials import Material
@@ -129,6 +141,7 @@ class Config(BaseModel):
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
+    drainage: Drainage | None = None
     loading: Loading
     experiment: Experiment | None = None
     mesh: MeshSettings = MeshSettings()
@@ -165,7 +178,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        of_body, of_tip = (_cap, _layers, _inclusions, _constants), (_contact, _path, _axis, _tip)
+        of_body, of_tip = (_cap, _layers, _inclusions, _constants, _flow), (_contact, _path, _axis, _tip)
         checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
         if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
@@ -299,10 +312,47 @@ def _constants(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, "these constants belong to no stable material")
         except ValueError as error:
             yield ConfigError(key, str(error))
-        else:
-            if material.flow:
-                remedy = "leave it out: nu as given is drained, nu: 0.5 undrained"
-                yield ConfigError(f"{key}.flow", "needs a time, and no body is followed in one yet", remedy)
+
+
+def _flow(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
+    flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
+    if not flows:
+        if config.drainage:
+            yield ConfigError("drainage", "no material has a flow", "give material.flow, or leave it out")
+        if config.loading.per_doubling is not None:
+            problem = "is for a body that takes time, and no material has a flow"
+            yield ConfigError("loading.per_doubling", problem, "leave it out")
+        return
+    key = next(iter(flows))
+    if config.loading.in_time is None:
+        remedy = "give loading.history, or leave it out: nu as given is drained, nu: 0.5 undrained"
+        yield ConfigError(key, "needs a time", remedy)
+    yield from (error for key, material in flows.items() for error in _of_flow(key, material))
+    if isinstance(config.contact, Nitsche):
+        problem = "nitsche takes the body's own stress, and with fluid that is not the whole"
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    if config.contact.adhesion:
+        yield ConfigError("contact.adhesion", "together with flow is not verified", "leave one of the two out")
+    drainage = config.drainage or Drainage()
+    if isinstance(config.body, MeshFromFile) and drainage.sides != "sealed":
+        problem = "of a body from a mesh file are not known: a side without a name has no facets of its own"
+        yield ConfigError("drainage.sides", problem, "use sealed")
+    times = [t for t, _ in drainage.bath] if isinstance(drainage.bath, tuple) else []
+    back = next((k for k, (one, other) in enumerate(pairwise(times), start=1) if other <= one), None)
+    if back is not None:
+        yield ConfigError(f"drainage.bath[{back}]", f"time does not go on from {times[back - 1]:g} to {times[back]:g}")
+
+
+def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
+    flow = material.flow
+    assert flow
+    if not material.small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
+        name = "alpha" if flow.alpha != 1 else "storage"
+        problem = "at finite strain grains and fluid are incompressible"
+        yield ConfigError(f"{key}.{name}", problem, "alpha: 1, storage: 0")
+    if material.small_strain and flow.holmes_mow:
+        yield ConfigError(f"{key}.holmes_mow", "is for finite strain, and this law has none", "leave it out")
 
 
 def _contact(config: Config) -> Iterator[ConfigError]:

@@ -59,16 +59,16 @@ class Exponentials(NamedTuple):
 
 @dataclass(frozen=True)
 class HolmesMow:
-    """Pores that close: permeability ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2), with the solid's share phi0
+    """Pores that close: permeability ((J - phi0)/(1 - phi0))^power exp(M (J^2 - 1)/2), with the solid's share phi0
     of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
 
     phi0: Annotated[float, Ge(0), Lt(1)]
-    exponent: Annotated[float, Ge(0)] = 0.0
+    power: Annotated[float, Ge(0)] = 0.0
     M: Annotated[float, Ge(0)] = 0.0
 
     def factor(self, J: Expr) -> Expr:
         """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
-        return ((J - self.phi0) / (1 - self.phi0)) ** self.exponent * exp(self.M * (J * J - 1) / 2)
+        return ((J - self.phi0) / (1 - self.phi0)) ** self.power * exp(self.M * (J * J - 1) / 2)
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,12 @@ class _Law(ABC):
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
     @property
+    def diffusivity(self) -> float:
+        """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said by permeability."""
+        assert self.flow and self.flow.permeability
+        return self.flow.permeability / (self.flow.storage + self.flow.alpha**2 / self.confined_modulus)
+
+    @property
     def flow_by_permeability(self) -> Flow | None:
         """Its flow, said by the permeability; ValueError where it is not well said."""
         return self.flow and self.flow.canonical(self.confined_modulus)
@@ -160,8 +166,8 @@ class _Law(ABC):
         if self.small_strain:
             return self.flow.permeability * ufl.Identity(3)
         J, inverse = 1 + self.growth(H), ufl.inv(ufl.Identity(3) + H)
-        k = self.flow.permeability * (self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1)  # type: ignore[operator]
-        return J * k * inverse * inverse.T
+        factor = self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1
+        return J * factor * self.flow.permeability * inverse * inverse.T
 
     @property
     @abstractmethod

@@ -98,15 +98,16 @@ diffusivity [length^2/time] $D$: with which pressure evens out in the confined b
 flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
-holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
+holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^power exp(M (J^2 - 1)/2) of that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
+power [1]: of the share of the pores in the volume
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
 relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
   exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of a power law of relaxation, 0 (elastic) to 1 (a liquid); of pores, of their share in the volume
+exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
 time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
@@ -142,6 +143,20 @@ forces [force] $F_i$: the forces one by one instead of `force`, unloading too; 0
 history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
 force_history [time, force]: the force in time, [t, force] each
 times [time] $t_i$: of the rows of a history; auto: every point and, between them, enough for a curve
+per_doubling [1]: with fluid in the pores: steps of each length before it doubles, in every piece of the history; 4
+
+## Drainage
+drainage: where fluid leaves the pores, and into what
+drainage.surface: what the tip may touch, where it does not: drained or sealed
+drainage.tip: where it does: drained, sealed, or a conductance
+drainage.base: of the lower face, as `tip`
+drainage.sides: of the walls; auto: drained where they are free
+bath [time, pressure] $p_b$: pressure of the fluid around the body, or [t, value] points; at rest there is none
+conductance [length/(pressure time)] $X$: flux out over the fluid's pressure above the bath's
+pore_pressure [pressure] $p$: of the fluid in the pores, above the bath's
+outflow [length^3]: fluid that has left the whole body since rest; < 0 what it has taken up
+pore_pressure_max [pressure]: largest pressure of the fluid, above the bath's
+unbalanced [length^3]: fluid that has neither left nor is there; zero
 
 ## Experiment
 adhesion: attraction of tip and body: of a contact over a range, of an experiment without

@@ -175,7 +175,7 @@ class Run:
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
         if physics.path.times:
             why = next(choice.why for choice in plan.choices if choice.key == "time")
-            said["time"] = {"way": "steps", "method": "equilibria", "why": why}
+            said["time"] = {"way": "steps", "method": "SDIRK2" if scene.physics.permeable else "equilibria", "why": why}
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 

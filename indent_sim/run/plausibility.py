@@ -5,6 +5,7 @@ and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface s
 is not looked for. The force is theory's where theory is exact, and of one order with it where it is nearly so. None of
 this says how accurate a row is.
 A tip that adheres may pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
+Where fluid flows depth and force are of a time: rules that compare them are left out.
 A rough surface gives back less than was put in: its forces are compared while the tip goes in, never on the way back.
 
 Each rule is a function of the scene, a converged state and the states before it (in the user's units) to a sentence, or
@@ -52,7 +53,9 @@ def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str |
     The states are in the user's units.
     """
     rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + WHEN_PRESSED
-    hold = [rule for rule in rules if not (rule in OF_TIPS_THAT_PUSH and scene.physics.contact.may_snap)]
+    fluid, snaps = bool(scene.physics.permeable), scene.physics.contact.may_snap
+    unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if fluid else ())}
+    hold = [rule for rule in rules if rule not in unknown]
     return next((said for rule in hold if (said := rule(scene, state, earlier))), None)
 
 
@@ -178,6 +181,8 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str
 ALWAYS: Rules = (_is_no_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_tip, _falls, _stands_on_a_side)
 WHEN_PRESSED: Rules = (_touches_nothing, _is_inside_the_skin, _stands_still, _energy_is_not_its_work, _is_not_theorys)
 OF_TIPS_THAT_PUSH: Rules = (_pulls, _falls, _energy_is_not_its_work, _is_not_theorys)
+# Fluid takes time: a force falls in a hold, and what was pressed in may not have come back yet, or swells
+OF_ELASTIC_BODIES: Rules = (_pushes_from_afar, _falls, _touches_nothing, _energy_is_not_its_work, _is_not_theorys)
 
 
 def _is_first_touch(scene: Scene, state: State) -> bool:

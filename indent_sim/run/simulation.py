@@ -110,12 +110,13 @@ class Simulation:
         if done in (0, len(physics.deltas)) or self.scene.history:
             return
         saved = self.record.read_checkpoint(self._identity)
-        passed = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
-        depths = tuple(depth for leg in passed for depth in leg)
-        if physics.path.control != "depth":
-            depths = tuple(state.delta / physics.scales.depth for state in self.states[saved.step :])
+        legs = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
+        passed = [place for leg in legs for place in leg]
+        if physics.path.control != "depth":  # every step is a row
+            depths = (state.delta / physics.scales.depth for state in self.states[saved.step :])
+            passed = [(depth, t) for depth, (_, t) in zip(depths, passed, strict=True)]
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, depths):
+            if not self._walk.resume(saved.points, passed):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
 
@@ -235,6 +236,16 @@ class Simulation:
         if not max(difference, stray) <= AUDIT_TOLERANCE:
             said = f"contact force {state.force:.10g}, reaction of the supports {state.reaction:.10g}, largest reaction"
             said += f" of the rigid-mode pins {state.stray_reaction:.3g}; they must agree to {AUDIT_TOLERANCE:g}"
+            raise VerificationError(f"step {state.step} failed its audit: {said}")
+        self._audit_fluid(state)
+
+    def _audit_fluid(self, state: State) -> None:
+        """What has left the body and what is missing in it must be one, beside the most that ever left."""
+        largest = max(abs(one.outflow or 0.0) for one in (*self.states, state))
+        unbalanced = state.unbalanced / largest if largest > 0 else 0.0
+        self._worst_audit = max(self._worst_audit, unbalanced)
+        if not unbalanced <= AUDIT_TOLERANCE:
+            said = f"{state.unbalanced:.3g} of the fluid has neither left nor is there, of {largest:.3g} that left"
             raise VerificationError(f"step {state.step} failed its audit: {said}")
 
     def _write_fields(self, state: State) -> None:

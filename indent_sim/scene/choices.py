@@ -22,7 +22,7 @@ from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import FREE, NEGLIGIBLE_ERROR, STIFFEST, penalty_loss
 from indent_sim.scene.expected import NEARLY_STICK, ExpectedAdhesion, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
-from indent_sim.scene.given import Given, Physics
+from indent_sim.scene.given import Durations, Given, Physics
 from indent_sim.scene.theories import NO_INCLUSIONS, first_of, layer_theory, shape_of
 from indent_sim.theory.solution import UNSOLVED
 
@@ -258,6 +258,7 @@ def solver(config: Config, given: Given, physics: Physics, nodes: float) -> Choi
         (not physics.small_strain, "the material is not linear"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.uncondensed), law.uncondensed),
+        (bool(physics.permeable), "the fluid's pressure lives inside the body"),
         (config.solver.linear == "iterative", FOR_WHOLE),
         (isinstance(law, Penalty) and physics.has_friction, "a penalty with friction is solved on the whole body"),
         (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
@@ -280,6 +281,7 @@ def against_iterative(config: Config, physics: Physics, sizes: Sizes) -> str:
         (physics.part.dim == 2, "axisymmetric and plane bodies are factored"),
         (bool(law.friction), "friction has a tangent that is not symmetric"),
         (law.adhesion is not None, "adhesion has a tangent that may be indefinite"),
+        (bool(physics.permeable), "its preconditioner does not know the pressure of the fluid"),
         (law.multiplier in ("stress", "nodal"), f"{law.method} has a tangent that is not symmetric"),
         (locked > NEARLY_LOCKED, f"formulation: displacement at nu = {locked:g} needs too many iterations"),
         (rigid > RIGID, f"a contact of {rigid:.2g} E*/h_contact needs too many iterations"),
@@ -343,6 +345,7 @@ def unlike_theory(config: Config) -> str:
     return first_of(
         (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
         (not all(material.small_strain for material in materials), "the material is not linear"),
+        (any(material.flow for _, material in config.materials()), "theory knows no fluid in the pores"),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (law.gap == "current", "theory tests the gap at the undeformed point"),
@@ -411,6 +414,16 @@ def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
     """Whether a history is followed row by row on the whole body: no curve determines it."""
     rough = any(getattr(config.contact, name, None) for name in ("friction", "adhesion"))
     return given.history is not None and (rough or solver.value == "newton")
+
+
+def fluid(given: Given, physics: Physics, sizes: Sizes) -> Choices:
+    """How long the fluid takes, and how it is followed; nothing where none flows."""
+    if not physics.permeable or given.history is None:
+        return []
+    times = Durations.of(given, physics, sizes.h_contact)
+    through = f"fluid takes {times.contact:.3g} through the contact, {times.height:.3g} through the body"
+    steps = f"{given.per_doubling} of each length in every piece of the history, then twice as long; SDIRK2"
+    return [Choice("time.first_step", float(f"{times.first:.4g}"), f"{through}; {steps}")]
 
 
 def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:

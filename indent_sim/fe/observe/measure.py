@@ -24,6 +24,7 @@ class Observed(Protocol):
     # None without; `room_at` points: friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks;
     # `shear_at` points: tau (facets, points, axes) [pressure]
     friction: Any
+    fluid: Any  # None without; `pressure_at` points: p (facets, points) [pressure], from the bath's
 
     @property
     def depth(self) -> float:
@@ -241,7 +242,8 @@ def surface(body: Observed) -> Surface | None:
     s = sample(body, body.trace.node_points())
     dim = body.trace.dim
     traction = tractions(body, s, body.trace.node_points())
-    columns = np.concatenate([s.X, s.u, s.gap[..., None], traction], axis=-1)
+    pores = [] if body.fluid is None else [body.fluid.pressure_at(body.trace.node_points())[..., None]]
+    columns = np.concatenate([s.X, s.u, s.gap[..., None], *pores, traction], axis=-1)
     parts: Any = body.comm.gather(columns.reshape(-1, columns.shape[-1]), root=0)
     if parts is None:
         return None
@@ -251,14 +253,16 @@ def surface(body: Observed) -> Surface | None:
     _, first, place, count = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
     place = place.ravel()
     X, u, gap = np.split(table[first, : 2 * dim + 1], [dim, 2 * dim], axis=1)
+    fluid = {"pore_pressure": table[first, 2 * dim + 1]} if pores else {}
     X[np.abs(X) < 1e-12] = 0.0  # the axis is at 0, not at 1e-18 of the body's height
     gap = below(body.scene.physics.indenter, gap[:, 0])
     # the deformed area has a kink between facets: take the mean
-    pressure, *shear = (np.bincount(place, column) / count for column in table[:, 2 * dim + 1 :].T)
+    pressure, *shear = (np.bincount(place, column) / count for column in table[:, 2 * dim + 1 + len(pores) :].T)
     zero = np.zeros(len(first))
     if dim == 2:
-        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure, X[:, 1], *shear)
-    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear)
+        spatial = np.column_stack([u[:, 0], zero, u[:, 1]])
+        return Surface(X[:, 0], zero, spatial, gap, pressure, X[:, 1], *shear, **fluid)
+    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear, **fluid)
 
 
 def tractions(body: Observed, s: Sample, points: np.ndarray) -> np.ndarray:

@@ -41,6 +41,10 @@ class LoadControl:
         self._pull = max(-self._reach(0.0)[0], 0.0)
         self._curve = []
 
+    def forget(self) -> None:
+        """The curve is another one now: time has passed, or the surface drains elsewhere."""
+        self._curve = []
+
     def know(self, force: float, delta: float) -> None:
         """A point of the curve, from which others are predicted."""
         is_known = any(math.isclose(known, force, rel_tol=1e-6) for known, _ in self._around(force))

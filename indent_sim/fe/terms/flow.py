@@ -24,7 +24,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, Field, Moment, symbolic
-from indent_sim.fe.observe.surface import facet_nodes
+from indent_sim.fe.observe.surface import barycentric, facet_nodes
 from indent_sim.fe.terms.contact.multiplier import sums
 from indent_sim.fe.terms.term import Stage, Term
 from indent_sim.mesh.modelled_part import Region
@@ -114,6 +114,17 @@ class Flow(Term):
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return np.array(self._vector.array_r)
 
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """p (facets, points) at reference-facet points of the contact surface [pressure], from the bath's."""
+        space = self.body.unknowns.own_space(NAME)
+        nodes = facet_nodes(self.body.mesh, space, self.body.body_mesh.surfaces["top"])
+        return self.body.local_array()[self.body.unknowns.places(NAME)[nodes]] @ barycentric(points).T
+
+    def at_corners(self) -> np.ndarray:
+        """p (cells, corners) of this rank's cells [pressure], from the bath's."""
+        dofs = compat.cell_dofs(self.body.unknowns.own_space(NAME).dofmap)
+        return self.body.local_array()[self.body.unknowns.places(NAME)[dofs]]
+
     def content(self) -> float:
         """Fluid in the pores beyond that at rest in a bath without pressure [length^3], this rank's share."""
         return float(self._assembled(self._content).sum())
@@ -143,6 +154,7 @@ class Valve(Term):
         self.history = (self._in_contact, self._left)
         self._touches, self._visited = np.zeros(len(top), dtype=bool), set[bytes]()
         self._leaves = np.zeros(self._owned)  # in the step to the present state [length^3]
+        self.is_held = self._is_tried = False
         self.setting = 0
 
     def _diagonal(self) -> np.ndarray:
@@ -198,11 +210,18 @@ class Valve(Term):
             place = self._places[i : i + 1].astype(np.int32)
             A.setValuesLocal(place, place, np.array([-dt * values[i]]), addv=PETSc.InsertMode.ADD)
 
+    def hold(self) -> None:
+        """From here on all stages of a step, and all tries of it, have one contact: that of the last accepted state
+        until `look` is told another."""
+        self.is_held = True
+
     def begin(self, stage: Stage) -> None:
         """A step begins with the contact of the last accepted state."""
+        if self._is_tried:
+            return
         if not stage.share:
             self._take(self._in_contact.x.array > 0.5)
-        self._visited = {self._touches.tobytes()}
+        self._visited, self._is_tried = {self._touches.tobytes()}, self.is_held
 
     def look(self, touching: np.ndarray) -> bool:
         """Take the corners (facets, corners) of the contact surface that touch the tip now; whether another equilibrium
@@ -228,7 +247,7 @@ class Valve(Term):
     def accept(self) -> None:
         """The step is done: what has left and what touches is remembered."""
         self._left.x.array[: self._owned] += self._leaves
-        self._in_contact.x.array[:] = self._touches
+        self._in_contact.x.array[:], self._is_tried = self._touches, False
 
     def outflow(self) -> float:
         """What has left the body since rest [length^3], this rank's share."""

@@ -46,6 +46,9 @@ class Bench:
         if self.delta <= 0:
             problem = "never presses the tip into the body: no force depends on anything"
             raise ConfigError("loading", problem, "give a depth > 0")
+        if scene.physics.permeable:
+            problem = "is no effect that can be told from the others yet"
+            raise ConfigError("material.flow", problem, "leave it out: nu as given is drained, nu: 0.5 undrained")
         tip: Any = config.indenter
         is_aside = isinstance(config.body, Cylinder) and any(config.center or ())
         self.is_stood_for = isinstance(config.body, Box) or is_aside  # by a cylinder up to its nearest side
