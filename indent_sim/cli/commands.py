@@ -684,14 +684,19 @@ def _plan_study(path: Path, overrides: tuple[str, ...], error_bars: bool, form: 
 
 def _resolved(config: Path, overrides: tuple[str, ...], error_bars: bool) -> Scene:
     from indent_sim.config.scene_file import load
-    from indent_sim.run.accuracy import foreseen
-    from indent_sim.run.chain import all_mistakes
     from indent_sim.scene.scene import resolve
 
     settings = load(config, overrides)
     try:
-        return foreseen(resolve(settings), error_bars)
+        scene = resolve(settings)
+        if not (error_bars or scene.plan.fineness):  # nothing is solved beside it
+            return scene
+        from indent_sim.run.accuracy import foreseen
+
+        return foreseen(scene, error_bars)
     except ConfigError as error:
+        from indent_sim.run.chain import all_mistakes
+
         raise all_mistakes(error, settings) from None
 
 

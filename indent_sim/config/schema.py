@@ -299,6 +299,10 @@ def _constants(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, "these constants belong to no stable material")
         except ValueError as error:
             yield ConfigError(key, str(error))
+        else:
+            if material.flow:
+                remedy = "leave it out: nu as given is drained, nu: 0.5 undrained"
+                yield ConfigError(f"{key}.flow", "needs a time, and no body is followed in one yet", remedy)
 
 
 def _contact(config: Config) -> Iterator[ConfigError]:

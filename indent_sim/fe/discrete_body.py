@@ -49,12 +49,13 @@ class Field:
 
 @dataclass(frozen=True)
 class Moment:
-    """The unknowns at one time: the function that holds them, its fields as UFL expressions, and the tip's depth
-    [length]; test and trial are the variations of the virtual work and of its derivative."""
+    """The unknowns at one time: the function that holds them, its fields as UFL expressions, the tip's depth [length]
+    and the time [time]; test and trial are the variations of the virtual work and of its derivative."""
 
     function: fem.Function
     fields: Mapping[str, Expr]
     delta: fem.Constant
+    t: fem.Constant
     test: Expr = None
     trial: Expr = None
 
@@ -183,8 +184,9 @@ class Body:
         self._constrain()
 
     def _moment(self, function: fem.Function) -> Moment:
-        space, depth = self.unknowns.space, fem.Constant(self.mesh, 0.0)
-        return Moment(function, self.unknowns.of(function), depth, ufl.TestFunction(space), ufl.TrialFunction(space))
+        space, depth, t = self.unknowns.space, fem.Constant(self.mesh, 0.0), fem.Constant(self.mesh, 0.0)
+        ways = ufl.TestFunction(space), ufl.TrialFunction(space)
+        return Moment(function, self.unknowns.of(function), depth, t, *ways)
 
     @property
     def before(self) -> Moment:
@@ -197,11 +199,16 @@ class Body:
         """The depth that was accepted last [length]; the present one where no term asks for the state before."""
         return float((self._before or self.now).delta.value)
 
+    def begin(self, stage_dt: float, passed: float) -> None:
+        """Set out on a part of a step: its time, and when it ends after the last accepted state [time]."""
+        self.dt.value = stage_dt
+        self.now.t.value = float((self._before or self.now).t.value) + passed
+
     def accept(self) -> None:
         """Make the present state the last accepted one."""
         if self._before:
             self._before.function.x.array[:] = self.now.function.x.array
-            self._before.delta.value = self.now.delta.value
+            self._before.delta.value, self._before.t.value = self.now.delta.value, self.now.t.value
 
     def _tag(self) -> None:
         regions = self.body_mesh.regions.astype(np.int32)

@@ -32,6 +32,7 @@ class Snapshot:
     depth: float
     unknowns: tuple[PETSc.Vec, ...]
     history: tuple[np.ndarray, ...] = ()
+    t: float = 0.0
 
 
 class Problem:
@@ -49,6 +50,13 @@ class Problem:
         self._vectors = [self.x, *(compat.vector(function) for function in self.frozen)]
         self.has_symmetric_tangent = all(term.has_symmetric_tangent for term in self.terms)
         self.has_memory = any(term.has_memory for term in self.terms)
+        self.flows = any(term.flows for term in self.terms)
+
+    @property
+    def keeps_tangent(self) -> bool:
+        """Whether the tangent of a step is that of the next one as long as the contact is: where fluid flows in a
+        linear body without friction."""
+        return self.flows and self.scene.physics.is_linear and self.law.is_conservative
 
     def _step(self, term: Term) -> tuple[Moment, Moment, fem.Constant]:
         """The step as a term sees it: now, before and dt; `before` only of a term that remembers."""
@@ -75,6 +83,11 @@ class Problem:
             places = self.unknowns.places(name)
             weights[places[places < self.unknowns.owned]] = field.weight
         return weights
+
+    @property
+    def setting(self) -> tuple[float, ...]:
+        """What the tangent depends on beside the state: where it is the same an old tangent is near."""
+        return float(self.body.dt.value), *(term.setting for term in self.terms)
 
     def soften(self, factor: float) -> None:
         """Multiply the stiffness of the contact law; 1 makes it the law's own again."""
@@ -107,11 +120,11 @@ class Problem:
 
     def stages(self, dt: float) -> list[Stage]:
         """The stages of a step of `dt` [time]."""
-        return flowing_stages(dt) if dt and any(term.flows for term in self.terms) else [Stage(dt)]
+        return flowing_stages(dt) if dt and self.flows else [Stage(dt, dt)]
 
     def begin(self, stage: Stage) -> None:
         """Set out on a stage."""
-        self.body.dt.value = stage.dt
+        self.body.begin(stage.dt, stage.passed)
         for term in self.terms:
             term.begin(stage)
 
@@ -138,15 +151,17 @@ class Problem:
 
     def snapshot(self) -> Snapshot:
         """The present state, just accepted."""
-        return Snapshot(self.depth, tuple(self.guess()), tuple(function.x.array.copy() for function in self.histories))
+        remembered = tuple(function.x.array.copy() for function in self.histories)
+        return Snapshot(self.depth, tuple(self.guess()), remembered, float(self.body.now.t.value))
 
     def restore(self, state: Snapshot) -> None:
         """Make a state the present one, and the one that was accepted last."""
-        self.delta.value = state.depth
+        self.delta.value, self.body.now.t.value = state.depth, state.t
         self.take(state.unknowns)
         for function, values in zip(self.histories, state.history, strict=True):
             function.x.array[:] = values
         self.body.accept()
+        self.begin(Stage(0.0))  # no time has passed since
 
     def is_admissible(self) -> bool:
         """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.

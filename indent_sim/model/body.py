@@ -13,7 +13,7 @@ from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.algebra import Expr
 from indent_sim.model.materials import Material
-from indent_sim.model.units import ANGLE, LENGTH, Length, TaggedBy
+from indent_sim.model.units import ANGLE, LENGTH, PRESSURE, TIME, Auto, Length, TaggedBy, Unit, UnitRow
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
@@ -588,6 +588,43 @@ class Ball(_OnAxis):
         if self.base == "roller":
             return Dome(self.radius, self.radius, "ball", self.base, 2, self.inclusions)
         return Dome(self.radius, 2 * self.radius, "ball", self.base, inclusions=self.inclusions)
+
+
+@dataclass(frozen=True)
+class Conductance:
+    """A surface that lets out the flux `conductance` p [length/time] at the pressure p above the bath's."""
+
+    conductance: Annotated[float, Gt(0), Unit("length/(pressure time)")]
+
+
+Drain = Literal["drained", "sealed"]
+BathPoint = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, PRESSURE))]
+
+
+@dataclass(frozen=True)
+class Drainage:
+    """Where a body with fluid in its pores lets it out, into a bath of the pressure `bath` [pressure].
+
+    surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained where they are free.
+    Mirror planes are sealed. bath: a number, or [t, value] points, straight between them.
+    """
+
+    surface: Drain = "drained"
+    tip: Drain | Conductance = "sealed"
+    base: Drain | Conductance = "sealed"
+    sides: Drain | Auto = "auto"
+    bath: Annotated[float | tuple[BathPoint, ...], UnitRow((TIME, PRESSURE))] = 0.0
+
+    def drains_wall(self, support: str) -> bool:
+        """Whether a wall with this support lets fluid out."""
+        return self.sides == "drained" or (self.sides == "auto" and support == "free")
+
+    def bath_at(self, t: float) -> float:
+        """The bath's pressure [pressure] at a time, before the first point and after the last as there."""
+        if isinstance(self.bath, float | int):
+            return float(self.bath)
+        times, values = zip(*self.bath, strict=True)
+        return float(np.interp(t, times, values))
 
 
 Endless = HalfSpace | InfiniteLayer

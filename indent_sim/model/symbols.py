@@ -90,12 +90,23 @@ alpha [1] $\alpha_i$: exponents of the stretches (Ogden)
 Jm [1] $J_m$: limit of I1 - 3 (Gent)
 lambda_m [1] $\lambda_m$: limiting chain stretch (Arruda-Boyce)
 lame_lambda [pressure] $\lambda$: first Lamé constant, kappa - 2 mu / 3
+flow: fluid in the pores of a drained law: at once the body is undrained, at last its own constants hold
+permeability [length^2/(pressure time)] $k$: of the pores over the fluid's viscosity; at finite strain of the deformed
+  body
+diffusivity [length^2/time] $D$: with which pressure evens out in the confined body, permeability/(storage +
+  alpha^2/M_c); instead of `permeability`
+flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
+material.storage [1/pressure] $S$: of its flow
+flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
+holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
+phi0 [1] $\phi_0$: the solid's share of the volume at rest
+M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
 relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
   exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
+exponent [1] $b$: of a power law of relaxation, 0 (elastic) to 1 (a liquid); of pores, of their share in the volume
 time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 

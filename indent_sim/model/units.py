@@ -59,7 +59,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class UnitRow:
-    """Marks a row of numbers with a dimension each, None for a pure number."""
+    """Marks a row of numbers with a dimension each, None for a pure number; a number instead of rows has the last."""
 
     units: tuple[Unit | None, ...]
 
@@ -174,7 +174,9 @@ class Scales:
             if isinstance(unit, UnitRow) and not any(isinstance(part, tuple) for part in value):
                 return tuple(map(self._scaled, value, unit.units))
             return tuple(self._scaled(part, unit) for part in value)
-        if not isinstance(unit, Unit) or isinstance(value, (str, bool)) or value is None:
+        if isinstance(unit, UnitRow):
+            return self._scaled(value, unit.units[-1])
+        if unit is None or isinstance(value, (str, bool)) or value is None:
             return value
         return value / prod(getattr(self, name) ** power for name, power in unit.powers.items())
 

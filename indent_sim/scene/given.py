@@ -15,11 +15,24 @@ import numpy as np
 from indent_sim.mesh import file_checks, part_from_file
 from indent_sim.mesh.body_from_file import Piece, Skin
 from indent_sim.mesh.modelled_part import Part, Region
-from indent_sim.model.body import Ball, Body, Cap, Dome, Drawn, Endless, HalfSpace, Layer, Meshed, MeshFromFile, Points
+from indent_sim.model.body import (
+    Ball,
+    Body,
+    Cap,
+    Dome,
+    Drainage,
+    Drawn,
+    Endless,
+    HalfSpace,
+    Layer,
+    Meshed,
+    MeshFromFile,
+    Points,
+)
 from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import History, Loading, LoadPath
-from indent_sim.model.materials import LOCKING, Material, Relaxation
+from indent_sim.model.materials import LOCKING, Exponentials, Material, Relaxation
 from indent_sim.model.state import FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
@@ -67,6 +80,7 @@ class Physics:
     gap: str = "reference"  # or current
     wall_stiffness: float = 0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
+    drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
 
     @property
     def has_friction(self) -> bool:
@@ -84,10 +98,26 @@ class Physics:
         across, which is a roller wall, there; an edge that is free or fixed is none."""
         if not self.has_friction or self.part.kinematics.name == "axisymmetric":
             return {}
-        under = {wall for wall, distance in self.part.distances(self.center).items() if distance <= MIRROR_DISTANCE}
-        mirrors = {wall for wall in under if self.part.supports.get(wall) == "roller"}
+        mirrors = self._mirrors
         axes = {name: axis for axis, name in enumerate("xy"[: self.part.dim - 1])}
         return {name: axis for name, axis in axes.items() if not mirrors & {f"{name}_min", f"{name}_max"}}
+
+    @property
+    def _mirrors(self) -> set[str]:
+        """The walls that are mirror planes: rollers right under the tip's axis."""
+        under = {wall for wall, distance in self.part.distances(self.center).items() if distance <= MIRROR_DISTANCE}
+        return {wall for wall in under if self.part.supports.get(wall) == "roller"}
+
+    @property
+    def drained_walls(self) -> tuple[str, ...]:
+        """The walls that let fluid out of the pores."""
+        walls = [wall for wall in self.part.distances(self.center) if wall not in self._mirrors]
+        return tuple(wall for wall in walls if self.drainage.drains_wall(self.part.supports.get(wall, "free")))
+
+    @property
+    def permeable(self) -> tuple[Region, ...]:
+        """The regions in whose pores fluid flows."""
+        return tuple(region for region in self.part.regions if region.material.flow)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -315,6 +345,17 @@ def is_stepped(history: History | None, law: Relaxation | None, compliance: floa
     """Whether a relaxing body is followed step by step: forces or springs, or a tip that comes back."""
     is_any = history is not None and (history.control == "force" or compliance > 0 or history.comes_back)
     return law is not None and is_any
+
+
+def exponentials(law: Relaxation, shortest: float, longest: float) -> Exponentials:
+    """A relaxation as a sum of exponentials; a power law to 1e-5 between two times [time]."""
+    if law.power_law is None:
+        fractions, times = zip(*(law.prony or ()), strict=True)
+        return Exponentials(1.0 - sum(fractions), fractions, times)
+    from indent_sim.theory.surface.relaxation import PowerLaw  # with scipy's splines, which no other scene needs
+
+    found = PowerLaw(law.power_law.exponent, law.power_law.time).prony(shortest, longest)
+    return Exponentials(found.lasting, found.fractions, found.times)
 
 
 def remaining(law: Relaxation | None, history: History | None) -> float:

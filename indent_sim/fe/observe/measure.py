@@ -39,6 +39,7 @@ class Observed(Protocol):
         """lam (facets, points) as a pressure to be looked at [pressure]."""
 
 
+TOUCHING = 1e-8  # of E*, a pressure that is not round-off
 SAME_NODE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 UNDER = 0.5  # of the radius at which a tip ends: no tip is steep there, and a ball has its stem above (tips.STEM)
 # Of E*/h, h the size of the facet, by formulation. Measured on 60 random layers between frictionless walls, two to
@@ -75,6 +76,12 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
         pressure = pressure - adhesion.pull(gap)
     area = _area_ratio(body, nodal, points, X, u) if scene.physics.gap == "current" else 1.0
     return Sample(X, u, gap, p_hat, pressure / area, area)
+
+
+def touching(body: Observed) -> np.ndarray:
+    """Which corners (facets, corners) of this rank's contact facets touch the tip, as `a` counts it."""
+    p_hat = sample(body, body.trace.node_points()[: body.trace.dim]).p_hat
+    return np.asarray(p_hat > TOUCHING * body.scene.physics.material.E_star)
 
 
 def _edge_stiffness(body: Observed) -> np.ndarray:

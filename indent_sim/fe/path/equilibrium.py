@@ -73,8 +73,8 @@ class Equilibrium(Protocol):
         """A snapshot as arrays, for a checkpoint; none where it is not worth keeping."""
         return []
 
-    def unpack(self, depth: float, arrays: Sequence[np.ndarray]) -> Any:
-        """The snapshot of packed arrays; None where they are none of this body."""
+    def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Any:
+        """The snapshot of packed arrays at a depth and a time; None where they are none of this body."""
         return None
 
     def numbers(self) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import Matter, Touch, matter_of, touch_of
 from indent_sim.model.tips import deepest_inside
 
+MOST_SETS = 6  # of vertices under a tip that seals, in one stage
 INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
 
 
@@ -31,14 +32,14 @@ class BodyEquilibrium:
     """A problem on the whole mesh and the algorithm that solves it; see `path.Equilibrium`."""
 
     def __init__(self, body: Body):
-        matter = matter_of(body)
+        self.matter = matter = matter_of(body)
         self.touch = touch = touch_of(body, matter.strains[0])
         self.problem = problem = Problem(body, [*matter, *touch])
         self.observed = SolvedBody(body, matter, touch)
         self.scene = scene = body.scene
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
-        self._algorithm = algorithm_of(self.newton, touch)
+        self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
         self.snapshot, self.restore = problem.snapshot, problem.restore
         self._largest_inside_out = INSIDE_OUT * scene.plan.prediction["a"] / scene.physics.scales.length
         self._deepest = deepest_inside(scene.physics.indenter)
@@ -87,6 +88,23 @@ class BodyEquilibrium:
             self.problem.end(stage)
         return True
 
+    def _with_valve(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
+        """The algorithm with the surface sealed where that very equilibrium touches the tip: found, looked at, found
+        again, until nothing changes."""
+        valve = self.matter.valve
+        if valve is None:
+            return algorithm
+
+        def find() -> bool:
+            for _ in range(MOST_SETS - 1):
+                if not algorithm():
+                    return False
+                if not valve.look(measure.touching(self.observed)):
+                    return True
+            return algorithm()
+
+        return find
+
     def settle(self, depth: float) -> bool:
         """True when found where the body comes to rest at a depth, let go of in the present state; else as `solve`."""
         drag = self.touch.drag
@@ -129,9 +147,9 @@ class BodyEquilibrium:
         pairs = zip(arrays, self._numbering, strict=True)
         return [field.gathered(values) for values, fields in pairs for field in fields]
 
-    def unpack(self, depth: float, arrays: Sequence[np.ndarray]) -> Snapshot | None:
+    def unpack(self, depth: float, arrays: Sequence[np.ndarray], t: float = 0.0) -> Snapshot | None:
         """The state of packed arrays, which all ranks have (collective); None when they are none of this problem."""
-        state, numbering = replace(self.snapshot(), depth=depth), self._numbering
+        state, numbering = replace(self.snapshot(), depth=depth, t=t), self._numbering
         if [np.shape(values) for values in arrays] != [field.shape for fields in numbering for field in fields]:
             return None
         rest = iter(arrays)

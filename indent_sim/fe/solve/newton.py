@@ -23,6 +23,8 @@ SOFT = 0.1  # E*/h_contact: from here every contact has been found
 STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
 FIRST_STIFFNESS = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
 STAGNANT = 20  # iterations without half the residual: a shorter step costs less, though some would end well
+FLUID_REACTION = 100.0  # E height^2: a body that swells has no reactions to measure against; 1e-12 of this will do
+KEPT_REDUCTION = 0.05  # of the residual by an old factor: with less a new one is worth its time
 REACTION_ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 FINE_TOLERANCE = 1e-11  # Newton's where small changes are to be seen: in Uzawa's loop, in the search for a force
 INEXACT = 1e-10  # Newton's tolerance at most where systems are solved by iterations: no last step goes far below it
@@ -43,7 +45,8 @@ class Newton:
         self.rtol = self._tolerance = min(settings.rtol, INEXACT if settings.linear == "iterative" else 1.0)
         self.max_iterations = settings.max_iterations
         self.iterations = 0
-        self._reaction = self._largest_reaction = 0.0
+        self._reaction, self._largest_reaction = 0.0, _least_reaction(problem)
+        self._setting: tuple[float, ...] = ()  # of the last tangent
         self._solved_at = 0.0  # depth of the last solution
         self._residual = self._before = 0.0  # now, and before the last step
         self._least, self._nearest = 0.0, 0  # residual of this solve, and its iteration
@@ -86,11 +89,18 @@ class Newton:
         problem.b.copy(f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, A: PETSc.Mat, P: PETSc.Mat) -> None:
-        self._assemble(P, self._forcing() if self._iterative else 0.0)
+        if not self._keeps_tangent():
+            self._assemble(P, self._forcing() if self._iterative else 0.0)
+
+    def _keeps_tangent(self) -> bool:
+        """Whether the last tangent, with its factor, will do: as long as it leads on quickly."""
+        if not (self._has_tangent and self.problem.keeps_tangent and self._setting == self.problem.setting):
+            return False
+        return self.snes.getIterationNumber() == 0 or self._residual <= KEPT_REDUCTION * self._before
 
     def _assemble(self, tangent: PETSc.Mat, rtol: float) -> None:
         """The tangent at the present solution; `rtol` of its systems where they are solved by iterations."""
-        self._has_tangent = True
+        self._has_tangent, self._setting = True, self.problem.setting
         if self._iterative:
             self._iterative.assemble(rtol)
         else:
@@ -107,7 +117,8 @@ class Newton:
         reasons = PETSc.SNES.ConvergedReason
         if not np.isfinite(residual):
             return reasons.DIVERGED_FNORM_NAN
-        if residual <= self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction:
+        begins = self.problem.flows and iteration == 0  # what many steps leave of the fluid's balance would add up
+        if not begins and residual <= self._tolerance * self._reaction + REACTION_ROUNDOFF * self._largest_reaction:
             return reasons.CONVERGED_FNORM_RELATIVE
         if iteration <= 1 or residual < self._least / 2:  # the first step may go up
             self._least, self._nearest = residual, iteration
@@ -263,6 +274,13 @@ class Newton:
             reasons.DIVERGED_FNORM_NAN: "the residual is not a number",
             reasons.DIVERGED_LINE_SEARCH: "no part of Newton's step comes nearer",
         }.get(reason, f"SNES reason {reason}")
+
+
+def _least_reaction(problem: Problem) -> float:
+    """What counts as the largest reaction before there was one [force]; more than nothing only where fluid flows."""
+    physics = problem.scene.physics
+    E = max(region.material.constants.E for region in physics.part.regions)
+    return FLUID_REACTION * E * physics.part.height ** (physics.body.dim - 1) if problem.flows else 0.0
 
 
 def finest(problem: Problem) -> float:

@@ -6,11 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from indent_sim.fe.discrete_body import Body, Field
+from indent_sim.fe.terms import flow
 from indent_sim.fe.terms.contact import friction, nodal, traction
 from indent_sim.fe.terms.contact.drag import Drag
 from indent_sim.fe.terms.contact.friction import Friction
 from indent_sim.fe.terms.contact.nodal import NodalContact
 from indent_sim.fe.terms.contact.traction import Traction
+from indent_sim.fe.terms.flow import Flow, Valve
+from indent_sim.fe.terms.relaxing import Relaxing
 from indent_sim.fe.terms.strain import Strain, pressures
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.wall import Wall
@@ -19,13 +22,16 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Matter:
-    """The terms of a body without contact: strain energies, first of the region under the tip, and a curved wall."""
+    """The terms of a body without contact: strain energies, first of the region under the tip, a curved wall, and the
+    fluid in its pores with its way out."""
 
     strains: tuple[Strain, ...]
     walls: tuple[Wall, ...]
+    flow: Flow | None = None
+    valve: Valve | None = None
 
     def __iter__(self) -> Iterator[Term]:
-        yield from (*self.strains, *self.walls)
+        yield from (term for term in (*self.strains, *self.walls, self.flow, self.valve) if term)
 
 
 @dataclass(frozen=True)
@@ -43,8 +49,10 @@ class Touch:
 
 def matter_of(body: Body) -> Matter:
     """The terms of a scene's body."""
-    strains = tuple(Strain(body, region) for region in body.scene.physics.part.regions)
-    return Matter(strains, (Wall(body),) if body.scene.physics.wall_stiffness else ())
+    physics = body.scene.physics
+    strains = tuple((Relaxing if region.relaxing else Strain)(body, region) for region in physics.part.regions)
+    walls = (Wall(body),) if physics.wall_stiffness else ()
+    return Matter(strains, walls, Flow(body), Valve(body)) if physics.permeable else Matter(strains, walls)
 
 
 def touch_of(body: Body, below: Strain) -> Touch:
@@ -58,4 +66,10 @@ def touch_of(body: Body, below: Strain) -> Touch:
 
 def fields_of(scene: Scene) -> list[Field]:
     """The fields beside the displacement that all terms need."""
-    return [*pressures(scene), *traction.fields(scene), *nodal.fields(scene), *friction.fields(scene)]
+    return [
+        *pressures(scene),
+        *flow.fields(scene),
+        *traction.fields(scene),
+        *nodal.fields(scene),
+        *friction.fields(scene),
+    ]

@@ -18,10 +18,11 @@ from indent_sim.fe.discrete_body import Moment
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a step: backward Euler over `dt` [time], to the share `end` of the step. It sets out from before +
-    share (one - before), with the result `one` of the stage before."""
+    """A part of a step: backward Euler over `dt` [time], to the share `end` of the step, `passed` [time] after its
+    begin. It sets out from before + share (one - before), with the result `one` of the stage before."""
 
     dt: float
+    passed: float = 0.0
     end: float = 1.0
     share: float = 0.0
 
@@ -31,7 +32,8 @@ GAMMA = 1 - 0.5**0.5  # of SDIRK2, which is L-stable and of second order with it
 
 def flowing_stages(dt: float) -> list[Stage]:
     """The two stages of SDIRK2 for a step of `dt` [time]."""
-    return [Stage(GAMMA * dt, end=GAMMA), Stage(GAMMA * dt, share=(1 - GAMMA) / GAMMA)]
+    first, second = GAMMA * dt, (1 - GAMMA) / GAMMA
+    return [Stage(first, first, end=GAMMA), Stage(first, dt, share=second)]
 
 
 class Term:
@@ -40,7 +42,7 @@ class Term:
     energy: its share of the potential, a UFL form, or None. fields: the names of the fields that came with it. history:
     functions that carry what it remembers beside the unknowns; they are kept with every state, never extrapolated, and
     change in `accept` alone. frozen: functions of the present guess that Newton does not solve for. has_memory: whether
-    an equilibrium depends on the path to it."""
+    an equilibrium depends on the path to it. setting: changes with what the tangent depends on beside the state."""
 
     energy: ufl.Form = None
     fields: tuple[str, ...] = ()
@@ -51,6 +53,7 @@ class Term:
     is_matter = False  # whether it is there without the tip
     is_constant = False  # whether its tangent is the same at every state
     flows = False  # whether a step in time takes two stages
+    setting = 0
 
     def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
         """The virtual work along now.test, a UFL form; None of a term that adds its rows itself."""
