@@ -154,3 +154,12 @@ def _doubled(value: Any) -> Any:
         points = {name: getattr(value, name) for name in ("start", "end", "middle")}
         return replace(value, **{name: point and _doubled(point) for name, point in points.items()})
     return 2 * value
+
+
+def test_a_corner_within_half_a_height_of_the_contact_does_not_fade() -> None:
+    """As measured: what it costs there depends on the contact by its radius over the corner's distance alone."""
+    body = {"shape": "cap", "base_radius": 1.0, "contact_angle": 60}
+    part = scene(body, material=SOFT).physics.part
+    (at,) = corners(part, (0.0, 0.0), 1.0, 0.4999)
+    near, far, beyond = (corners(part, (0.0, 0.0), at.r - gap * part.height, 0.4999)[0] for gap in (0.1, 0.45, 1.0))
+    assert near.share == far.share > beyond.share > 0  # all of them wider than the corner is deep
