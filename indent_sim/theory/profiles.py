@@ -47,9 +47,8 @@ def over_dome(tip: Tip, radius: float) -> Tip:
     """The tip that leaves over a flat body the gap of this one over a paraboloid r^2/(2 radius): g + x^2/radius. What a
     flat punch touches then grows with the load, up to its edge."""
     require_positive(radius=radius)
-    f, reach = tip.f, min(tip.reach, tip.edge or math.inf)
-    over = f and (lambda x: f(x) + x * x / (2.0 * radius))
-    return replace(tip, g=lambda x: tip.g(x) + x * x / radius, f=over, edge=None, reach=reach)
+    reach = min(tip.reach, tip.edge or math.inf)
+    return replace(tip, g=lambda x: tip.g(x) + x * x / radius, f=None, edge=None, reach=reach)
 
 
 def paraboloid(R: float) -> Tip:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from scenes import BOX, CYLINDER, ELASTIC, STRIP, WALLED, scene
 
 from indent_sim.config.scene_file import from_mapping
+from indent_sim.mesh.modelled_part import Side
 from indent_sim.mesh.sizes import size_formula
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_bars import coarser
@@ -129,3 +131,35 @@ def test_a_body_that_overhangs_its_base_has_a_notch_there() -> None:
     assert {key for key, corner in found.items() if corner} == notches | {(60, "fixed", 0.3)}
     (notch,) = found[150, "roller", 0.0]
     assert (notch.r, notch.depth) == (pytest.approx(1 / np.tan(np.radians(75))), 1.0)  # in heights
+
+
+@pytest.mark.parametrize("angle", [60, 90, 150])
+def test_what_a_corner_at_the_foot_costs_knows_no_unit_of_length(angle: float) -> None:
+    """A cap twice as large with twice the contact has the same corner, twice as far away, and none costs more than was
+    ever measured: a tenth of the force, with elements as large as its distance."""
+    body = {"shape": "cap", "base_radius": 1.0, "contact_angle": angle}
+    part = scene(body, material=SOFT).physics.part
+    twice = replace(part, **{name: _doubled(getattr(part, name)) for name in ("outline", "height")})
+    for a in (0.01, 0.1, 0.9):
+        (one,), (other,) = (corners(piece, (0.0, 0.0), a * k, 0.4999) for piece, k in ((part, 1), (twice, 2)))
+        assert (other.r, other.distance) == pytest.approx((2 * one.r, 2 * one.distance), rel=1e-9)
+        assert other.share == pytest.approx(one.share, rel=1e-9)
+        assert 0 < one.share <= 0.1
+
+
+def _doubled(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return tuple(map(_doubled, value))
+    if isinstance(value, Side):
+        points = {name: getattr(value, name) for name in ("start", "end", "middle")}
+        return replace(value, **{name: point and _doubled(point) for name, point in points.items()})
+    return 2 * value
+
+
+def test_a_corner_within_half_a_height_of_the_contact_does_not_fade() -> None:
+    """As measured: what it costs there depends on the contact by its radius over the corner's distance alone."""
+    body = {"shape": "cap", "base_radius": 1.0, "contact_angle": 60}
+    part = scene(body, material=SOFT).physics.part
+    (at,) = corners(part, (0.0, 0.0), 1.0, 0.4999)
+    near, far, beyond = (corners(part, (0.0, 0.0), at.r - gap * part.height, 0.4999)[0] for gap in (0.1, 0.45, 1.0))
+    assert near.share == far.share > beyond.share > 0  # all of them wider than the corner is deep

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,12 @@ import pytest
 from mesh_files import section, write
 
 from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.model.contact import Penalty
+from indent_sim.model.materials import LinearElastic
+from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid
 from indent_sim.run.error_bars import Companion, ErrorBars
 from indent_sim.run.resolved import resolved
+from indent_sim.scene.doubts import characteristic_strain, penalty_loss
 from indent_sim.scene.scene import Scene, resolve
 
 SCENES: dict[str, dict[str, Any]] = {
@@ -68,6 +73,43 @@ def test_what_is_stated_is_the_sum_of_what_is_doubted(name: str) -> None:
 def test_a_number_stands_in_its_words() -> None:
     (doubt,) = (doubt for doubt in scene(**SCENES["penalty"]).plan.doubts if doubt.key == "penalty")
     assert f"up to {100 * doubt.force_error:.2g} % too low" in doubt.words
+
+
+def test_nothing_speaks_against_a_theory_that_is_exact() -> None:
+    assert scene(**SCENES["theory"]).plan.doubts == ()
+
+
+def test_a_last_row_without_contact_has_no_error() -> None:
+    """What is stated is of the last row; the deepest one, which the penalty costs something, comes before."""
+    found = scene(**SCENES["penalty"], loading={"deltas": [0.01, -0.01]})
+    errors = {doubt.key: doubt.force_error for doubt in found.plan.doubts}
+    assert errors["penalty"] == 0.0 and "force_error" not in found.plan.prediction
+
+
+@pytest.mark.parametrize("tip", [Paraboloid(R=2.0), Cone(half_angle=70.0), Cone(half_angle=70.0, tip_radius=2.0)])
+def test_the_strain_is_a_fifth_of_the_slope_at_the_edge(tip: Indenter) -> None:
+    """Tabor's; the slope by a central difference of the tip's own height. A rounded apex is a ball, here taken for its
+    paraboloid: 1.2 % at 0.15 of its radius."""
+    a, step = 0.3, 1e-6
+    slope = (float(tip.height(a + step, 0.0)) - float(tip.height(a - step, 0.0))) / (2 * step)
+    assert characteristic_strain(tip, 0.01, a)[0] == pytest.approx(0.2 * slope, rel=0.012)
+
+
+def test_the_strain_under_a_punch_knows_its_depth() -> None:
+    assert characteristic_strain(FlatPunch(radius=0.3), 0.01, 0.3)[0] == pytest.approx(0.01)
+
+
+def test_what_a_penalty_costs() -> None:
+    """Of a contact that fills the body from wall to wall: a spring lambda + 2 mu in series with epsilon_n, of which no
+    more than all is lost, and little of which in proportion to lambda + 2 mu."""
+    depth, a, little = 0.01, 50.0, {}
+    for nu in (0.0, 0.3, 0.45):
+        material = LinearElastic(E=1.0, nu=nu)
+        losses = [penalty_loss(Penalty(epsilon_n=stiff), material, None, depth, a) for stiff in (1e-3, 1.0, 30.0, 1e5)]
+        assert 1.0 > losses[0] > 0.99 and all(more > less for more, less in pairwise(losses)) and losses[-1] > 0
+        lame, mu = nu / ((1 + nu) * (1 - 2 * nu)), 0.5 / (1 + nu)
+        little[nu] = losses[-1] / (lame + 2 * mu)
+    assert list(little.values()) == pytest.approx([little[0.0]] * 3, rel=1e-12)
 
 
 def test_without_contact_only_that_is_said() -> None:

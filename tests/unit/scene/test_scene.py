@@ -148,6 +148,7 @@ class TestStrain:
         for tip in ({"shape": "sphere", "R": 0.1}, {"shape": "profile", "points": [[0, 0], [0.1, 0.05]]}):
             assert "deeper than the" not in self.said(0.01, gap=gap, **tip)
             assert "deeper than the" in self.said(0.11, gap=gap, **tip)
+            assert ("ball's radius" in self.said(0.11, gap=gap, **tip)) == (gap == "current" and "R" in tip)
 
     def test_several_equilibria_are_stated(self):
         method = {"method": "active_set", "gap": "current"}

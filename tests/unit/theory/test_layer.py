@@ -269,6 +269,15 @@ def test_impossible_tips_are_refused(make):
         make()
 
 
+def test_pressures_beside_several_kinks_make_the_force():
+    """Each kink has panels of its own in the pressure's integral; 1e-7 is left by the disc's 60 points per panel."""
+    kinks = (0.03, 0.06, 0.09)
+    tip = profiles.piecewise_linear([[0.0, 0.0], [0.03, 0.001], [0.06, 0.005], [0.09, 0.012], [0.3, 0.3]])
+    found = Layer.on(tip, Stack((Ply(1.0, 1.0, 0.3),), "fixed")).curve([0.05])[0]
+    assert found.a > kinks[-1]
+    assert disc_integral(found, kinks) == pytest.approx(found.force, rel=5e-7)
+
+
 def test_curvatures_of_tip_and_body_add():
     """A paraboloid over a dome is one of the curvature 1/R = 1/2 + 1/2; a punch there is a plate up to its edge."""
     stack = Stack((Ply(1.0, 1.0, 0.3),), "fixed")
@@ -276,6 +285,8 @@ def test_curvatures_of_tip_and_body_add():
     for tip, dome in ((profiles.paraboloid(2.0), 2.0), (profiles.plane(), 1.0), (PUNCH, 1.0)):
         found = Layer.on(profiles.over_dome(tip, dome), stack).curve([0.01])[0]
         assert (found.force, found.a) == pytest.approx((known.force, known.a), rel=1e-12)
+        r = np.array([0.0, 0.5, 0.99, 1.5]) * known.a  # the surface, too, is pressed into one shape
+        assert found.u_z(r) == pytest.approx(known.u_z(r), rel=1e-9)
     with pytest.raises(ValueError):
         Layer.on(profiles.over_dome(profiles.flat_punch(0.05), 1.0), stack).curve([0.01])
 

@@ -41,6 +41,15 @@ def test_small_contact_is_the_line_contact(wall):
     assert s.pressure(x) == pytest.approx(E_STAR / 2.0 * np.sqrt(s.a**2 - x**2), rel=1e-8)
 
 
+@pytest.mark.parametrize("wall", [None, 1.2])
+def test_a_contact_near_the_end_of_its_tip_knows_no_unit_of_length(wall):
+    """A ball touched to 0.99 of its radius; both are converged to 1e-11, which takes more nodes towards the end."""
+    known = indent(ps.Strip, profiles.sphere(1.0), 1.5, nu=0.3, wall=wall, **UNIT)
+    far = wall and 1e3 * wall
+    large = indent(ps.Strip, profiles.sphere(1e3), 1.5e3, nu=0.3, wall=far, E=1.0, h=1e3)
+    assert known.a > 0.98 and (large.force, large.a) == pytest.approx((1e3 * known.force, 1e3 * known.a), rel=1e-11)
+
+
 def test_small_wedge_is_the_half_plane_one():
     # F' = E* a cot(alpha), p = E* cot(alpha)/pi arcosh(a/x) (Johnson 1985, sect. 5.2)
     cot = 1.0 / math.tan(math.radians(70.0))
