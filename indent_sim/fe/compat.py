@@ -60,6 +60,20 @@ def lagrange(dim: int, order: int, components: int = 1) -> Element:
     return ufl.FiniteElement("Lagrange", CELL_NAMES[dim], order)
 
 
+def at_quadrature(dim: int, degree: int, components: int) -> Element:
+    """Values at the points of a quadrature rule on simplices, of several `components`, and nowhere else."""
+    if DOLFINX_VERSION >= (0, 8):
+        return basix.ufl.quadrature_element(CELL_NAMES[dim], value_shape=(components,), degree=degree)
+    return ufl.VectorElement("Quadrature", CELL_NAMES[dim], degree, dim=components, quad_scheme="default")
+
+
+def in_cells(dim: int, components: int) -> Element:
+    """One value in each cell, of several `components`."""
+    if DOLFINX_VERSION >= (0, 8):
+        return basix.ufl.element("DG", CELL_NAMES[dim], 0, shape=(components,))
+    return ufl.VectorElement("DG", CELL_NAMES[dim], 0, dim=components)
+
+
 def mixed(*elements: Element) -> Element:
     """Several elements side by side."""
     return basix.ufl.mixed_element(list(elements)) if DOLFINX_VERSION >= (0, 8) else ufl.MixedElement(*elements)

@@ -161,6 +161,7 @@ class Problem:
         for function, values in zip(self.histories, state.history, strict=True):
             function.x.array[:] = values
         self.body.accept()
+        self.begin(Stage(0.0))  # no time has passed since
 
     def is_admissible(self) -> bool:
         """Whether J > 0, and any other limit of the law is kept, at every quadrature point: the energy is a number.

@@ -11,7 +11,7 @@ import numpy as np
 
 from indent_sim.model.body import Inclusion
 from indent_sim.model.kinematics import Kinematics
-from indent_sim.model.materials import Material
+from indent_sim.model.materials import Exponentials, Material
 
 Point = tuple[float, ...]
 Places = float | np.ndarray
@@ -87,13 +87,15 @@ class Side:
 
 @dataclass(frozen=True)
 class Region:
-    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure)."""
+    """A layer of the part, or an inclusion: its material, its formulation (displacement, or mixed with a pressure), and
+    how its shear stress relaxes while it is followed in time."""
 
     name: str
     material: Material
     formulation: str
     bottom: float = 0.0  # z of a layer's lower face [length]
     inclusion: Inclusion | None = None
+    relaxing: Exponentials | None = None
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
@@ -17,7 +17,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from indent_sim.model import algebra
 from indent_sim.model.algebra import Expr, exp, expm1_remainder, log1p, log1p_remainder, power_sum, ufl
-from indent_sim.model.units import PRESSURE, TIME, AnyModulus, Modulus, PoissonRatio, Unit, UnitRow
+from indent_sim.model.units import PRESSURE, TIME, AnyModulus, Auto, Modulus, PoissonRatio, Unit, UnitRow
 
 Formulation = Literal["auto", "displacement", "mixed"]
 LOCKING = 0.45  # Poisson's ratio from which displacement elements lock: see `docs/theory.md`
@@ -47,6 +47,14 @@ class Relaxation:
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
     power_law: PowerLaw | None = None
+
+
+class Exponentials(NamedTuple):
+    """G(t) = rest + sum fraction exp(-t/time) of a modulus, over that of the law's constants; times [time] > 0."""
+
+    rest: float
+    fractions: tuple[float, ...]
+    times: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -234,6 +242,16 @@ class LinearElastic(_TwoConstants):
         eps = ufl.sym(H)
         return self.shear_modulus * ufl.inner(eps, eps), ufl.tr(eps)
 
+    def split(self, H: Expr) -> tuple[Expr, Expr]:
+        """mu dev eps : dev eps, which is free of any change of volume, and tr eps."""
+        deviator = ufl.dev(ufl.sym(H))
+        return self.shear_modulus * ufl.inner(deviator, deviator), ufl.tr(H)
+
+    @property
+    def inverse_bulk_modulus(self) -> Expr:
+        """1/kappa = 3 (1 - 2 nu)/E [1/pressure]."""
+        return 3 * (1 - 2 * self.nu) / self.E  # type: ignore[operator]
+
 
 @dataclass(frozen=True, kw_only=True)
 class TransverselyIsotropic(_Law):
@@ -338,9 +356,15 @@ class NeoHookean(_TwoConstants):
 
 def _excess_and_log_J(H: Expr) -> tuple[Expr, Expr]:
     """(I1 - 3)/2 - ln J and ln J of F = 1 + H, with all digits of them and of their derivatives where H is small."""
+    excess, growth = _excess_and_growth(H)
+    return excess, log1p(growth)
+
+
+def _excess_and_growth(H: Expr) -> tuple[Expr, Expr]:
+    """(I1 - 3)/2 - ln J and J - 1, likewise."""
     curved = _curved_growth(H)  # without tr H, which cancels that of (I1 - 3)/2
     growth = ufl.tr(H) + curved
-    return ufl.inner(H, H) / 2 - curved + log1p_remainder(growth), log1p(growth)
+    return ufl.inner(H, H) / 2 - curved + log1p_remainder(growth), growth
 
 
 def _curved_growth(H: Expr) -> Expr:
@@ -406,6 +430,15 @@ class _Isochoric(_Law):
         shrink = exp(-2 * log_J / 3)
         excess = shrink * (2 * w / 3 - expm1_remainder(2 * log_J / 3))
         return self.isochoric(excess, shrink**2 * square, shrink**3 * cube), log_J
+
+    def split(self, H: Expr) -> tuple[Expr, Expr]:
+        """The energy that is free of any change of volume, and ln J: its `parts`."""
+        return self.parts(H)
+
+    @property
+    def inverse_bulk_modulus(self) -> Expr:
+        """1/kappa [1/pressure]."""
+        return self.inverse_stiffness
 
 
 @dataclass(frozen=True)
@@ -549,7 +582,168 @@ class ArrudaBoyce(_OfInvariants):
         return self.mu * i1 * slope
 
 
+class HeldSwelling(NamedTuple):
+    """What a gel that is held sideways does in a bath, from its reference: stretch along its free axis, and nominal
+    stress across [pressure], < 0 where it pushes."""
+
+    stretch: float
+    lateral_stress: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gel(_Law):
+    """A polymer network swollen by a solvent (Flory & Rehner 1943); its reference has swollen freely by `stretch` l.
+
+    G = N kT [pressure] is the modulus of the dry network of N chains per volume, n_omega = n = N Omega [1], Omega the
+    volume of a solvent molecule, chi [1] Flory's parameter. With J0 = l^3, a = J0/(J0 - 1), e = J - 1 and r(x) = x -
+    ln(1 + x), J and I1 of the deformation from the reference, per volume of which
+
+        psi = (G/l)((I1 - 3)/2 - ln J) - G (1/l - 1/J0) r(e)
+              + G/(n J0) {(J0 - 1)[r(e) - r(a e) + a e (ln(1 + a e) - ln(1 + e))] - (chi/J0) e^2/(1 + e)}.
+
+    It is the energy of the drained body: its stress lacks -p J F^-T, p [pressure] the solvent's chemical potential [kT]
+    over that of free swelling, times G/n. At J <= 1/J0 no solvent is left, and psi is not a number.
+    Source: Hong, Zhao, Zhou & Suo (2008), J. Mech. Phys. Solids 56, 1779.
+    """
+
+    G: Modulus
+    n_omega: Annotated[float, Gt(0)]
+    chi: float
+    stretch: Annotated[float, Gt(1)] | Auto = "auto"
+    formulation: Formulation = "displacement"
+    relaxation: Relaxation | None = None
+    model: Literal["gel"] = "gel"
+
+    def canonical(self) -> Self:
+        """Itself; ValueError where the free swelling is not stable. A stretch that is still "auto" is that of a bath:
+        `swollen_in`."""
+        if self.stretch != "auto" and not (self.stretch > 1 and 3 * self._stiffness_of_swelling > self.n_omega):
+            raise ValueError(
+                f"a gel of chi = {self.chi:g} that has swollen freely by {self.stretch:g} would shrink by itself;"
+                " a smaller stretch, or chi"
+            )
+        return self
+
+    def swollen_in(self, bath: float) -> Self:
+        """The same with the stretch of free swelling in a bath of this chemical potential [kT], where it is "auto"."""
+        return replace(self, stretch=self.free_stretch(bath)) if self.stretch == "auto" else self
+
+    def free_potential(self, stretch: Expr) -> Expr:
+        """mu(l) = n (1/l - 1/J0) + ln(1 - 1/J0) + 1/J0 + chi/J0^2 [kT] of a bath in which it swells freely by l."""
+        J0 = stretch**3
+        network = self.n_omega * (1 / stretch - 1 / J0)
+        return network + log1p(-1 / J0) + 1 / J0 + self.chi / J0**2
+
+    def free_stretch(self, bath: float) -> float:
+        """The least l > 1 of free swelling in a bath of this chemical potential [kT]; ValueError where none is."""
+        found = _first_root(lambda growth: float(self.free_potential(1 + growth)) - bath, GROWTHS)
+        if found is None:
+            raise ValueError(f"no free swelling has a bath potential of {bath:g}; a bath below 0, or another chi")
+        return 1 + found
+
+    def bath_pressure(self, bath: Expr) -> Expr:
+        """p_b = (G/n)(mu_bath - mu(l)) [pressure] of a bath of this chemical potential [kT]; > 0 where it swells."""
+        return self.G / self.n_omega * (bath - self.free_potential(self._l))
+
+    def held_swelling(self, bath_pressure: float) -> HeldSwelling:
+        """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free along one axis;
+        ValueError where there is no such state."""
+        if bath_pressure == 0:
+            return HeldSwelling(1.0, 0.0)
+
+        def pull(growth: float) -> float:
+            sheared = self.shear_modulus * growth * (2 + growth) / (1 + growth)
+            return float(sheared + self.swelling_stress(growth)) - bath_pressure
+
+        dry = 1 - 1 / self._J0
+        found = _first_root(pull, GROWTHS if bath_pressure > 0 else [-dry * t / (1 + t) for t in GROWTHS])
+        if found is None:
+            raise ValueError(f"no swelling between walls has a bath pressure of {bath_pressure:g}")
+        return HeldSwelling(1 + found, -self.shear_modulus * found * (2 + found))
+
+    def permeability(self, J: Expr, diffusivity: Expr) -> Expr:
+        """k = D n (1 - 1/(J0 J))/G [length^2/(pressure time)], D the diffusivity of the solvent [length^2/time]."""
+        return diffusivity * self.n_omega / self.G * (1 - 1 / (self._J0 * J))
+
+    @property
+    def _l(self) -> Expr:
+        return self.stretch
+
+    @property
+    def _J0(self) -> Expr:
+        return self._l**3
+
+    @property
+    def shear_modulus(self) -> Expr:
+        """G/l [pressure]."""
+        return self.G / self._l
+
+    @property
+    def _stiffness_of_swelling(self) -> Expr:
+        """1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5 = (lambda + mu) n l/G."""
+        return (1 / (self._J0 - 1) + self.n_omega - 2 * self.chi / self._J0) / self._l**2
+
+    @property
+    def constants(self) -> Constants:
+        """Small-strain E [pressure] and nu = 1/2 - (n/2)/(1/(l^2 (J0 - 1)) + n/l^2 - 2 chi/l^5), of the drained gel."""
+        nu = 0.5 - self.n_omega / (2 * self._stiffness_of_swelling)
+        return Constants(2 * self.shear_modulus * (1 + nu), nu)
+
+    @property
+    def inverse_stiffness(self) -> Expr:
+        """1/lambda, lambda = (G/l)(stiffness/n - 1) with the stiffness of `constants` [1/pressure]."""
+        return 1 / (self.shear_modulus * (self._stiffness_of_swelling / self.n_omega - 1))
+
+    def energy(self, H: Expr) -> Expr:
+        """psi [pressure] of the displacement gradient H (3 x 3), with all digits where H is small."""
+        excess, growth = _excess_and_growth(H)
+        return self.shear_modulus * excess + self._energy_of_swelling(growth)
+
+    def parts(self, H: Expr) -> tuple[Expr, Expr]:
+        """psi less stiffness e^2/2, and e = J - 1."""
+        excess, e = _excess_and_growth(H)
+        rest = self._energy_of_swelling(e) - e * e / (2 * self.inverse_stiffness)
+        return self.shear_modulus * excess + rest, e
+
+    def _energy_of_swelling(self, e: Expr) -> Expr:
+        """psi without its first term."""
+        J0, a = self._J0, self._J0 / (self._J0 - 1)
+        mixing = log1p_remainder(e) - log1p_remainder(a * e) + a * e * (log1p(a * e) - log1p(e))
+        solvent = (J0 - 1) * mixing - self.chi / J0 * e * e / (1 + e)
+        return self.G / (self.n_omega * J0) * solvent - self.G * (1 / self._l - 1 / J0) * log1p_remainder(e)
+
+    def swelling_stress(self, e: Expr) -> Expr:
+        """Its derivative [pressure] along e = J - 1: the Cauchy stress of network and mixing but for the shear's."""
+        J0, a = self._J0, self._J0 / (self._J0 - 1)
+        shrunk = e / (1 + e)
+        mixing = log1p(a * e) - log1p(e) - shrunk / J0 - self.chi / J0**2 * shrunk * (2 + e) / (1 + e)
+        return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
+
+
+GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
+
+
+def _first_root(function: Callable[[float], float], places: Iterable[float]) -> float | None:
+    """The first change of sign from 0 outwards, to all digits; None where there is none."""
+    before, begin = 0.0, None
+    for place in places:
+        value = function(place)
+        if begin is not None and (value >= 0) != (begin >= 0):
+            return _bisected(function, before, place)
+        before, begin = place, value
+    return None
+
+
+def _bisected(function: Callable[[float], float], low: float, high: float) -> float:
+    """The place between two at which the sign of a function changes."""
+    is_up = function(high) >= 0
+    while low < (middle := (low + high) / 2) < high or high < middle < low:
+        low, high = (low, middle) if (function(middle) >= 0) == is_up else (middle, high)
+    return high
+
+
 Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
+Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce  # laws that `split`: shear may relax alone
 
 CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",

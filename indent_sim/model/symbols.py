@@ -107,7 +107,7 @@ relaxation: how the modulus falls with time, nu being constant; the law's own co
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
   exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
+exponent [1] $b$: of a power law of relaxation, 0 (elastic) to 1 (a liquid); of pores, of their share in the volume
 time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 

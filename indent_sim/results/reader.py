@@ -188,39 +188,37 @@ def _mapping(name: str = "mapping", /, *, needed: Collection[str] = (), **entrie
     return cast(Any, TypedDict)(name, kinds)
 
 
-ANSWER: Any = {"name": str, "delta": Number, "force": Number}
-CURVE: Any = {"delta": list[Number], "force": list[Number]}
-PLACE = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number)
-HALF_SPACE_SHAPE = _mapping(**ANSWER, deviation=Known, curve=_mapping(needed=CURVE, **CURVE))
-BESIDE_THEORY = {"half_space": HALF_SPACE_SHAPE | None, "curve": _mapping(**CURVE, a=list[Number]), "why": str}
-BESIDE_THEORY |= {"formulas": GenericAlias(list, _mapping(**ANSWER, deviation=Known))}
-THEORY_SHAPE = _mapping(needed=ANSWER, **ANSWER, force_deviation=Known, delta_deviation=Known, **BESIDE_THEORY)
-CHOICES = GenericAlias(list, _mapping(key=str))
-ENTRIES: Any = dict.fromkeys(("reason", "version", "started", "finished", "title", "gap", "method", "control"), str)
-ENTRIES |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {"versions": dict[str, object]}
-ENTRIES |= dict.fromkeys(("peak_memory_MB", "memory_before_MB"), Known) | dict.fromkeys(("rows", "dofs"), Count)
-ENTRIES |= {"exit_code": int | None, "center": list[Number], "warnings": list[str], "resumed_after": list[Count]}
-ENTRIES |= {"units": _mapping(length=str, force=str), "asked": _mapping(error_bars=bool, accuracy=Known)}
-REPORT_SHAPE = _mapping(
-    **ENTRIES,
-    status=Literal["running", "done", "failed", "interrupted"],
-    plan=_mapping(auto=list[str], choices=CHOICES, prediction=_mapping(force_error=Known)),
-    theory=THEORY_SHAPE | None,
-    hertz=_mapping(needed=("E", "percent"), E=Number, percent=Number) | None,
-    audit=_mapping(force_against_reaction=Known, substeps=Count) | None,
-    accuracy=_mapping(target=Number, elements=Number, tried=list[Number]) | None,
-    stick=_mapping(needed=("words",), words=str) | None,
-    adhesion=GenericAlias(dict, (str, Known | PLACE)) | None,
-    experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, PLACE)) | None) | None) | None,
-    mesh=_mapping(hash=str) | None,
-    time=_mapping(way=str, method=str, why=str) | None,
-)
-
-
 @cache
 def _shape() -> TypeAdapter[Report]:
     """What a run.json looks like; a run that reads none need not work it out."""
-    return TypeAdapter(REPORT_SHAPE)
+    answer: Any = {"name": str, "delta": Number, "force": Number}
+    curve: Any = {"delta": list[Number], "force": list[Number]}
+    place = _mapping("_Place", needed=("delta", "force"), delta=Number, force=Number)
+    half_space = _mapping(**answer, deviation=Known, curve=_mapping(needed=curve, **curve))
+    beside = {"half_space": half_space | None, "curve": _mapping(**curve, a=list[Number]), "why": str}
+    beside |= {"formulas": GenericAlias(list, _mapping(**answer, deviation=Known))}
+    theory = _mapping(needed=answer, **answer, force_deviation=Known, delta_deviation=Known, **beside)
+    choices = GenericAlias(list, _mapping(key=str))
+    entries: Any = dict.fromkeys(("reason", "version", "started", "finished", "title", "gap", "method", "control"), str)
+    entries |= dict.fromkeys(("timings", "cpu_timings"), dict[str, Number]) | {"versions": dict[str, object]}
+    entries |= dict.fromkeys(("peak_memory_MB", "memory_before_MB"), Known) | dict.fromkeys(("rows", "dofs"), Count)
+    entries |= {"exit_code": int | None, "center": list[Number], "warnings": list[str], "resumed_after": list[Count]}
+    entries |= {"units": _mapping(length=str, force=str), "asked": _mapping(error_bars=bool, accuracy=Known)}
+    report = _mapping(
+        **entries,
+        status=Literal["running", "done", "failed", "interrupted"],
+        plan=_mapping(auto=list[str], choices=choices, prediction=_mapping(force_error=Known)),
+        theory=theory | None,
+        hertz=_mapping(needed=("E", "percent"), E=Number, percent=Number) | None,
+        audit=_mapping(force_against_reaction=Known, substeps=Count) | None,
+        accuracy=_mapping(target=Number, elements=Number, tried=list[Number]) | None,
+        stick=_mapping(needed=("words",), words=str) | None,
+        adhesion=GenericAlias(dict, (str, Known | place)) | None,
+        experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, place)) | None) | None) | None,
+        mesh=_mapping(hash=str) | None,
+        time=_mapping(way=str, method=str, why=str) | None,
+    )
+    return TypeAdapter(report)
 
 
 def checked_report(folder: Path) -> Report:

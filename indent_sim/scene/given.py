@@ -32,7 +32,7 @@ from indent_sim.model.body import (
 from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
-from indent_sim.model.materials import LOCKING, Material, Relaxation
+from indent_sim.model.materials import LOCKING, Exponentials, Material, Relaxation
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
@@ -380,6 +380,17 @@ def is_stepped(history: History | None, law: Relaxation | None, compliance: floa
     """Whether a relaxing body is followed step by step: forces or springs, or a tip that comes back."""
     is_any = history is not None and (history.control == "force" or compliance > 0 or history.comes_back)
     return law is not None and is_any
+
+
+def exponentials(law: Relaxation, shortest: float, longest: float) -> Exponentials:
+    """A relaxation as a sum of exponentials; a power law to 1e-5 between two times [time]."""
+    if law.power_law is None:
+        fractions, times = zip(*(law.prony or ()), strict=True)
+        return Exponentials(1.0 - sum(fractions), fractions, times)
+    from indent_sim.theory.surface.relaxation import PowerLaw  # with scipy's splines, which no other scene needs
+
+    found = PowerLaw(law.power_law.exponent, law.power_law.time).prony(shortest, longest)
+    return Exponentials(found.lasting, found.fractions, found.times)
 
 
 def remaining(law: Relaxation | None, history: History | None) -> float:

@@ -276,6 +276,57 @@ def test_a_state_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun
                 assert np.abs(ours - theirs).max() <= SAME * max(1e-3, np.abs(ours).max())
 
 
+RELAXED = """
+import json, sys
+from dataclasses import replace
+from mpi4py import MPI
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.fe import solver
+from indent_sim.mesh import gmsh
+from indent_sim.model.materials import Exponentials
+from indent_sim.process.ranks import on_root
+from indent_sim.scene.scene import resolve
+
+comm, found = MPI.COMM_WORLD, {}
+for name, mapping in json.loads(sys.argv[1]).items():
+    scene = resolve(from_mapping(mapping))
+    law, part = Exponentials(0.3, (0.4, 0.3), (0.1, 1.0)), scene.physics.part
+    part = replace(part, regions=tuple(replace(region, relaxing=law) for region in part.regions))
+    scene = scene.with_physics(part=part)
+    mesh = solver.distribute(on_root(comm, gmsh.build, part, scene.sizes), part, comm)
+    body = solver.equilibrium(scene, mesh)
+
+    def step(depth, dt):
+        assert body.solve(depth, dt), body.failure
+        body.accept()
+        return body.force
+
+    forces = [step(0.02, 0.0), step(0.02, 0.1)]
+    arrays = comm.bcast(body.pack(body.snapshot()))
+    forces.append(step(0.02, 0.5))
+    body.restore(body.unpack(0.02, arrays))
+    found[name] = {"arrays": [values.tolist() for values in arrays], "forces": forces, "again": step(0.02, 0.5)}
+if comm.rank == 0:
+    print("RESULT" + json.dumps(found))
+"""
+RELAXING = {  # stresses at points inside cells are kept beside the unknowns
+    "bulging": {"body": CYLINDER, "mesh": {"h_contact": 0.05}, "solver": {"method": "newton"}},
+    "box": {"body": BOX, "mesh": {"h_contact": 0.2}, "solver": {"method": "newton"}},
+}
+
+
+def test_what_relaxes_is_kept_in_an_order_that_does_not_know_the_ranks(mpirun: Mpirun) -> None:
+    """As above, in two and three dimensions; stresses are of the order of 0.01 E, as are their differences."""
+    defaults = {"material": ELASTIC, "indenter": PARABOLOID, "loading": {"delta": 0.02}}
+    scenes = json.dumps({name: defaults | sections for name, sections in RELAXING.items()})
+    two, one = (parsed(mpirun(ranks, "-c", RELAXED, scenes)) for ranks in (2, 1))
+    for name in RELAXING:
+        assert two[name]["again"] == pytest.approx(two[name]["forces"][-1], rel=1e-9)
+        assert two[name]["forces"] == pytest.approx(one[name]["forces"], rel=SAME)
+        for ours, theirs in zip(*(map(np.array, ranks[name]["arrays"]) for ranks in (one, two)), strict=True):
+            assert np.abs(ours - theirs).max() <= SAME * max(1.0, np.abs(ours).max())
+
+
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     """A scene file, alone in its folder."""

@@ -1,6 +1,7 @@
 """Numbers of dofs that do not depend on how many ranks share a mesh, so that a state can go from one run to another.
 
 A node of a Lagrange space is a point of the grid or the middle of two; sorted by these points all nodes have a place.
+Values at points inside cells have the place of their cell in the grid.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ class Numbering:
         owned, width = space.dofmap.index_map.size_local, space.dofmap.index_map_bs
         self._comm = space.mesh.comm
         self._own = places.reshape(-1, width)[:owned]
-        keys = _keys(space)[:owned]
+        is_in_cells = space.dofmap.dof_layout.num_entity_dofs(0) == 0
+        keys = (_keys_in_cells if is_in_cells else _keys)(space)[:owned]
         everybody = np.sort(np.concatenate(self._comm.allgather(keys)))
         self._rows = np.searchsorted(everybody, keys)
         self.shape = len(everybody), width
@@ -51,4 +53,13 @@ def _keys(space: fem.FunctionSpace) -> np.ndarray:
     for node, (a, b) in zip(dofs.T, pairs, strict=True):
         low, high = np.minimum(corners[:, a], corners[:, b]), np.maximum(corners[:, a], corners[:, b])
         keys[node] = low * total + high
+    return keys
+
+
+def _keys_in_cells(space: fem.FunctionSpace) -> np.ndarray:
+    """A number for every local point: of its cell in the grid, and its own in the cell."""
+    dofs = compat.cell_dofs(space.dofmap)
+    cells = np.asarray(space.mesh.topology.original_cell_index, dtype=np.int64)[: len(dofs)]
+    keys = np.zeros(dofs.max(initial=-1) + 1, dtype=np.int64)
+    keys[dofs] = cells[:, None] * dofs.shape[1] + np.arange(dofs.shape[1])
     return keys

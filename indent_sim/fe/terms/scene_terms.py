@@ -13,6 +13,7 @@ from indent_sim.fe.terms.contact.friction import Friction
 from indent_sim.fe.terms.contact.nodal import NodalContact
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.flow import Flow, Valve
+from indent_sim.fe.terms.relaxing import Relaxing
 from indent_sim.fe.terms.strain import Strain, pressures
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.wall import Wall
@@ -49,7 +50,7 @@ class Touch:
 def matter_of(body: Body) -> Matter:
     """The terms of a scene's body."""
     physics = body.scene.physics
-    strains = tuple(Strain(body, region) for region in physics.part.regions)
+    strains = tuple((Relaxing if region.relaxing else Strain)(body, region) for region in physics.part.regions)
     walls = (Wall(body),) if physics.wall_stiffness else ()
     return Matter(strains, walls, Flow(body), Valve(body)) if physics.permeable else Matter(strains, walls)
 

@@ -9,12 +9,14 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import ORDER, VOLUME_DEGREE, Body, Field, Moment, symbolic
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.variation import variations
 from indent_sim.mesh.modelled_part import Region
+from indent_sim.model.materials import Material
 from indent_sim.scene.scene import Scene
 
 
@@ -45,6 +47,7 @@ class Strain(Term):
     strain) are UFL tensors (3, 3) [pressure], psi [pressure] and J = det F UFL scalars."""
 
     is_matter = True
+    psi: Expr
 
     def __init__(self, body: Body, region: Region):
         self.body, self.region = body, region
@@ -54,13 +57,18 @@ class Strain(Term):
         material = symbolic(region.material, body.mesh)
         H = ufl.variable(scene.physics.part.kinematics.gradient(fields["u"], body.X))
         q = fields[self.fields[0]] if self.fields else None
-        self.psi = material.energy(H) if q is None else material.mixed_energy(H, ufl.variable(q))
+        self._density, potential = self._densities(material, H, None if q is None else ufl.variable(q))
         F = ufl.Identity(3) + H
-        self.nominal_stress = self.stress = ufl.diff(self.psi, H)
+        self.nominal_stress = self.stress = ufl.diff(potential, H)
         if not region.material.small_strain:
             self.stress = self.nominal_stress * F.T / ufl.det(F)
         self.J = ufl.det(F)
-        self.energy = body.over_region(self.psi, region)
+        self.energy = body.over_region(self._density, region)
+
+    def _densities(self, material: Material, H: Expr, q: Expr | None) -> tuple[Expr, Expr]:
+        """The potential of the virtual work, per volume, and the same as it can be read off at any point of a cell."""
+        self.psi = material.energy(H) if q is None else material.mixed_energy(H, q)
+        return self.psi, self.psi
 
     @cached_property
     def cells(self) -> np.ndarray:
@@ -71,11 +79,11 @@ class Strain(Term):
 
     def work(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
         """First variation of the energy, as a UFL form."""
-        return self.body.over_region(variations(self.psi, now)[0], self.region)
+        return self.body.over_region(variations(self._density, now)[0], self.region)
 
     def tangent(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
         """Its second variation."""
-        return self.body.over_region(variations(self.psi, now)[1], self.region)
+        return self.body.over_region(variations(self._density, now)[1], self.region)
 
     def least_volume_ratio(self) -> Crushed | None:
         """The smallest J = det F at the quadrature points, and where (collective); none at small strain."""

@@ -22,7 +22,7 @@ class Stage:
     begin. It sets out from before + share (one - before), with the result `one` of the stage before."""
 
     dt: float
-    passed: float
+    passed: float = 0.0
     end: float = 1.0
     share: float = 0.0
 

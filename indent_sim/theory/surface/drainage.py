@@ -1,0 +1,215 @@
+"""Indentation of a linear porous body full of fluid (Biot), between the sudden load and the drained rest.
+
+Fluid content alpha e + storage p, flux -permeability grad p, stress 2 G eps + lambda e - alpha p. At once nothing
+flows: the force is that of an elastic body with the same G and the undrained Poisson ratio; at last p = 0 and nu is the
+drained one. What a held depth loses between the two is here that of a flat punch of radius a on a half-space, drained
+or sealed over all its surface: in Laplace space (s in D/a^2, lengths in a), with r = (nu_u - nu)/(1 - nu) and
+gamma^2 = k^2 + s,
+
+    phi(x) - int_0^1 K(x, y) phi(y) dy = 1,    F/F(0+) = (1 - r)/s int_0^1 phi dx,
+    K = (2/pi) int_0^inf (1 - 1/(1 + r q/(1 - r))) cos kx cos ky dk,
+    q = (gamma - k)/(gamma + k) of a drained surface,   1 - 2 k^2/(gamma (gamma + k)) of a sealed one.
+
+delta > 0 pushes in, force > 0 pushes, p > 0 in compressed fluid. Any consistent units, any unit of time.
+Sources: Biot (1941), J. Appl. Phys. 12, 155; Agbezuge & Deresiewicz (1974), Israel J. Technol. 12, 322; Talbot's
+contour by Weideman (2006), SIAM J. Numer. Anal. 44, 2342.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from indent_sim.theory.half_space import check_nu
+from indent_sim.theory.hankel import Nodes, gauss, joined
+from indent_sim.theory.solution import require_positive
+from indent_sim.theory.theory import Theory
+
+Surface = Literal["drained", "sealed"]
+CONTOUR = 24  # points of Talbot's contour, of which half are conjugates of the others: 12 digits
+POINTS = 64  # of the integral equation
+LARGEST_WAVE, GRADED = 120.0, 1e-6  # largest k [1/a], and the first panel in it: what is subtracted leaves k^-6
+PER_PANEL, PER_PHASE = 24, 0.7  # Gauss points of a panel, and more of them for each unit of the phase k x
+SHORT = 1e-3  # a^2/D: before it 1 - g = sqrt(tau)(A - B ln tau), of boundary layers too thin for these points
+SHORT_ENDS = SHORT, 4.0 * SHORT  # times that give A and B
+
+
+@dataclass(frozen=True)
+class PorousSolid:
+    """Constants of a linear porous body: drained E [F/L^2] and nu, permeability over viscosity [L^4/(F T)], Biot's
+    alpha and the storage 1/M [L^2/F]; 1 and 0 where grains and fluid are incompressible.
+
+    ValueError unless E > 0, permeability > 0, -1 < nu < 0.5, 0 < alpha <= 1 and storage >= 0.
+    """
+
+    E: float
+    nu: float
+    permeability: float
+    alpha: float = 1.0
+    storage: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive(E=self.E, permeability=self.permeability, alpha=self.alpha)
+        check_nu(self.nu)
+        if not (self.nu < 0.5 and self.alpha <= 1.0 and 0.0 <= self.storage < math.inf):
+            given = f"nu = {self.nu!r}, alpha = {self.alpha!r}, storage = {self.storage!r}"
+            raise ValueError(f"a porous body has a drained nu < 0.5, alpha <= 1 and storage >= 0, got {given}")
+
+    @property
+    def shear_modulus(self) -> float:
+        """G = E/(2 (1 + nu)) [F/L^2], drained and undrained."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    @property
+    def confined_modulus(self) -> float:
+        """M_c = 2 G (1 - nu)/(1 - 2 nu) [F/L^2], drained."""
+        return 2.0 * self.shear_modulus * (1.0 - self.nu) / (1.0 - 2.0 * self.nu)
+
+    @property
+    def diffusivity(self) -> float:
+        """D = permeability/(alpha^2/M_c + storage) [L^2/T] of the fluid content."""
+        return self.permeability / (self.alpha**2 / self.confined_modulus + self.storage)
+
+    @property
+    def undrained_bulk_modulus(self) -> float:
+        """K_u = K + alpha^2/storage [F/L^2]; infinite without storage."""
+        drained = self.E / (3.0 * (1.0 - 2.0 * self.nu))
+        return drained + self.alpha**2 / self.storage if self.storage else math.inf
+
+    @property
+    def undrained_nu(self) -> float:
+        """nu_u = (3 K_u - 2 G)/(2 (3 K_u + G)); 1/2 without storage."""
+        ratio = self.shear_modulus / self.undrained_bulk_modulus
+        return (3.0 - 2.0 * ratio) / (2.0 * (3.0 + ratio))
+
+    @property
+    def undrained_E(self) -> float:
+        """E_u = 2 G (1 + nu_u) [F/L^2]."""
+        return 2.0 * self.shear_modulus * (1.0 + self.undrained_nu)
+
+
+class DrainageTimes(NamedTuple):
+    """a^2/D and H^2/D [T]: what the fluid needs over a contact radius, and over the height of the body."""
+
+    contact: float
+    height: float
+
+
+@dataclass(frozen=True)
+class DrainingContact:
+    """A tip on a porous body pressed in at once and held: by its elastic theories with the undrained constants and with
+    the drained ones, and the flat punch's g between them."""
+
+    solid: PorousSolid
+    undrained: Theory
+    drained: Theory
+    surface: Surface = "drained"
+
+    def limits(self, delta: float) -> tuple[float, float] | None:
+        """Force at once and at last [F] at a depth [L]; None where theory ends."""
+        first, last = self.undrained.at(delta), self.drained.at(delta)
+        return (first.force, last.force) if first and last else None
+
+    def times(self, delta: float, height: float) -> DrainageTimes | None:
+        """The times that matter at a depth [L] on a body of that height [L]; None where theory ends."""
+        contact, D = self.undrained.at(delta), self.solid.diffusivity
+        return DrainageTimes(contact.a**2 / D, height**2 / D) if contact else None
+
+    def force(self, delta: float, t: float) -> float | None:
+        """The force [F] a time t [T] after the tip was pressed in; None where theory ends. That of a half-space: over a
+        thin layer fluid has other ways to go."""
+        limits, contact = self.limits(delta), self.undrained.at(delta)
+        if limits is None or contact is None:
+            return None
+        tau = self.solid.diffusivity * t / contact.a**2 if contact.a > 0.0 else math.inf
+        return limits[1] + (limits[0] - limits[1]) * drop_left(
+            tau, self.solid.nu, self.solid.undrained_nu, self.surface
+        )
+
+
+@lru_cache(maxsize=4096)
+def drop_left(tau: float, nu: float, undrained_nu: float = 0.5, surface: Surface = "drained") -> float:
+    """g = (F - F(inf))/(F(0+) - F(inf)) of a flat punch on a porous half-space at tau = D t/a^2: from 1 to 0.
+
+    8 digits from tau = 1e-3 on, 3 before. ValueError unless tau >= 0 and -1 < nu < undrained_nu <= 0.5.
+    """
+    check_nu(nu)
+    if not (tau >= 0.0 and nu < undrained_nu <= 0.5):
+        raise ValueError(f"needs tau >= 0 and nu < undrained_nu <= 0.5, got {tau!r}, {nu!r}, {undrained_nu!r}")
+    if tau == 0.0 or math.isinf(tau):
+        return float(tau == 0.0)
+    if tau < SHORT:
+        return _soon(tau, nu, undrained_nu, surface)
+    r = (undrained_nu - nu) / (1.0 - nu)
+    points, weights = _contour(CONTOUR)
+    ratio = sum((w * _transform(z / tau, r, surface)).real for z, w in zip(points, weights, strict=True)) / tau
+    return (ratio - (1.0 - r)) / r
+
+
+def _soon(tau: float, nu: float, undrained_nu: float, surface: Surface) -> float:
+    """The fluid has left a thin layer alone; the punch's edge, whose pressure is infinite, brings the logarithm."""
+    slopes = [(1.0 - drop_left(t, nu, undrained_nu, surface)) / math.sqrt(t) for t in SHORT_ENDS]
+    per_log = (slopes[1] - slopes[0]) / math.log(SHORT_ENDS[1] / SHORT_ENDS[0])
+    return 1.0 - math.sqrt(tau) * (slopes[0] + per_log * math.log(tau / SHORT_ENDS[0]))
+
+
+@lru_cache
+def _contour(count: int) -> Nodes:
+    """Points z of the upper half of Talbot's contour and weights: f(t) = Re sum w F(z/t)/t (Weideman 2006)."""
+    angle = (2.0 * np.arange(count // 2) + 1.0) * math.pi / count
+    a, b, c, d = 0.5017, 0.6407, 0.6122, 0.2645
+    z = count * (a * angle / np.tan(b * angle) - c + 1j * d * angle)
+    slope = count * (a / np.tan(b * angle) - a * b * angle / np.sin(b * angle) ** 2 + 1j * d)
+    return z, 2.0 * np.exp(z) * slope / (1j * count)
+
+
+@lru_cache
+def _waves() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Wavenumbers k, their weights, and cos(k x) at the points of the equation."""
+    edges = [0.0, *np.geomspace(GRADED, LARGEST_WAVE, math.ceil(math.log(LARGEST_WAVE / GRADED, 3.0)))]
+    parts = [gauss(low, high, PER_PANEL + math.ceil(PER_PHASE * (high - low))) for low, high in pairwise(edges)]
+    k, weights = joined(parts)
+    return k, weights, np.cos(np.outer(gauss(0.0, 1.0, POINTS)[0], k))
+
+
+def _transform(s: complex, r: float, surface: Surface) -> complex:
+    """Laplace transform of F/F(0+) at s [D/a^2]."""
+    x, w = gauss(0.0, 1.0, POINTS)
+    k, weights, cosines = _waves()
+    contrast, root = r / (1.0 - r), np.sqrt(s)
+    first, second = _large_waves(contrast, surface)
+    share = s / (k * k + s)
+    rest = _softer(k, s, contrast, surface) - first * share - second * share**2
+
+    def kernel(z: np.ndarray) -> np.ndarray:
+        """(1/pi) int_0^inf of what was subtracted, times cos kz."""
+        return root * (first / 2.0 + second / 4.0 * (1.0 + root * z)) * np.exp(-root * z)
+
+    def integral(z: np.ndarray) -> np.ndarray:
+        """int_0^z kernel."""
+        return (first + second) / 2.0 * (1.0 - np.exp(-root * z)) - second / 4.0 * root * z * np.exp(-root * z)
+
+    near = kernel(np.abs(x[:, None] - x)) * w
+    smooth = (2.0 / math.pi * (cosines * (rest * weights)) @ cosines.T + kernel(x[:, None] + x)) * w
+    kink = integral(x) + integral(1.0 - x) - near.sum(axis=1)  # what the points miss of a constant, all on the diagonal
+    phi = np.linalg.solve(np.eye(POINTS) - smooth - near - np.diag(kink), np.ones(POINTS))
+    return complex((1.0 - r) / s * (w @ phi))
+
+
+def _softer(k: np.ndarray, s: complex, contrast: float, surface: Surface) -> np.ndarray:
+    """1 - 1/(1 + contrast q): by how much less a wave finds the surface compliant than when drained."""
+    gamma = np.sqrt(k * k + s)
+    q = s / (gamma + k) ** 2 if surface == "drained" else s * (1.0 + k / (gamma + k)) / (gamma * (gamma + k))
+    return contrast * q / (1.0 + contrast * q)
+
+
+def _large_waves(contrast: float, surface: Surface) -> tuple[float, float]:
+    """First and second coefficient of `_softer` in powers of s/(k^2 + s)."""
+    if surface == "drained":
+        return contrast / 4.0, contrast / 8.0 - contrast**2 / 16.0
+    return 3.0 * contrast / 4.0, contrast / 8.0 - 9.0 * contrast**2 / 16.0
