@@ -1,6 +1,6 @@
 """Bodies with fluid in their pores, against exact solutions, elastic limits and the balance of the fluid.
 
-Every step is solved and accepted here, one after another: nothing of the load path takes part.
+Every step is solved and accepted here, one after another; nothing of the load path takes part but in the last section.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ from typing import Any
 import exact_flow
 import numpy as np
 import pytest
-from scenes import ELASTIC, WALLED, meshed, scene
+from scenes import ELASTIC, WALLED, meshed, scene, solve
 from scipy.optimize import brentq
 
 from indent_sim.fe import solver
 from indent_sim.model.body import Conductance, Drainage
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.materials import Flow, HolmesMow
+from indent_sim.model.state import State
 from indent_sim.run import chain
 from indent_sim.scene.scene import Scene
 
@@ -477,7 +479,7 @@ def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)
 
 
-@pytest.mark.parametrize("pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, power=2.0, M=3.0)])
+@pytest.mark.parametrize("pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, exponent=2.0, M=3.0)])
 def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
     """Small changes about the stretch s of a drained column decay as exp(-pi^2 m dP/ds t), m = k(s)/s. To 3e-3, of
     20 steps a decay and of the change, 1e-3 of the stretch."""
@@ -494,3 +496,91 @@ def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
     forces = [body.step(0.2002, 0.05 * decay) for _ in range(80)]
     left = np.array(forces) - body.drain()
     assert np.log(left[59] / left[79]) == pytest.approx(1.0, rel=3e-3)
+
+
+# ---- scenes with a history -----------------------------------------------------------------------------------------
+
+WET = DRAINED | {"flow": {"permeability": PERMEABILITY}}
+RAMP = [[5.0, 0.0], [5.001, DELTA], [6.0, DELTA], [6.1, 0.01]]
+CREEP = [[0.0, 0.0], [1e-3, 4e-3], [20.0, 4e-3]]
+
+
+@cache
+def in_time(control: str) -> Scene:
+    history = RAMP if control == "history" else CREEP
+    return layer(material=WET, loading={control: history, "per_doubling": 2})
+
+
+@cache
+def rows_of(control: str) -> list[State]:
+    return solve(in_time(control))
+
+
+def test_a_history_is_walked_step_by_step() -> None:
+    """The rows are the states of its steps, to the last digits; every one is audited."""
+    base, rows = in_time("history"), rows_of("history")
+    body, t = Draining(base), 0.0
+    for step, row in enumerate(rows, start=1):
+        ((depth, after),) = base.physics.path.leg(step)
+        assert body.step(depth, after - t) == pytest.approx(row.force, rel=1e-9, abs=1e-12)
+        assert row.outflow == pytest.approx(body.outflow, rel=1e-9, abs=1e-15)
+        t = after
+    assert rows[-1].t == 6.1 and rows[-1].branch == "retract"
+    held = [row.force for row in rows if row.branch == "hold"]
+    assert max(held) < rows[-1 - len(held)].force * 10 and np.diff(held).max() < 0
+    assert max(row.unbalanced for row in rows) < 1e-9 * max(abs(row.outflow or 0.0) for row in rows)
+    assert rows[-1].surface is not None and rows[-1].surface.pore_pressure is not None
+
+
+@pytest.mark.parametrize("control", ["history", "force_history"])
+def test_a_stopped_history_goes_on(control: str) -> None:
+    """From its checkpoint in mid-hold: the rows are those of the whole walk."""
+    base, rows = in_time(control), rows_of(control)
+    mesh, done = meshed(base), len(rows) // 2
+    stopped = solver.walk(base, mesh)
+    states = stopped.states(base.physics.path, lambda step: False)
+    for _ in range(done):
+        next(states)
+    goes_on = solver.walk(base, mesh)
+    assert goes_on.resume(stopped.points, [])
+    for row, state in zip(rows[done:], goes_on.states(base.physics.path, lambda step: False, done), strict=True):
+        assert state.force == pytest.approx(row.force, rel=1e-7)
+        assert state.delta == pytest.approx(row.delta, rel=1e-7)
+        assert state.outflow == pytest.approx(row.outflow, rel=1e-7)
+
+
+def test_a_force_in_time_is_met_and_creeps_to_the_drained_depth() -> None:
+    rows = rows_of("force_history")
+    held = [row.force for row in rows if row.branch == "hold"]
+    assert held == pytest.approx([4e-3] * len(held), rel=1e-8)
+    depths = [row.delta for row in rows]
+    assert np.diff(depths).min() > -1e-5 * depths[-1]  # where the vertices that the tip seals change
+    (drained,) = solve(layer(loading={"force": 4e-3, "steps": 1}))
+    assert depths[-1] == pytest.approx(drained.delta, rel=1e-6)
+
+
+def test_rows_at_some_times_are_near_those_of_all() -> None:
+    """A step that ends on a row is two: 1e-3."""
+    base = layer(material=WET, loading={"history": RAMP, "per_doubling": 2, "times": [5.001, 5.3, 6.1]})
+    found = [state.force for state in solve(base)]
+    times, forces = zip(*((row.t, row.force) for row in rows_of("history")), strict=True)
+    assert found == pytest.approx(np.interp([5.001, 5.3, 6.1], times, forces), rel=3e-3)
+
+
+def test_a_step_that_fails_is_cut_in_time() -> None:
+    """One step from the jump to the end of the hold, refused: the walk halves it and arrives, but for what two steps of
+    50 times height^2/D leave."""
+    body = solver.equilibrium(base := in_time("history"), meshed(base))
+    walk, refused = solver.Walk(body), [True]
+    once = body.solve
+
+    def reluctant(depth: float, dt: float = 0.0) -> bool:
+        if is_refused := dt > 0 and refused[0]:
+            refused[0] = False
+        return not is_refused and once(depth, dt)
+
+    body.solve = reluctant  # type: ignore[method-assign]
+    path = LoadPath("depth", (DELTA, DELTA), (0.0, 50.0), ("approach", "hold"), begin=0.0)
+    at_once, at_last = walk.states(path, lambda step: False)
+    assert at_once.substeps == 1 and at_last.substeps == 2
+    assert at_last.force == pytest.approx(solver_force(layer()), rel=2e-3)
