@@ -472,6 +472,8 @@ def _relaxation(config: Config) -> Iterator[ConfigError]:
         if frequencies:
             yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give material.relaxation")
         return
+    if given.of == "shear":
+        yield ConfigError(f"{key}.of", "shear: no curve knows a bulk modulus that stays while shear relaxes", "of: all")
     if other := next((other for other, law in laws.items() if law.relaxation != given), None):
         problem = f"is not that of {other}: what relaxes must do so alike everywhere"
         yield ConfigError(key, problem, f"the same {other}.relaxation")

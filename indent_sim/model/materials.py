@@ -43,10 +43,11 @@ class PowerLaw:
 @dataclass(frozen=True)
 class Relaxation:
     """E(t) at constant nu, the law's own constants being the instantaneous ones: `prony` terms [fraction, time], whose
-    fractions sum below 1, or a power law."""
+    fractions sum below 1, or a power law. `of`: all moduli fall alike | shear: the bulk modulus stays."""
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
     power_law: PowerLaw | None = None
+    of: Literal["all", "shear"] = "all"
 
 
 class Exponentials(NamedTuple):

@@ -102,10 +102,11 @@ holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent e
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
-relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
+relaxation: how the modulus falls with time; the law's own constants are the instantaneous ones
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
   exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
+of: what relaxes: all moduli alike, nu being constant, or shear alone, the bulk modulus being constant
 exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
 time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)

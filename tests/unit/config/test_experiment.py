@@ -34,6 +34,8 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ({"force_history": [[0, 1e-3], [1, -1e-3]]}, {}, "loading.force_history", "nothing holds on"),
         ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
         ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of two laws"),
+        ({"relaxation": SLOW | {"of": "shear"}, "history": RAMP}, {}, "material.relaxation.of", "bulk modulus"),
+        ({"relaxation": SLOW | {"of": "bulk"}, "history": RAMP}, {}, "material.relaxation.of", "all"),
         ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "material.relaxation.prony", "sum to"),
         ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"material.relaxation.prony\[0\]", "no term"),
         (
