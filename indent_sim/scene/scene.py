@@ -75,6 +75,11 @@ class Scene:
         return self.solver.method != "theory"
 
     @property
+    def is_of_curve(self) -> bool:
+        """Whether something is made of its elastic curve: an experiment, the rows of a history."""
+        return self.experiment is not None or self.history is not None
+
+    @property
     def takes_time(self) -> bool:
         """Whether its rows have times."""
         return self.history is not None or bool(self.physics.path.times)

@@ -54,6 +54,15 @@ def at(findings: Findings, t: float) -> Any:
     return [row for row in findings.rows if row.t == t][-1]
 
 
+def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
+    """On a mesh, to the last digit: as much surface is condensed for a history alone as for one with an experiment."""
+    relaxing = {"material": ELASTIC | {"relaxation": SLOW}, "loading": {"history": [[0, 0], [1, 0.01], [2, 0.0]]}}
+    scenes = [scene_of(LAYER, {"frequencies": [1.0]}, "solver.method=condensed", **relaxing)]
+    scenes += [replace(scenes[0], experiment=None)]
+    one, other = (conduct(scene, chain.condense(scene).equilibrium).rows for scene in scenes)
+    assert one == other
+
+
 BONDED = [
     (0.3, 1000, -1.50000),
     (0.3, 1, -1.50246),

@@ -52,7 +52,7 @@ class CondensedEquilibrium(Equilibrium):
         scene = self.scene
         patch = scene.sizes.patch + CANDIDATE_MARGIN * scene.sizes.h_contact
         a = scene.plan.prediction["a"] / scene.physics.scales.length
-        if scene.experiment is not None or a == 0:  # an experiment may ask for contacts beyond the deepest one
+        if scene.is_of_curve or a == 0:  # what is made of the curve may ask for contacts beyond the deepest one
             return patch
         return min(patch, a + RIM * scene.sizes.h_contact)
 
