@@ -163,7 +163,7 @@ class Simulation:
 
     def experiment(self) -> None:
         """Compute and write what the experiment makes of the curve; nothing without one."""
-        if self.scene.experiment is None and self.scene.history is None:
+        if not self.scene.is_of_curve:
             return
         from indent_sim.run.experiment import Findings, conduct  # with scipy's searches, which no other scene needs
 
