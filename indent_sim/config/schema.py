@@ -38,7 +38,7 @@ from indent_sim.model.body import (
 from indent_sim.model.contact import AutoContact, Contact, Nitsche
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import WAYS, Loading
-from indent_sim.model.materials import Material
+from indent_sim.model.materials import Material, NeoHookean, Relaxable, Relaxation
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
@@ -317,12 +317,12 @@ def _constants(config: Config) -> Iterator[ConfigError]:
 def _flow(config: Config) -> Iterator[ConfigError]:
     """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
     flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
+    if config.loading.per_doubling is not None and not any(material.evolves for _, material in config.materials()):
+        problem = "is for a body that takes time, and nothing of this one flows, nor relaxes in shear alone"
+        yield ConfigError("loading.per_doubling", problem, "leave it out")
     if not flows:
         if config.drainage:
             yield ConfigError("drainage", "no material has a flow", "give material.flow, or leave it out")
-        if config.loading.per_doubling is not None:
-            problem = "is for a body that takes time, and no material has a flow"
-            yield ConfigError("loading.per_doubling", problem, "leave it out")
         return
     key = next(iter(flows))
     if config.loading.in_time is None:
@@ -462,21 +462,48 @@ def _history(config: Config) -> Iterator[ConfigError]:
 
 
 def _relaxation(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with how the materials relax, all of them alike."""
+    """What is wrong with how the materials relax."""
     laws = dict(config.materials())
     frequencies, history = config.experiment and config.experiment.frequencies, config.loading.in_time
-    key, given = next(
-        ((f"{key}.relaxation", law.relaxation) for key, law in laws.items() if law.relaxation), ("", None)
-    )
-    if given is None:
+    found = {f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation}
+    if not found:
         if frequencies:
             yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give material.relaxation")
         return
-    if given.of == "shear":
-        yield ConfigError(f"{key}.of", "shear: no curve knows a bulk modulus that stays while shear relaxes", "of: all")
-    if other := next((other for other, law in laws.items() if law.relaxation != given), None):
-        problem = f"is not that of {other}: what relaxes must do so alike everywhere"
-        yield ConfigError(key, problem, f"the same {other}.relaxation")
+    yield from (error for key, given in found.items() for error in _of_relaxation(config, key, given))
+    key, given = next(iter(found.items()))
+    if any(law.relaxes_in_shear for law in laws.values()):
+        yield from _of_shear(config, laws)
+    elif other := next((other for other, law in laws.items() if law.relaxation != given), None):
+        problem = f"is not that of {other}: what relaxes as a whole must do so alike everywhere"
+        yield ConfigError(key, problem, f"the same {other}.relaxation, or of: shear")
+    if not history and not frequencies:
+        remedy = "give loading.history, loading.force_history or experiment.frequencies"
+        yield ConfigError(key, "needs a time", remedy)
+
+
+def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigError]:
+    """What a body whose shear alone relaxes, in part of it at least, is not followed with."""
+    for key, law in laws.items():
+        if law.relaxation and law.relaxation.of == "all":
+            problem = "all: is for a body that relaxes alike everywhere, and elsewhere shear relaxes alone"
+            yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
+        if law.relaxation and not isinstance(law, Relaxable):
+            like = "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
+            yield ConfigError(f"{key}.relaxation.of", f"{law.model} has no shear apart from its volume", f"use {like}")
+    if config.experiment and config.experiment.frequencies:
+        problem = "is made of a curve, and none knows a bulk modulus that stays while shear relaxes"
+        yield ConfigError("experiment.frequencies", problem, "of: all")
+    if isinstance(config.contact, Nitsche):
+        problem = "nitsche takes the body's own stress, which relaxes"
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    if config.contact.adhesion:
+        problem = "together with relaxation is not verified"
+        yield ConfigError("contact.adhesion", problem, "leave one of the two out")
+
+
+def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[ConfigError]:
+    """What is wrong with a law by itself, and with a history that it cannot bear."""
     if (given.prony is None) == (given.power_law is None):
         yield ConfigError(key, "must be one of two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):
@@ -485,9 +512,7 @@ def _relaxation(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0")
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
         yield ConfigError(f"{key}.prony", f"the fractions sum to {total:g}: nothing would bear in the end", "below 1")
-    if not history and not frequencies:
-        remedy = "give loading.history, loading.force_history or experiment.frequencies"
-        yield ConfigError(key, "needs a time", remedy)
+    history = config.loading.in_time
     if given.power_law and history and history.jumps:
         problem = "jumps, and the instantaneous modulus of a power law is infinite"
         yield ConfigError(f"loading.{config.loading.given[0]}", problem, "use a ramp")

@@ -42,8 +42,9 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """E(t) at constant nu, the law's own constants being the instantaneous ones: `prony` terms [fraction, time], whose
-    fractions sum below 1, or a power law. `of`: all moduli fall alike | shear: the bulk modulus stays."""
+    """G(t) of a law whose own constants are the instantaneous ones: `prony` terms [fraction, time], whose fractions sum
+    below 1, or a power law. `of`: all moduli fall alike, nu stays what it is | shear: the bulk modulus stays what it
+    is, and at finite strain too."""
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
     power_law: PowerLaw | None = None
@@ -116,7 +117,18 @@ class _Law(ABC):
     is_isotropic: ClassVar[bool] = True
     is_conservative: ClassVar[bool] = True  # the stress is the slope of an energy: strains that come back cost no work
     has_memory: ClassVar[bool] = False  # the stress depends on the strains before as well as on the present one
+    relaxation: Relaxation | None
     flow: Flow | None
+
+    @property
+    def relaxes_in_shear(self) -> bool:
+        """Whether its shear relaxes alone."""
+        return self.relaxation is not None and self.relaxation.of == "shear"
+
+    @property
+    def evolves(self) -> bool:
+        """Whether a body of it changes with time other than by one common factor."""
+        return self.flow is not None or self.relaxes_in_shear
 
     @property
     @abstractmethod

@@ -257,7 +257,7 @@ def on_finer_mesh(scene: Scene, ratio: float) -> Scene:
 def _smooth(scene: Scene) -> Scene | None:
     """The same frictionless scene with a law that may have friction; None for one that may not."""
     physics = scene.physics
-    if physics.contact.has_memory or physics.part.pins or physics.permeable:
+    if physics.contact.has_memory or physics.part.pins or physics.evolves:
         return None
     if scene.solver.linear == "iterative":
         factored = _factored(scene)

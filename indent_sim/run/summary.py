@@ -33,7 +33,7 @@ def summary(
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
-    in_time = scene.history is not None or bool(scene.physics.permeable)  # what is said of equilibria is not of these
+    in_time = scene.history is not None or scene.physics.evolves  # what is said of equilibria is not of these
     balance = None if expected or in_time else energy_balance(states)  # what snaps, relaxes or drains loses some
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)

@@ -57,6 +57,10 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # Of the time that fluid takes through the contact, and of that through an element: the first step of a piece. In less
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
+PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
+# Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
+# sum of exponentials down to there
+SHORTEST_STEP, BEFORE_STEP = 1e-3, 1e-2
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
 ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
@@ -123,6 +127,16 @@ class Physics:
         return tuple(region for region in self.part.regions if region.material.flow)
 
     @property
+    def relaxing(self) -> tuple[Region, ...]:
+        """The regions whose shear stress relaxes."""
+        return tuple(region for region in self.part.regions if region.material.relaxation)
+
+    @property
+    def evolves(self) -> bool:
+        """Whether the body changes while the tip stands still."""
+        return any(region.material.evolves for region in self.part.regions)
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the force table that only some scenes have, in order."""
         fluid = FLUID_COLUMNS if self.permeable else ()
@@ -157,14 +171,14 @@ class Physics:
         a_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (2 if self.anchor == "mid" else 1)
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
-        is_nonlinear = self.contact.has_memory or not self.is_linear or bool(self.permeable)
+        is_nonlinear = self.contact.has_memory or not self.is_linear or self.evolves
         return Work(method, linear, mixed, stages * a_row * len(self.deltas), is_nonlinear, self.has_friction)
 
 
 @dataclass(frozen=True)
 class Durations:
     """How long the fluid takes [time] through the contact, an element, the body's height and half of the way to its
-    wall, and the first step of a piece: a thousandth of the contact's, but none in which an element cannot drain."""
+    wall. The first step of a piece is a thousandth of the contact's, but none in which an element cannot drain."""
 
     contact: float
     element: float
@@ -178,10 +192,9 @@ class Durations:
         lengths = (given.a, h_contact, physics.body.height, physics.body.rim_distance(physics.center) / 2)
         return Durations(*(length**2 / D for length in lengths))
 
-    @property
-    def first(self) -> float:
-        """Of the steps of a piece [time]."""
-        return max(FIRST_STEP * self.contact, self.element / DRAINS_ELEMENT)
+    def first(self, shortest: float) -> float:
+        """Of the steps of a piece, beside what takes a `shortest` one [time]."""
+        return max(min(FIRST_STEP * self.contact, shortest), self.element / DRAINS_ELEMENT)
 
 
 @dataclass(frozen=True)
@@ -277,9 +290,10 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     pieces = whole.pieces if isinstance(whole, Dome) else 1
-    history, relaxation = config.loading.in_time, next((law.relaxation for _, law in config.materials()), None)
+    history, laws = config.loading.in_time, [law.relaxation for _, law in config.materials() if law.relaxation]
+    relaxation = next((law for law in laws if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
-    softest = remaining(relaxation, history)
+    softest = min((remaining(law, history) for law in laws), default=1.0)
     path = deepest_path(history, softest, compliance, config.indenter, layers) if history else config.loading.path()
     _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
     scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
@@ -340,13 +354,33 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
     """Physics whose path is the rows of the history, in place of the way to its deepest one; h_contact [length]."""
     assert given.history is not None
     path = given.history.path
-    if physics.permeable:
-        first = Durations.of(given, physics, h_contact).first
-        path = given.history.in_steps(first, given.per_doubling)
+    if physics.evolves:
+        physics = replace(physics, part=_relaxing(physics, given.history))
+        path = given.history.in_steps(first_step(given, physics, h_contact), given.per_doubling)
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
     )
+
+
+def first_step(given: Given, physics: Physics, h_contact: float) -> float:
+    """The first step of a piece of the history [time]: what flows and what relaxes is followed by it; h_contact
+    [length]."""
+    assert given.history is not None
+    times = [t for region in physics.part.regions if region.relaxing for t in region.relaxing.times]
+    shortest = max(min(times, default=inf) / PER_TIME, SHORTEST_STEP * given.history.shortest_piece)
+    return Durations.of(given, physics, h_contact).first(shortest) if physics.permeable else shortest
+
+
+def _relaxing(physics: Physics, history: History) -> Part:
+    """The modelled part, its laws of relaxation as sums of exponentials."""
+
+    def followed(region: Region) -> Region:
+        law = region.material.relaxation
+        shortest = BEFORE_STEP * SHORTEST_STEP * history.shortest_piece
+        return replace(region, relaxing=exponentials(law, shortest, history.span)) if law else region
+
+    return replace(physics.part, regions=tuple(map(followed, physics.part.regions)))
 
 
 def deepest_path(
@@ -420,8 +454,8 @@ def _layers(config: Config) -> Layers:
 
 
 def _elastic(material: Material) -> Material:
-    """The law of the instantaneous constants: what relaxes is made of its elastic curve."""
-    return replace(material.canonical(), relaxation=None)
+    """The law of the instantaneous constants: what relaxes as a whole is made of its elastic curve."""
+    return replace(material.canonical(), relaxation=material.relaxation if material.relaxes_in_shear else None)
 
 
 def _material_of(layer: Layer) -> Material:

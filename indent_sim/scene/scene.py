@@ -115,6 +115,7 @@ class Scene:
             (not physics.small_strain, "strain is finite, theory's small"),
             (physics.has_friction, FRICTION_WHY),
             (bool(physics.permeable), "fluid flows in the pores, theory's body has none"),
+            (bool(physics.relaxing), "its shear relaxes, theory's body is elastic"),
             (physics.contact.may_snap, "the attraction has a range, theory's none"),
             (physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
@@ -185,7 +186,7 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
     of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
-    of_time = (*of_curve, *choices.fluid(given, physics, sizes))
+    of_time = (*of_curve, *choices.steps(given, physics, sizes))
     chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_time)
     predicted = _prediction(given, doubted, cost)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)

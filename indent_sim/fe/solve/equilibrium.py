@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -205,7 +206,8 @@ class BodyEquilibrium:
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
-        numbers: dict[str, Any] = {"force": self.force, "energy": self.problem.energy()}
+        energy = nan if self.scene.physics.relaxing else self.problem.energy()  # what relaxes has stored none
+        numbers: dict[str, Any] = {"force": self.force, "energy": energy}
         numbers["reaction"], numbers["stray_reaction"] = self.problem.reactions()
         for name, axis in self.scene.physics.sideways.items():
             numbers[f"side_force_{name}"] = self.problem.side_force(axis)

@@ -49,6 +49,9 @@ class Bench:
         if scene.physics.permeable:
             problem = "is no effect that can be told from the others yet"
             raise ConfigError("material.flow", problem, "leave it out: nu as given is drained, nu: 0.5 undrained")
+        if scene.physics.relaxing:
+            problem = "shear: is no effect that can be told from the others yet"
+            raise ConfigError("material.relaxation.of", problem, "of: all, on a linear body without friction")
         tip: Any = config.indenter
         is_aside = isinstance(config.body, Cylinder) and any(config.center or ())
         self.is_stood_for = isinstance(config.body, Box) or is_aside  # by a cylinder up to its nearest side

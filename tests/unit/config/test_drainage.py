@@ -36,7 +36,7 @@ SCENE: dict[str, Any] = {
         ({"material": RUBBER | {"flow": FLOW | {"alpha": 0.9}}}, "material.flow.alpha", "incompressible"),
         ({"material": RUBBER | {"flow": FLOW | {"storage": 0.9}}}, "material.flow.storage", "incompressible"),
         ({"material": WET | {"flow": FLOW | {"holmes_mow": {"phi0": 0.2}}}}, "flow.holmes_mow", "finite strain"),
-        ({"material": WET | {"relaxation": {"prony": [[0.5, 1]]}}}, "material.relaxation", "linear, frictionless"),
+        ({"material": WET | {"relaxation": {"prony": [[0.5, 1]]}}}, "material.relaxation.of", "linear, frictionless"),
         ({"material": WET | {"flow": None}, "drainage": {}}, "drainage", "no material has a flow"),
         (
             {"material": WET | {"flow": None}, "loading": {"history": HISTORY, "per_doubling": 4}},
