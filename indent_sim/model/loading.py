@@ -249,7 +249,7 @@ class Loading:
     forces `forces` one by one, or in time `history`, [t, delta] (with a cantilever or a frame [t, z]), or
     `force_history`, [t, force]: straight between the points, two equal times are a jump, before the first point the
     body is at rest. `times`: auto: every point and, between them, enough for a curve | the times of the rows. A body
-    that drains, or whose shear relaxes, takes `per_doubling` steps of each length before it doubles, in every piece anew.
+    that drains, or whose shear relaxes, takes `per_doubling` steps of each length before that doubles, in every piece.
 
     delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces are of the whole
     body (per unit length in plane strain); negative ones only under a tip that adheres, and no harder than it pulls
