@@ -197,7 +197,7 @@ def test_a_folder_from_before_keys_moved_is_read(tmp_path: Path) -> None:
     report.pop("time")
     (out / "run.json").write_text(json.dumps(report | {"rows": 10, "version": "0.1.0"}))
     text = (out / "config.yaml").read_text()
-    old = text.replace("  relaxation: {prony: [[0.5, 1.0]]}\n", "")
+    old = text.replace("  relaxation: {prony: [[0.5, 1.0]], of: all}\n", "")
     assert old != text, text
     history = "  history: [[0, 0], [1, 0.01], [2, 0.01], [3, 0]]\n  relaxation: {prony: [[0.5, 1.0]]}\n"
     old = re.sub(r"loading:\n(  .*\n)+", "", old).replace("experiment:\n", f"experiment:\n{history}")
