@@ -38,7 +38,7 @@ from indent_sim.model.body import (
 from indent_sim.model.contact import AutoContact, Contact, Nitsche
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import WAYS, Loading
-from indent_sim.model.materials import Material, NeoHookean, Relaxable, Relaxation
+from indent_sim.model.materials import Gel, Material, NeoHookean, Relaxable, Relaxation
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
@@ -60,6 +60,7 @@ PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iteration
 MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
 GONE = {("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")}
 GONE |= {("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()}
+SAME_SOLVENT = 1e-6  # of kT over the volume of its molecule
 LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
@@ -155,6 +156,12 @@ class Config(BaseModel):
     def source(self) -> Source:
         """Where the keys were written."""
         return self._source
+
+    @property
+    def first_bath(self) -> float:
+        """The bath when the body is at rest."""
+        in_time = self.loading.in_time
+        return self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0) if self.drainage else 0.0
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -321,14 +328,18 @@ def _flow(config: Config) -> Iterator[ConfigError]:
         problem = "is for a body that takes time, and nothing of this one flows, nor relaxes in shear alone"
         yield ConfigError("loading.per_doubling", problem, "leave it out")
     if not flows:
-        if config.drainage:
+        if config.drainage and not (_has_own_bath(config) and config.drainage == Drainage(bath=config.drainage.bath)):
             yield ConfigError("drainage", "no material has a flow", "give material.flow, or leave it out")
+        elif config.drainage and not isinstance(config.drainage.bath, float | int):
+            yield ConfigError("drainage.bath", "changes in time, and no material has a flow", "give material.flow")
+        yield from _gels(config)
         return
     key = next(iter(flows))
     if config.loading.in_time is None:
         remedy = "give loading.history, or leave it out: nu as given is drained, nu: 0.5 undrained"
         yield ConfigError(key, "needs a time", remedy)
     yield from (error for key, material in flows.items() for error in _of_flow(key, material))
+    yield from _gels(config)
     if isinstance(config.contact, Nitsche):
         problem = "nitsche takes the body's own stress, and with fluid that is not the whole"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
@@ -344,9 +355,43 @@ def _flow(config: Config) -> Iterator[ConfigError]:
         yield ConfigError(f"drainage.bath[{back}]", f"time does not go on from {times[back - 1]:g} to {times[back]:g}")
 
 
+def _has_own_bath(config: Config) -> bool:
+    """Whether the stretch of a gel is that of its bath."""
+    return any(isinstance(material, Gel) and material.stretch == "auto" for _, material in config.materials())
+
+
+def _gels(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with gels, which share the scene's bath and its solvent."""
+    gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
+    for key, gel in gels.items():
+        try:
+            gel.swollen_in(config.first_bath).canonical()
+        except ValueError as error:
+            yield ConfigError(f"{key}.stretch", str(error))
+        if gel.relaxation:
+            yield ConfigError(f"{key}.relaxation", "of a gel was never verified", "leave it out")
+    for key, material in config.materials():
+        if gels and material.flow and not isinstance(material, Gel):
+            problem = "of another law than a gel's, and the bath is the solvent's chemical potential"
+            yield ConfigError(f"{key}.flow", problem, "leave it out, or use gels alone")
+    ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
+    first = next(iter(ratios.values()), 0.0)
+    for key, ratio in ratios.items():
+        if not isclose(ratio, first, rel_tol=SAME_SOLVENT):
+            problem = f"gives G/n_omega = {ratio:g}, and another gel {first:g}: kT over the solvent's molecular volume"
+            yield ConfigError(f"{key}.n_omega", problem, "one ratio for all gels of one solvent")
+
+
 def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
     flow = material.flow
     assert flow
+    if isinstance(material, Gel):
+        if flow.permeability is not None or flow.diffusivity is None:
+            name = "permeability" if flow.permeability is not None else "diffusivity"
+            problem = "of a gel follows from its swelling" if flow.permeability is not None else "is missing"
+            yield ConfigError(f"{key}.{name}", problem, "give diffusivity, that of the solvent")
+        if flow.holmes_mow:
+            yield ConfigError(f"{key}.holmes_mow", "is for other laws: a gel's pores are its solvent", "leave it out")
     if not material.small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
         name = "alpha" if flow.alpha != 1 else "storage"
         problem = "at finite strain grains and fluid are incompressible"
@@ -454,7 +499,8 @@ def _history(config: Config) -> Iterator[ConfigError]:
             problem = f"{t:g} lies outside the history" if not moments[0] <= t <= moments[-1] else "does not go on"
             yield ConfigError(f"loading.times[{k}]", problem, f"times from {moments[0]:g} up to {moments[-1]:g}")
             break
-    if found.largest <= 0:
+    swells = any(isinstance(material, Gel) and material.flow for _, material in config.materials())
+    if found.largest <= 0 and not swells:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
     low = min(value for _, value in found.points) if found.control == "force" else 0.0
     if low < 0 and not (config.experiment and config.experiment.adhesion):
@@ -488,7 +534,7 @@ def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigEr
         if law.relaxation and law.relaxation.of == "all":
             problem = "all: is for a body that relaxes alike everywhere, and elsewhere shear relaxes alone"
             yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
-        if law.relaxation and not isinstance(law, Relaxable):
+        if law.relaxation and not isinstance(law, Relaxable | Gel):
             like = "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
             yield ConfigError(f"{key}.relaxation.of", f"{law.model} has no shear apart from its volume", f"use {like}")
     if config.experiment and config.experiment.frequencies:

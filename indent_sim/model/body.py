@@ -607,7 +607,8 @@ class Drainage:
     """Where a body with fluid in its pores lets it out, into a bath of the pressure `bath` [pressure].
 
     surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained where they are free.
-    Mirror planes are sealed. bath: a number, or [t, value] points, straight between them; at rest there is none.
+    Mirror planes are sealed. bath: a number, or [t, value] points, straight between them; at rest there is none. Of a
+    gel it is the solvent's chemical potential [kT], and at rest that of free swelling.
     """
 
     surface: Drain = "drained"
@@ -626,11 +627,13 @@ class Drainage:
         """Whether a wall with this support lets fluid out."""
         return self.sides == "drained" or (self.sides == "auto" and support == "free")
 
+    @property
+    def baths(self) -> tuple[float, ...]:
+        """Values of the bath, between which all others lie."""
+        return (float(self.bath),) if isinstance(self.bath, float | int) else tuple(value for _, value in self.bath)
+
     def bath_at(self, t: float) -> float:
-        """The bath's pressure [pressure] at a time since the body was at rest; before the first point, and after the
-        last, as there."""
-        if t <= 0:
-            return 0.0
+        """The bath at a time; before the first point, and after the last, as there."""
         if isinstance(self.bath, float | int):
             return float(self.bath)
         times, values = zip(*self.bath, strict=True)

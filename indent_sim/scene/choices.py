@@ -432,6 +432,8 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
     method = "SDIRK2" if physics.permeable else "the exponentials' own"
     why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
     first = first_step(given, physics, sizes.h_contact)
+    if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
+        why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
     return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
 
 
@@ -454,9 +456,6 @@ def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = Fa
 
 def _refuse_in_time(config: Config, given: Given, why: str) -> None:
     """ConfigError for what is made of a curve."""
-    if config.loading.force_history and config.loading.times != "auto":
-        problem = "of forces on a body that is followed row by row are the program's"  # what is passed is a row
-        raise ConfigError("loading.times", problem, "leave it out, or loading.history")
     if given.relaxation:
         problem = f"all: is for the curve of a linear, frictionless body: {why}"
         raise ConfigError("material.relaxation.of", problem, "of: shear, or leave out what stands against the curve")

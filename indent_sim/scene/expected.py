@@ -37,6 +37,8 @@ def prediction_of(given: Given) -> dict[str, float]:
     scales, theory, largest, E_star = physics.scales, given.theory, physics.largest_force, physics.material.E_star
     asked, unit = ("force", scales.force) if largest is None else ("delta", scales.depth)
     found: dict[str, float | None] = {}
+    if given.swelling:  # no elastic body at that depth has the force of a gel that rises against its tip
+        return {"a": given.a * scales.length}
     if given.attraction:
         with suppress(*UNSOLVED):
             contact = given.jkr and given.jkr.stable(*((delta,) if largest is None else (largest, inf)))

@@ -32,7 +32,7 @@ from indent_sim.model.body import (
 from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
-from indent_sim.model.materials import LOCKING, Exponentials, Material, Relaxation
+from indent_sim.model.materials import LOCKING, Exponentials, Gel, Material, Relaxation
 from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
@@ -57,6 +57,7 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # Of the time that fluid takes through the contact, and of that through an element: the first step of a piece. In less
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
+RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
 PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
 # Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
 # sum of exponentials down to there
@@ -88,6 +89,7 @@ class Physics:
     wall_stiffness: float = 0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
+    bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
 
     @property
     def has_friction(self) -> bool:
@@ -126,6 +128,18 @@ class Physics:
         """The regions in whose pores fluid flows."""
         return tuple(region for region in self.part.regions if region.material.flow)
 
+    def bath_pressure(self, region: Region, t: float) -> float:
+        """p_b [pressure] of the bath that a permeable region sees, at a time since rest; 0 until then."""
+        if t <= 0:
+            return 0.0
+        bath: float = region.material.bath_pressure(self.drainage.bath_at(t))
+        return bath * min(1.0, t / self.bath_ramp) if self.bath_ramp else bath
+
+    @property
+    def swells(self) -> bool:
+        """Whether a bath lifts its surface."""
+        return any(one.material.bath_pressure(bath) > 0 for one in self.permeable for bath in self.drainage.baths)
+
     @property
     def relaxing(self) -> tuple[Region, ...]:
         """The regions whose shear stress relaxes."""
@@ -157,8 +171,8 @@ class Physics:
 
     @property
     def most_locked(self) -> float:
-        """The largest Poisson's ratio of displacement elements."""
-        regions = [region for region in self.part.regions if region.formulation == "displacement"]
+        """The largest Poisson's ratio of displacement elements without fluid, whose pressure bears what would lock."""
+        regions = [one for one in self.part.regions if one.formulation == "displacement" and not one.material.flow]
         return max((region.material.constants.nu for region in regions), default=0.0)
 
     @property
@@ -213,6 +227,7 @@ class Given:
     is_stepped: bool  # whether a relaxing body is followed step by step
     per_doubling: int  # steps of each length, where fluid flows
     attraction: Adhesion | None  # of the contact
+    swelling: float  # how far a gel's surface rises at most, where nothing is above it [length]
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
     @property
@@ -223,8 +238,8 @@ class Given:
 
     @property
     def deepest(self) -> float:
-        """The largest depth [length]."""
-        return max(self.physics.deltas)
+        """The largest depth [length], in what has swollen by then."""
+        return max(self.physics.deltas) + self.swelling
 
     @property
     def a(self) -> float:
@@ -311,7 +326,12 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     theory, relative = theory_of(whole, layers, tip, center), relative_tip(tip, body)
     deltas = depths_of(path, theory, relative, material, body.height, scales)
-    drainage = scales.scaled(config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
+    drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
+    has_gel = any(isinstance(material, Gel) for _, material in config.materials())  # its bath has no units
+    drainage = replace(scales.scaled(drainage), **({"bath": drainage.bath} if has_gel else {}))
+    if has_gel and any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
+        problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
+        raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
     physics = Physics(scales, body, part, tip, center, path, deltas, drainage=drainage)
     attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
@@ -319,8 +339,34 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
     steps = config.loading.per_doubling or PER_DOUBLING
-    found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, radius)
-    return Given(physics, truncation, layers, *found)
+    found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction)
+    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius)
+
+
+def _swelling(drainage: Drainage, layers: Layers) -> float:
+    """How far the surface of gels rises above that at rest, held sideways, in the bath in which they swell most
+    [length]; ConfigError for a bath in which they are not at rest, or rise without end."""
+
+    def rise(bath: float) -> float:
+        found = 0.0
+        for layer in layers:
+            law = _material_of(layer)
+            if isinstance(law, Gel) and law.flow and (stretch := _held_stretch(law, bath)) != 1:
+                found += (stretch - 1) * layer.thickness if layer.thickness else inf
+        return found
+
+    found = max(0.0, *(rise(bath) for bath in drainage.baths))
+    if not isfinite(found):
+        problem = "lets a gel without end swell, whose surface rises without end"
+        raise ConfigError("drainage.bath", problem, "use a layer or a cylinder, or stretch: auto and one bath")
+    return found
+
+
+def _held_stretch(law: Gel, bath: float) -> float:
+    try:
+        return law.held_swelling(law.bath_pressure(bath)).stretch
+    except ValueError as error:
+        raise ConfigError("drainage.bath", str(error), "nearer to that of free swelling") from None
 
 
 def depths_of(
@@ -356,7 +402,9 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
     path = given.history.path
     if physics.evolves:
         physics = replace(physics, part=_relaxing(physics, given.history))
-        path = given.history.in_steps(first_step(given, physics, h_contact), given.per_doubling)
+        first = first_step(given, physics, h_contact)
+        physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
+        path = given.history.in_steps(first, given.per_doubling)
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
@@ -448,13 +496,16 @@ def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: Lo
 
 def _layers(config: Config) -> Layers:
     """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
-    own = [_elastic(_material_of(layer)) for layer in config.layers]
+    own = [_elastic(config, _material_of(layer)) for layer in config.layers]
     layers = zip(config.layers, own, strict=True)
     return tuple(replace(layer, thickness=layer.thickness or inf, material=material) for layer, material in layers)
 
 
-def _elastic(material: Material) -> Material:
-    """The law of the instantaneous constants: what relaxes as a whole is made of its elastic curve."""
+def _elastic(config: Config, material: Material) -> Material:
+    """The law of the instantaneous constants: what relaxes as a whole is made of its elastic curve. A gel has swollen
+    in the scene's first bath where it does not say by how much."""
+    if isinstance(material, Gel):
+        return material.swollen_in(config.first_bath).canonical()
     return replace(material.canonical(), relaxation=material.relaxation if material.relaxes_in_shear else None)
 
 
@@ -475,7 +526,7 @@ def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
 
 def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
     """The regions of inclusions, lengths rounded likewise."""
-    own = [_elastic(inclusion.material) for inclusion in config.body.inclusions or ()]
+    own = [_elastic(config, inclusion.material) for inclusion in config.body.inclusions or ()]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
         matter, name = scales.scaled(material), f"inclusions[{k}]"
         yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
@@ -523,7 +574,7 @@ def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
     regions = getattr(config.body, "regions", None) or {}
     own = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
     found = [own.get(name, ("material", config.material)) for name in piece.names]
-    return [(key, _elastic(material)) for key, material in found if material is not None]
+    return [(key, _elastic(config, material)) for key, material in found if material is not None]
 
 
 def unused_material(config: Config, part: Part) -> str:

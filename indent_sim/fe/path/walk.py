@@ -23,6 +23,9 @@ PARABOLA_STEP = 0.13  # of the depth: up to this the contact edge moves smoothly
 # step; and the longest one over which it may snap in or let go. Over a longer one Newton may end in the other of two
 # stable states: measured at Maugis' lambda 2, it let go too early in a step of five ranges.
 OUTSET_RANGES, LONG, JUMP = 12.0, 4.0, 0.25
+# Of the body's height, by which a tip is lifted, and twice as much, to see how far it is; and that is left below one
+# that just touches. It is clear of the body where that rises by less than a fifth of it
+LIFT, MOST_LIFTS, AIR, CLEAR = 1e-3, 12, 1e-9, 5.0
 MOST_SEARCHES = 6  # for a force, each with the surface sealed where the one before has found contact
 
 
@@ -58,6 +61,7 @@ class Walk:
         self._steps = self._step_rule()
         self._substeps = 0  # so far
         self._t = 0.0  # at which a force is searched for
+        self._rise = 0.0  # of a tip that just touches, in the step before
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
 
     def _step_rule(self, way: Way | None = None) -> StepRule:
@@ -159,18 +163,37 @@ class Walk:
         """Stand at the depth of a force, at a time; the number of steps there, 0 where there is no such depth."""
         self._accept()
         self._before, substeps = self._points, self._substeps
-        expected = self.equilibrium.scene.physics.deltas[step - 1] or self._range
-        if takes_time := t != self._last.place.t:
-            expected, self._t = self._last.delta or expected, t
-        for _ in range(MOST_SEARCHES if takes_time else 1):
-            if takes_time:
-                self._control.forget()
-            if not self._control.press(force, expected):
+        physics = self.equilibrium.scene.physics
+        expected, self._t = physics.deltas[step - 1] or self._range, t
+        if t == self._last.place.t and not (physics.evolves and force == 0):
+            return self._substeps - substeps if self._control.press(force, expected) else 0
+        if force == 0:
+            return self._substeps - substeps if self._touch() else 0
+        radius = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
+        for _ in range(MOST_SEARCHES):
+            if not self._control.renew(force, self._last.delta or expected, 2 * physics.material.E_star * radius):
                 return 0
-            expected = self._pair[1]
-            if not takes_time or self.equilibrium.is_settled():
+            if self.equilibrium.is_settled():
                 break
         return self._substeps - substeps
+
+    def _touch(self) -> bool:
+        """Stand where the tip just touches the body that has evolved; False where that is not found. Time passes with
+        the tip so far away that it does not touch on its way either."""
+        height, before = self.equilibrium.scene.physics.body.height, self._before[-1].delta
+        up = max(CLEAR * self._rise, LIFT * height)
+        for _ in range(MOST_LIFTS):
+            away, reached = before - up, self._go(before - up)[1]
+            if reached != away:
+                return False
+            gap = measure.smallest_gap(self.equilibrium.observed)
+            if gap > 0 and gap >= up * (1 - 1 / CLEAR):
+                touch = Place(away + gap - AIR * height, self._t)
+                self._rise, there = abs(touch.delta - before), self._reach(touch)
+                self._substeps += there
+                return bool(there)
+            up *= 2
+        return False
 
     def _go(self, delta: float) -> Pair:
         """Stand at a depth, or as near to it as there is an equilibrium; with memory on the way from the last row."""

@@ -98,7 +98,8 @@ def test_quantities_and_scales() -> None:
     assert law.flow.permeability == pytest.approx(0.4 / law.confined_modulus, rel=1e-12)
     base = physics.drainage.base
     assert isinstance(base, Conductance) and base.conductance == pytest.approx(2.0, rel=1e-12)
-    assert [physics.drainage.bath_at(t) for t in (0.0, 0.5, 9.0)] == pytest.approx([0.0, 0.075, 0.05], rel=1e-12)
+    (region,) = physics.permeable
+    assert [physics.bath_pressure(region, t) for t in (0.0, 0.5, 9.0)] == pytest.approx([0.0, 0.075, 0.05], rel=1e-12)
     alone = resolve(from_mapping(sections | {"drainage": {"bath": "1 kPa"}})).physics.drainage
     assert alone.bath_at(1.0) == pytest.approx(0.1, rel=1e-12)
 

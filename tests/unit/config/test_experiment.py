@@ -183,11 +183,10 @@ def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
         from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 
-def test_times_of_forces_on_a_whole_body_are_the_programs() -> None:
+def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
     given = SCENE | {"material": HYPERELASTIC, "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]}}
-    with pytest.raises(ConfigError, match="are the program's") as refused:
-        resolve(from_mapping(given))
-    assert refused.value.key == "loading.times"
+    path = resolve(from_mapping(given)).physics.path
+    assert path.control == "force" and path.times == (0.5,) and len(path.leg(1)) > 5
 
 
 def test_a_soft_spring_keeps_the_tip_back() -> None:

@@ -98,6 +98,7 @@ class Spring:
             gap="reference",
             columns=(),
             contact=SimpleNamespace(reach=0.0),
+            evolves=False,
         )
         self.scene, self.has_memory = SimpleNamespace(physics=physics), memory
         self.depth, self.worn, self.solves, self.failure = 0.0, 0.0, 0, "too far"
