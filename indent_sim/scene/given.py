@@ -328,7 +328,8 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     deltas = depths_of(path, theory, relative, material, body.height, scales)
     drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
     has_gel = any(isinstance(material, Gel) for _, material in config.materials())  # its bath has no units
-    drainage = replace(scales.scaled(drainage), **({"bath": drainage.bath} if has_gel else {}))
+    scaled = scales.scaled(drainage)
+    drainage = replace(scaled, bath=drainage.bath if has_gel else scaled.bath)
     if has_gel and any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
         problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
         raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
