@@ -17,6 +17,7 @@ MOST_STEPS, MOST_POINTS = 100_000, 10_000
 HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
 SHORTEST = 1e-9  # of a piece: a last step shorter than that is none
 PIECE_ROWS = 20  # of each piece of a history on the whole body
+PER_PIECE = 5  # times the steps of each length, the least of a piece that moves
 Force = Annotated[float, Gt(0), FORCE]
 Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
@@ -183,10 +184,11 @@ class History:
 
     def in_steps(self, first: float, per_doubling: int) -> LoadPath:
         """The path of a body that takes time, every step a row: in each piece `per_doubling` steps of each length,
-        `first` [time] and twice the one before, where it moves no longer than a PIECE_ROWS-th; or rows as `path`."""
+        `first` [time] and twice the one before, and PER_PIECE times as many at least where it moves; or rows as
+        `path`."""
 
         def parts(span: float, moves: bool) -> list[float]:
-            longest = span / PIECE_ROWS if moves else inf
+            longest = span / (PER_PIECE * per_doubling) if moves else inf
             return [t / span for t in ladder(span, first, per_doubling, longest)]
 
         return replace(self._followed(parts), begin=self.points[0][0])

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
-from math import inf, isfinite, log2
+from math import ceil, inf, isfinite, log2, sqrt
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -38,6 +38,7 @@ from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import Work
+from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
 from indent_sim.scene.theories import adhesive_radii, half_space_force, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
@@ -58,6 +59,7 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
 RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
+FOLLOWED_TO = 0.004  # of the force, with PER_DOUBLING steps of each length; of second order in them
 PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
 # Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
 # sum of exponentials down to there
@@ -339,7 +341,8 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     theory = theory and theory.along(deltas)
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
-    steps = config.loading.per_doubling or PER_DOUBLING
+    finer = ceil(sqrt(FOLLOWED_TO / (target_of(config.accuracy) or FOLLOWED_TO)))
+    steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction)
     return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius)
 

@@ -111,7 +111,7 @@ def test_every_step_is_a_row() -> None:
     ramp = [dt for dt, branch in zip(steps, path.branches[1:], strict=True) if branch == "approach"]
     hold = [dt for dt, branch in zip(steps, path.branches[1:], strict=True) if branch == "hold"]
     assert ramp[0] == pytest.approx(ramp[2], rel=1e-9) and ramp[3] == pytest.approx(2 * ramp[0], rel=1e-9)
-    assert max(ramp) <= 0.05 * (1 + 1e-9) and sum(ramp) == pytest.approx(1.0, rel=1e-12)
+    assert max(ramp) <= 1 / 15 * (1 + 1e-9) and sum(ramp) == pytest.approx(1.0, rel=1e-12)
     assert hold[:4] == pytest.approx([ramp[0]] * 3 + [2 * ramp[0]], rel=1e-9)
     assert path.leg(1) == ((0.0, 0.0),) and path.leg(len(path.values))[-1][1] == pytest.approx(5.0, rel=1e-12)
     jump = resolve(from_mapping(SCENE | {"loading": {"history": [[3, 0.02], [8, 0.02]]}})).physics.path
