@@ -39,7 +39,7 @@ Form = Literal["text", "json"]  # of what stdout gets
 Told = Literal["all", "warnings"]  # on stderr
 LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messages
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
-KINDS = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
+LISTED = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 FORM = "indent_sim.form"  # in click's context: json where --json was given, also where the command refuses it
 
@@ -222,7 +222,7 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
     return found
 
 
-PARTS = ("approach", "hold", "retract", "all")  # of a measured curve
+SEGMENTS = ("approach", "hold", "retract", "all")  # of a measured curve
 SEGMENT_HELP = "Part of the curve; hold: up to its end."
 WITHIN_HELP = "Relative error of the force that is accepted."
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
@@ -339,7 +339,7 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 @set_option
 @click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help="Columns, by title or number from 1.")
 @click.option("--units", callback=_pairs, help="Units where a file says none, e.g. length=m,force=N.")
-@click.option("--segment", type=click.Choice(PARTS), default="approach", show_default=True, help=SEGMENT_HELP)
+@click.option("--segment", type=click.Choice(SEGMENTS), default="approach", show_default=True, help=SEGMENT_HELP)
 @click.option("--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known.")
 @click.option("--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level.")
 @click.option("--models", flag_value="all", default="needed", help="Ask other models of every curve.")
@@ -374,15 +374,15 @@ def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Calla
     """The fits of some curves, with the options of the command line."""
     from indent_sim.fitting import fit_folder
     from indent_sim.fitting.curve_fit import Request
-    from indent_sim.fitting.inference.estimate import Unknowns
+    from indent_sim.fitting.inference.estimate import Origin
 
     columns, units = how["columns"], how["units"]
     if columns and not 2 <= len(columns) <= 3:
         raise ConfigError("--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME")
     if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
         raise UsageError(f"--units {wrong[0]}: there are length, force, time")
-    unknowns = Unknowns(how["contact_point"], how["baseline"] == "tilted")
-    request = Request(config, how["keys"], how["segment"], unknowns, how["models"])
+    origin = Origin(how["contact_point"], how["baseline"] == "tilted")
+    request = Request(config, how["keys"], how["segment"], origin, how["models"])
     reading = fit_folder.Reading(columns, units)
     return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
 
@@ -505,11 +505,11 @@ def init(kind: str, output: Path | None) -> None:
 
 
 @program.command("list")
-@click.argument("kind", type=click.Choice(list(KINDS)), required=False)
+@click.argument("kind", type=click.Choice(list(LISTED)), required=False)
 def list_(kind: str | None) -> None:
     """What a scene can be made of, with parameters and units."""
-    kinds = [kind] if kind else list(KINDS)
-    say("\n\n".join(f"{name}\n{terminal.alternatives(KINDS[name])}" for name in kinds))
+    kinds = [kind] if kind else list(LISTED)
+    say("\n\n".join(f"{name}\n{terminal.alternatives(LISTED[name])}" for name in kinds))
 
 
 @program.command()

@@ -200,6 +200,11 @@ def inline(value: Any) -> str:
     return _scalar(value)
 
 
+def short(value: object) -> str:
+    """A value as it is read, not to its last digit."""
+    return f"{value:.4g}" if isinstance(value, float) else inline(value)
+
+
 def _scalar(value: Any) -> str:
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -15,14 +15,14 @@ from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.elastic_table import NoTable, elastic_scene, solved
-from indent_sim.fitting.forces import Forces, Tables
 from indent_sim.fitting.inference import models
-from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, far_level, fit, refuse_hopeless
+from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, far_level, fit, refuse_hopeless
 from indent_sim.fitting.inference.models import Other, with_experiment
-from indent_sim.fitting.inference.profile import profiled
+from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
+from indent_sim.fitting.scene_forces import SceneForces, Tables
 from indent_sim.model.units import PRESSURE, Unit, unit_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part
@@ -31,7 +31,8 @@ from indent_sim.results.reader import Results
 from indent_sim.run.readings import hertz_force
 from indent_sim.theory.solution import UNSOLVED
 
-ABOVE, DEEPER = 0.02, 1.3  # of the rise: where the contact begins at the latest; of its width: what is solved
+CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
+SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
 BARELY_DEEPER = 1.01  # times the width, where the body has no more
 GRADES = 1.25  # ratio of the depths of tables, so that curves share them
 LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
@@ -48,7 +49,7 @@ class Request:
     config: Config
     keys: tuple[str, ...]
     part: Part = "approach"
-    unknowns: Unknowns = field(default_factory=Unknowns)
+    origin: Origin = field(default_factory=Origin)
     models: Models = "needed"
 
 
@@ -111,11 +112,11 @@ def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> 
     forces = _forces(config, request.keys, samples, tables)
     if forces.relaxes and samples.t is None:
         raise NoCurve("no column of time, which a scene that relaxes needs")
-    estimate = fit(forces, samples, request.unknowns)
+    estimate = fit(forces, samples, request.origin)
     deep = _depth_of(estimate)
     if deep > forces.deepest:
-        forces = tables.forces(config, request.keys, DEEPER * deep)
-        estimate = fit(forces, samples, request.unknowns)
+        forces = tables.forces(config, request.keys, SOLVED_WIDTHS * deep)
+        estimate = fit(forces, samples, request.origin)
     verdict = _judged(profiled(estimate), config, request.models, tables)
     return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
 
@@ -144,10 +145,10 @@ def _rigid(config: Config) -> Config:
     return config.model_copy(update={"experiment": replace(parts, cantilever=None, frame=None)})
 
 
-def _forces(config: Config, keys: tuple[str, ...], samples: Samples, tables: Tables) -> Forces:
+def _forces(config: Config, keys: tuple[str, ...], samples: Samples, tables: Tables) -> SceneForces:
     """The scene's forces to the depth that the curve may have, one that other curves are given too where it exists."""
     width = _width(samples, config)
-    graded = GRADES ** math.ceil(math.log(DEEPER * width) / math.log(GRADES))
+    graded = GRADES ** math.ceil(math.log(SOLVED_WIDTHS * width) / math.log(GRADES))
     try:
         return tables.forces(config, keys, graded)
     except (ConfigError, NoTable):
@@ -161,7 +162,7 @@ def _width(samples: Samples, config: Config) -> float:
     x, force = few.x[order], few.force[order]
     level, top = far_level(few), int(np.argmax(force))
     rise = float(force[top]) - level
-    below = np.flatnonzero(force[: top + 1] < level + ABOVE * rise)
+    below = np.flatnonzero(force[: top + 1] < level + CONTACT_RISE * rise)
     width = float(samples.x.max() - x[below[-1] if len(below) else 0])
     compliance = config.experiment.compliance if config.experiment else 0.0
     return max(width - compliance * rise, LEAST_DEPTH * width)
@@ -182,7 +183,7 @@ def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) 
     return Verdict(estimate, seen, shape, baseline, found, uncertain)
 
 
-def _calibration(config: Config, forces: Forces) -> float:
+def _calibration(config: Config, forces: SceneForces) -> float:
     """Relative uncertainty of a modulus by those of the cantilever's stiffness and the tip's radius."""
     given = config.experiment.calibration if config.experiment else None
     return math.hypot(given.stiffness, _of_R(config, forces.deepest) * given.R if given.R else 0.0) if given else 0.0
@@ -229,7 +230,7 @@ def _entry(name: str, verdict: Verdict, config: Config, notes: tuple[str, ...], 
     return found | {"warnings": [*notes, *_warnings(verdict)], "seconds": time.process_time() - began}
 
 
-def _fixed(config: Config, forces: Forces) -> dict[str, float]:
+def _fixed(config: Config, forces: SceneForces) -> dict[str, float]:
     """Numbers of the scene on which a modulus leans, and which the fit did not touch."""
     known = {}
     for key in ("material.E", "material.nu", "indenter.R", "indenter.half_angle", "body.height", *SPRINGS):
@@ -244,20 +245,16 @@ def _fixed(config: Config, forces: Forces) -> dict[str, float]:
 def _windows(verdict: Verdict) -> list[dict[str, float]]:
     """Values and intervals of every window, the whole curve the last."""
     parameters = verdict.estimate.model.forces.parameters
-    rows = []
-    for window in verdict.windows:
-        row = {"upper": window.upper}
+
+    def row(upper: float, theta: np.ndarray, interval: Callable[[int], tuple[float, float]]) -> dict[str, float]:
+        found = {"upper": upper}
         for k, one in enumerate(parameters):
-            low, high = window.interval(k)
-            row |= {one.key: one.value(float(window.theta[k]))}
-            row |= {f"{one.key}_low": one.value(low), f"{one.key}_high": one.value(high)}
-        rows.append(row)
-    last: dict[str, float] = {"upper": 1.0}
-    for k, one in enumerate(parameters):
-        low, high = verdict.statistical(k)
-        last |= {one.key: one.value(float(verdict.estimate.theta[k]))}
-        last |= {f"{one.key}_low": one.value(low), f"{one.key}_high": one.value(high)}
-    return [*rows, last]
+            low, high = map(one.value, interval(k))
+            found |= {one.key: one.value(float(theta[k])), f"{one.key}_low": low, f"{one.key}_high": high}
+        return found
+
+    rows = [row(window.upper, window.theta, window.interval) for window in verdict.windows]
+    return [*rows, row(1.0, verdict.estimate.theta, verdict.statistical)]
 
 
 def _model(other: Other, parameters: tuple[Any, ...]) -> dict[str, Any]:
@@ -288,8 +285,9 @@ def _hertz(verdict: Verdict, config: Config) -> dict[str, float] | None:
     if not total:
         return None
     E = float(np.dot(known, force)) / total / scales.force * scene.physics.material.constants.E * scales.pressure
-    own = next((one.value(float(x)) for one, x in zip(forces.parameters, estimate.theta, strict=True)
-                if one.key == "material.E"), scene.physics.material.constants.E * scales.pressure)  # fmt: skip
+    fitted = zip(forces.parameters, estimate.theta, strict=True)
+    moduli = [one.value(float(x)) for one, x in fitted if one.key == "material.E"]
+    own = moduli[0] if moduli else scene.physics.material.constants.E * scales.pressure
     return {"E": E, "percent": 100 * (E / own - 1)}
 
 
@@ -306,10 +304,9 @@ def _warnings(verdict: Verdict) -> list[str]:
 def _said(key: str, config: Config, value: float) -> str:
     """A value with its unit, where the scene has units."""
     kind = kind_of(config, key)
-    told = {"length": config.units.length, "force": config.units.force}
     if kind is None:
         return f"{value:.4g}"
-    return scaled(kind, [Results(Path(), {}, {"units": told})], np.array([value]), key).said(value)
+    return scaled(kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value]), key).said(value)
 
 
 def kind_of(config: Config, key: str) -> str | None:
@@ -369,4 +366,4 @@ def _drawn(verdict: Verdict) -> Drawn:
 def request_words(request: Request) -> Mapping[str, Any]:
     """What tells one request from another, for the folder that goes on with it."""
     known = {"scene": to_mapping(request.config), "vary": list(request.keys), "part": request.part}
-    return known | {"unknowns": vars(request.unknowns), "models": request.models}
+    return known | {"origin": vars(request.origin), "models": request.models}

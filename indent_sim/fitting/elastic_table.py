@@ -28,16 +28,17 @@ from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface.punches import Punches, radius_at
 
-POINTS, DEGREE = 20, 12  # depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
-SHALLOWEST = 0.02  # of sqrt(delta/deepest): a power law below
+SOLVED_DEPTHS, DEGREE = 20, 12  # depths at which a scene is solved, and of the polynomial through them: 5e-11 by theory
+SHALLOWEST_ROOT = 0.02  # of sqrt(delta/deepest): a power law below
 ON_MESH, MESH_DEGREE = 0.2236, 5  # a contact of 5 % of the depth has few elements; degree of what a mesh adds to theory
 NODES = 6  # of the lattice around a value: 2e-6 of the force at steps of 0.2
 HALF = 0.5  # exponents of depth are multiples of it, up to NEARLY, or as they are
 NEARLY = 0.02
-RADII, RADIUS_DEGREE, LEAST_RADIUS = 40, 12, 0.02  # of flat punches, and of the polynomials through them
-DEEPER = 1.6  # times the depth: an adhering tip has the contact of a deeper one
-S = 0.5 * (1 + SHALLOWEST) - 0.5 * (1 - SHALLOWEST) * np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
-DOMAIN = (SHALLOWEST, 1.0)
+PUNCH_RADII, RADIUS_DEGREE, LEAST_RADIUS = 40, 12, 0.02  # of flat punches, and of the polynomials through them
+ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a deeper one
+NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
+S = 0.5 * (1 + SHALLOWEST_ROOT) - 0.5 * (1 - SHALLOWEST_ROOT) * np.cos(NODE_ANGLES)
+DOMAIN = (SHALLOWEST_ROOT, 1.0)
 
 
 class NoTable(Exception):
@@ -45,7 +46,7 @@ class NoTable(Exception):
 
 
 @dataclass(frozen=True)
-class Table:
+class ElasticTable:
     """The elastic curve of one scene: F = delta^power exp g(s), s = sqrt(delta/deepest), in the scene's units.
 
     coefficients (13,) of Chebyshev's polynomials of s; punches (4, 13) of ln delta_1, ln F_1, ln K, ln K' over ln a up
@@ -87,7 +88,7 @@ class Lattice:
         self.first = solved(config, deepest, wants_punches)
         self.solved = 1
 
-    def at(self, theta: Sequence[float]) -> Table:
+    def at(self, theta: Sequence[float]) -> ElasticTable:
         """The table at coordinates of the shape parameters; NoTable where the scene has none."""
         if not self.shape:
             return self.first
@@ -104,7 +105,7 @@ class Lattice:
     def _size(self) -> int:
         return (DEGREE + 1) + (4 * (RADIUS_DEGREE + 1) + 1 if self._punches else 0)
 
-    def _table(self, array: np.ndarray) -> Table:
+    def _table(self, array: np.ndarray) -> ElasticTable:
         coefficients, rest = array[: DEGREE + 1], array[DEGREE + 1 :]
         punches, widest = (rest[:-1].reshape(4, -1), math.exp(rest[-1])) if len(rest) else (None, 0.0)
         return replace(self.first, coefficients=coefficients, punches=punches, widest=widest)
@@ -168,7 +169,7 @@ def _at_once(config: Config) -> dict[str, Any]:
     return document
 
 
-def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> Table:
+def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> ElasticTable:
     """The table of a scene by its own solver: theory, a condensed body, or a load path.
 
     power: of the depth, where it is known. NoTable where there is no solution, ConfigError where there is no scene.
@@ -182,7 +183,7 @@ def solved(config: Config, deepest: float, wants_punches: bool = False, power: f
         raise NoTable(str(error)) from error
 
 
-def _by_theory(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> Table:
+def _by_theory(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> ElasticTable:
     theory, scales = scene.plan.theory, scene.physics.scales
     assert theory is not None
     depths = deepest * S**2
@@ -192,14 +193,14 @@ def _by_theory(scene: Scene, deepest: float, wants_punches: bool, power: float |
     g = Chebyshev.fit(S, np.log(forces) - power * np.log(depths), DEGREE, domain=DOMAIN)
     punches, widest = _punches(scene, punches_of(scene), deepest) if wants_punches else (None, 0.0)
     radius = curve[-1].a * scales.length
-    return Table(deepest, power, g.coef, punches, widest, radius=radius)
+    return ElasticTable(deepest, power, g.coef, punches, widest, radius=radius)
 
 
-def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> Table:
+def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | None) -> ElasticTable:
     """The same where a mesh is solved: what it adds to theory is smoothed, and its error bar kept."""
     depths = deepest * S**2
     found = _solved(scene, depths)
-    if len(found) < POINTS or not found[-1].converged:
+    if len(found) < SOLVED_DEPTHS or not found[-1].converged:
         reason = next((state.reason for state in found if not state.converged), "the path ended")
         raise NoTable(f"the depth {deepest:.4g} was not reached: {reason}")
     forces = np.array([state.force for state in found])
@@ -218,7 +219,7 @@ def _on_mesh(scene: Scene, deepest: float, wants_punches: bool, power: float | N
     g = Chebyshev.fit(S, known + added - power * np.log(depths), DEGREE, domain=DOMAIN)
     punches, widest = _punches_on_mesh(scene, deepest) if wants_punches else (None, 0.0)
     error = math.hypot(scatter, _bar(scene, found, depths))
-    return Table(deepest, power, g.coef, punches, widest, error, found[-1].a)
+    return ElasticTable(deepest, power, g.coef, punches, widest, error, found[-1].a)
 
 
 def _punches_on_mesh(scene: Scene, deepest: float) -> tuple[np.ndarray, float]:
@@ -257,10 +258,10 @@ def _punches(scene: Scene, punches: Punches, deepest: float) -> tuple[np.ndarray
     """ln delta_1, F_1, K, K' over ln a, in the scene's units, and the widest radius."""
     depth, force, length = scene.physics.scales.depth, scene.physics.scales.force, scene.physics.scales.length
     try:
-        widest = radius_at(punches, DEEPER * deepest / depth)
+        widest = radius_at(punches, ADHERING_DEPTH * deepest / depth)
     except UNSOLVED:
         widest = 0.999 * punches.largest
-    radii = np.geomspace(max(LEAST_RADIUS * widest, punches.smallest), widest, RADII)
+    radii = np.geomspace(max(LEAST_RADIUS * widest, punches.smallest), widest, PUNCH_RADII)
     rows = [punches.at(float(a)) for a in radii]
     units = depth, force, force / depth, force / depth / length
     columns = zip(*((one.delta, one.force, one.stiffness, one.slope) for one in rows), strict=True)

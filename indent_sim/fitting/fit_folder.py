@@ -19,8 +19,8 @@ from typing import Any
 from indent_sim.config.schema import Config
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import CurveFit, Request, fit_curve, refused, request_words
-from indent_sim.fitting.forces import Tables
 from indent_sim.fitting.parameters import number_at
+from indent_sim.fitting.scene_forces import Tables
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.limits import unwritable
@@ -32,7 +32,7 @@ from indent_sim.results.measured.measurement import Measured, NoCurve
 from indent_sim.results.writer import to_json
 from indent_sim.scene.scene import resolve
 
-FIT_TABLE, FIT_PICTURE, CURVES, PICTURES = "fit.csv", "fit.png", "curves", "pictures"
+FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES = "fit.csv", "fit.png", "curves", "pictures"
 SAVED_EVERY = 2.0  # s between two writings of fit.json while curves are fitted
 Tell = Callable[[str], None]
 Entry = dict[str, Any]
@@ -177,7 +177,7 @@ def _opened(directory: Path, request: Request) -> Iterator[list[Entry]]:
     made = [one for one in (directory, *directory.parents) if not one.exists()]
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        (directory / CURVES).mkdir(exist_ok=True)
+        (directory / CURVES_FOLDER).mkdir(exist_ok=True)
         lock = os.open(directory / results.LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
     except OSError as error:
         raise unwritable(directory, error) from error
@@ -199,7 +199,7 @@ def _take_away(directory: Path, made: Sequence[Path]) -> None:
     """Delete the folder that this call made, and those above it, where nothing came of it."""
     with suppress(OSError):
         (directory / results.LOCK).unlink()
-        for folder in (directory / CURVES, *made):
+        for folder in (directory / CURVES_FOLDER, *made):
             folder.rmdir()
 
 
@@ -227,10 +227,7 @@ def _curves(
         for curve in found:
             name = _own_name(curve.name, file, taken)
             if not writer.keeps(name, source):
-                named = (
-                    replace(curve, name=name) if isinstance(curve, Measured) else refused(name, curve.entry["reason"])
-                )
-                yield named, source
+                yield _renamed(curve, name), source
 
 
 def _renamed(curve: Measured | CurveFit, name: str) -> Measured | CurveFit:
@@ -324,7 +321,8 @@ def _carried_out(task: _Task, request: Request, tables: Tables) -> Entry:
     """Fit one curve, and write what is drawn of it."""
     fit = fit_curve(task.curve, request, tables)
     if fit.drawn is not None:
-        write_atomically(task.directory / CURVES / f"{fit.name}.csv", fit_table.table_of_curve(fit.drawn), sync=False)
+        table = task.directory / CURVES_FOLDER / f"{fit.name}.csv"
+        write_atomically(table, fit_table.table_of_curve(fit.drawn), sync=False)
         if task.picture is not None:
             from indent_sim.fitting import fit_picture
 

@@ -18,10 +18,10 @@ from indent_sim.results.reader import Results
 
 SIZE, MANY_SIZE = (10.5, 5.2), (9.2, 4.8)  # inches
 BASELINE = 1.0  # depths of the baseline that are shown
-BLOCKS = 40  # whose means are drawn over the residuals
-BESIDE = 1.06  # where other models stand beside the windows
-POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
-FIT: Look = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
+RESIDUAL_MEANS = 40  # whose means are drawn over the residuals
+OTHERS_AT = 1.06  # where other models stand beside the windows
+GREY_POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "color": "#b0b0b0", "zorder": 1}
+FITTED: Look = {"color": COLOURS[0], "lw": 1.8, "zorder": 3}
 Entry = Mapping[str, Any]
 
 
@@ -82,15 +82,15 @@ def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
     shown = drawn.delta > -BASELINE * depth
     delta, force = labels("length", drawn.delta[shown], "depth δ"), labels("force", drawn.force[shown], "force F")
     x = delta(drawn.delta[shown])
-    above.plot(x, force(drawn.force[shown]), label="measured", **POINTS)
-    above.plot(x, force(drawn.fit[shown]), label="scene", **FIT)
+    above.plot(x, force(drawn.force[shown]), label="measured", **GREY_POINTS)
+    above.plot(x, force(drawn.fit[shown]), label="scene", **FITTED)
     for k, (name, other) in enumerate(drawn.named.items(), start=1):
         above.plot(x, force(other[shown]), label=f"{name} instead", color=COLOURS[k], ls="--", lw=1.2)
     above.set(ylabel=force.label)
     above.legend(loc="upper left")
     left = 100 * (drawn.force - drawn.fit)[shown] / max(float(np.abs(drawn.fit).max()), 1e-300)
-    below.plot(x, left, **POINTS)
-    size = max(1, len(left) // BLOCKS)
+    below.plot(x, left, **GREY_POINTS)
+    size = max(1, len(left) // RESIDUAL_MEANS)
     whole = len(left) // size * size
     means = (one[:whole].reshape(-1, size).mean(axis=1) for one in (x, left))
     below.plot(*means, color=INK, lw=1.0)
@@ -108,7 +108,7 @@ def _windows(axes: Axes, entry: Entry, key: str, axis: Axis) -> None:
     for k, other in enumerate(entry["models"], start=1):
         if other["name"] in entry["cause"]:
             place, bar = axis(other["value"]), axis([[other["value"] - other["low"]], [other["high"] - other["value"]]])
-            axes.errorbar([100 * BESIDE], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"])
+            axes.errorbar([100 * OTHERS_AT], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"])
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="best")
     axes.set(xlabel="depth used [%]", ylabel=axis.label)

@@ -9,10 +9,10 @@ from typing import Any
 
 from indent_sim.fitting.curve_fit import Drawn
 
-BEGIN = ("curve", "status", "reason", "explained", "cause")
-PLACE = ("contact_point", "contact_point_low", "contact_point_high")
-END = (*PLACE, "force_max", "depth", "rms_percent", "n", "n_effective", "drift_percent", "hertz_E")
-CURVE = ("delta", "force", "fit", "residual")
+FIRST_COLUMNS = ("curve", "status", "reason", "explained", "cause")
+CONTACT_COLUMNS = ("contact_point", "contact_point_low", "contact_point_high")
+LAST_COLUMNS = (*CONTACT_COLUMNS, "force_max", "depth", "rms_percent", "n", "n_effective", "drift_percent", "hertz_E")
+DRAWN_COLUMNS = ("delta", "force", "fit", "residual")
 Entry = Mapping[str, Any]
 
 
@@ -21,7 +21,7 @@ def table_of_fits(entries: Sequence[Entry], keys: Sequence[str]) -> str:
 
     drift_percent: the first key at half the depth over that at the whole, less one. What a curve lacks is empty.
     """
-    columns = (*BEGIN, *(f"{key}{end}" for key in keys for end in ("", "_low", "_high")), *END)
+    columns = (*FIRST_COLUMNS, *(f"{key}{end}" for key in keys for end in ("", "_low", "_high")), *LAST_COLUMNS)
     text = io.StringIO()
     table = csv.DictWriter(text, columns, lineterminator="\n", restval="")
     table.writeheader()
@@ -57,4 +57,4 @@ def table_of_curve(drawn: Drawn) -> str:
     """curves/NAME.csv: depth from first touch, force without its baseline, the fit, and what it leaves."""
     rows = zip(drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, strict=True)
     lines = (",".join(f"{float(value):.10g}" for value in row) for row in rows)
-    return "\n".join([",".join(CURVE), *lines, ""])
+    return "\n".join([",".join(DRAWN_COLUMNS), *lines, ""])

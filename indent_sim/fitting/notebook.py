@@ -12,9 +12,9 @@ import numpy as np
 from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import CurveFit, Models, Request, fit_curve
-from indent_sim.fitting.forces import Tables
-from indent_sim.fitting.inference.estimate import Unknowns
+from indent_sim.fitting.inference.estimate import Origin
 from indent_sim.fitting.inference.verdict import Interval
+from indent_sim.fitting.scene_forces import Tables
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.measured.curve_file import read_measured
 from indent_sim.results.measured.measurement import Measured, Part, parts_of
@@ -61,7 +61,7 @@ def fit(
     NotConverged with the reason for a curve that tells nothing; ConfigError for a key or scene that is wrong.
     """
     config = scene if isinstance(scene, Config) else from_mapping(scene) if isinstance(scene, Mapping) else load(scene)
-    request = Request(config, tuple(vary), segment, Unknowns(contact_point), models)
+    request = Request(config, tuple(vary), segment, Origin(contact_point), models)
     found = fit_curve(_measured(curve, columns, units), request, Tables())
     if not found.is_done:
         raise NotConverged(f"{found.name}: {found.entry['reason']}")

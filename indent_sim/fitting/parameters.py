@@ -14,7 +14,7 @@ from indent_sim.model.units import Unit, field_units
 from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
-POWER, POWERS = "exponent", (-1.0, 1.0)  # of the depth beside the scene's own: no key of a scene, and its range
+FREE_EXPONENT, EXPONENTS = "exponent", (-1.0, 1.0)  # of the depth beside the scene's own, no key of it; its range
 WORK = "experiment.adhesion.work"
 SPRINGS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
 LARGEST_NU, LARGEST_FRACTION = 0.5, 0.999

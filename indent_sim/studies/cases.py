@@ -11,7 +11,7 @@ from typing import Any
 
 from indent_sim.config.scene_file import located, varied
 from indent_sim.config.schema import Config
-from indent_sim.config.strict_yaml import inline
+from indent_sim.config.strict_yaml import inline, short
 from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.results.writer import to_json
 from indent_sim.scene.scene import Scene, resolve
@@ -96,11 +96,6 @@ def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
         except ConfigError as error:
             refusals.append(Refusal(index, {key: value for key, value, _ in point}, error))
     return cases, refusals
-
-
-def short(value: object) -> str:
-    """A value as it is read, not to its last digit."""
-    return f"{value:.4g}" if isinstance(value, float) else inline(value)
 
 
 def identity(scene: Scene) -> str:

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from indent_sim.config.quantities import QUANTITY_PATTERN
+from indent_sim.config.strict_yaml import short
 from indent_sim.process.errors import UsageError
 from indent_sim.results.reader import Results, read_run
 from indent_sim.studies import study_table
-from indent_sim.studies.cases import Case, short
+from indent_sim.studies.cases import Case
 from indent_sim.studies.study_table import Row
 
 CURVE_COLUMNS = ("step", "delta", "force", "a", "force_error")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from indent_sim.config.strict_yaml import short
 from indent_sim.results.pictures import canvas
 from indent_sim.results.pictures.axes import Axis, axis, in_picture
 from indent_sim.results.pictures.canvas import Axes, Look
@@ -18,7 +19,6 @@ from indent_sim.results.pictures.curves import Colour, shade
 from indent_sim.results.pictures.curves import look as curve_look
 from indent_sim.results.pictures.forces import draw_force
 from indent_sim.studies import study_table
-from indent_sim.studies.cases import short
 from indent_sim.studies.curve_table import Curve, Families, amount
 from indent_sim.studies.study_table import Row
 

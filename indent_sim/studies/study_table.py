@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.config.strict_yaml import inline
+from indent_sim.config.strict_yaml import inline, short
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
-from indent_sim.studies.cases import Case, Refusal, short
+from indent_sim.studies.cases import Case, Refusal
 from indent_sim.studies.points import STIFFNESS_UNIT, Multiple
 from indent_sim.studies.study_file import StudyFile
 from indent_sim.studies.truth import Answer, Truth

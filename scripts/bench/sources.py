@@ -8,7 +8,7 @@ from typing import Any
 
 from markdown import number, size, table
 
-from indent_sim.studies.cases import short
+from indent_sim.config.strict_yaml import short
 
 TARGET = 0.001
 WORST, LAST = "force_error_worst", "force_error_vs"

@@ -9,8 +9,8 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.fitting.forces import Forces
 from indent_sim.fitting.notebook import fit
+from indent_sim.fitting.scene_forces import SceneForces
 
 X = np.linspace(-0.1, 0.1, 300)
 THEORY = {"shape": "layer", "height": 1.0}
@@ -26,7 +26,7 @@ def scene(body: dict, **more) -> Config:  # type: ignore[no-untyped-def,type-arg
 
 def curve(E: float, c: float, seed: int) -> np.ndarray:
     """Theory's forces with one per cent of noise."""
-    force = Forces(scene(THEORY), ["material.E"], 0.15)(np.array([math.log(E)]), X - c)
+    force = SceneForces(scene(THEORY), ["material.E"], 0.15)(np.array([math.log(E)]), X - c)
     return force + 0.01 * force.max() * np.random.default_rng(seed).standard_normal(len(X))
 
 
@@ -44,8 +44,8 @@ def test_the_error_of_a_mesh_is_inside_the_interval(h):
 
 def test_a_table_of_a_mesh_is_theory_but_for_its_error_bar():
     """Small strain, walls four heights away: the two are one problem."""
-    meshed, theory = (Forces(scene(body, **more), [], 0.1) for body, more in ((WIDE, {"mesh": {"h_contact": 0.03}}),
-                                                                             (THEORY, {})))  # fmt: skip
+    meshed = SceneForces(scene(WIDE, mesh={"h_contact": 0.03}), [], 0.1)
+    theory = SceneForces(scene(THEORY), [], 0.1)
     depths = np.linspace(0.02, 0.1, 9)
     ratio = meshed(np.array([]), depths) / theory(np.array([]), depths) - 1
     assert np.abs(ratio).max() < 2 * meshed.error and meshed.error < 0.01  # at shallower depths than the bar's
@@ -55,7 +55,7 @@ def test_a_load_path_at_finite_strain_scales_with_its_only_modulus():
     """By dimension: the table at E = 1 times three is that of the scene with E = 3."""
     material = {"model": "neo_hookean", "E": 1.0, "nu": 0.4}
     more = {"mesh": {"h_contact": 0.1, "h_far": 0.6}}
-    soft, hard = (Forces(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
+    soft, hard = (SceneForces(scene(WIDE | {"radius": 2.0}, material=material | {"E": E}, **more), ["material.E"], 0.2)
                   for E in (1.0, 3.0))  # fmt: skip
     depths = np.array([0.03, 0.1, 0.2])
     np.testing.assert_allclose(soft(np.log([3.0]), depths), hard(np.log([3.0]), depths), rtol=1e-6)  # Newton's 1e-9

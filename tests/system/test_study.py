@@ -204,7 +204,7 @@ MALFORMED = [
     ("base: scene.yaml\nvary:\n  mesh.h_far: [0.4]\n  mesh: [{h_far: 1}]\n", 3, "vary.mesh.h_far", "contradicts mesh"),
     ("base: scene.yaml\nset: {mesh.h_far: 1}\nvary: {mesh: [{h_contact: 1.0}]}\n", 2, "set.mesh.h_far", "as a whole"),
     ("base: other.yaml\nvary: {mesh.h_far: [0.4]}\n", 1, "base", "cannot read the config"),
-    ("base: scene.yaml\ncompare_to: scene.yaml\nvary: {mesh.h_far: [0.4]}\n", 2, "compare_to", "not a table"),
+    ("base: scene.yaml\ncompare_to: scene.yaml\nvary: {mesh.h_far: [0.4]}\n", 2, "compare_to", "is not a curve"),
 ]
 
 

@@ -16,19 +16,19 @@ from functools import cached_property
 import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.forces import Forces
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged
+from indent_sim.fitting.scene_forces import SceneForces
 
-FEWEST_POINTS, FEWEST_IN_CONTACT = 30, 20
+FEWEST_POINTS, FEWEST_PUSHING = 30, 20
 SATURATED_SHARE, MOST_SATURATED = 0.02, 5  # of the points at the largest force
 BLOCKS = 50  # of a curve, whose means tell a contact from noise
 WORST_FACTOR = 4.0  # a modulus known to a larger factor is not known
 LEAST_RISE = 4.0  # rms of the residuals: a smaller rise is noise
-MOST_PILOT, MOST_POINTS = 400, 1500  # block means
+MOST_PILOT, MOST_MEANS = 400, 1500  # block means
 CONTACTS, ENDS = 80, (2.0, 97.0)  # contact points that are tried, between these percentiles of x
 BASELINE_KEPT, LEAST_BASELINE = 1.5, 0.02  # depths before contact that count, and share of the range at least
-ROUNDS, LARGEST_STEP, LARGEST_SHIFT = 40, 1.0, 0.3  # of a fit, in coordinates and of the contact point in depths
-SETTLED = 1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
+FIT_ROUNDS, LARGEST_STEP, LARGEST_SHIFT = 40, 1.0, 0.3  # of a fit, in coordinates and of the contact point in depths
+SETTLED_SQUARES = 1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
 WORSE = 1.1  # of the rms: a fit in correlated noise that leaves more forgives residuals
 OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)  # of a parameter's coordinate from the scene's own, where fits begin
 LINEAR_OFFSETS = (0.0, -0.1, 0.1)
@@ -66,7 +66,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Unknowns:
+class Origin:
     """Whether contact point and slope of the baseline are fitted: a number is a contact point that is known."""
 
     contact_point: float | None = None
@@ -80,9 +80,9 @@ class Model:
     held: coordinates that are not fitted.
     """
 
-    forces: Forces
+    forces: SceneForces
     samples: Samples
-    unknowns: Unknowns = field(default_factory=Unknowns)
+    origin: Origin = field(default_factory=Origin)
     held: frozenset[int] = frozenset()
 
     @property
@@ -99,8 +99,8 @@ class Model:
     def free(self) -> np.ndarray:
         """Which parameters are fitted (p,)."""
         free = np.ones(self.size + 3, dtype=bool)
-        free[self.size] = self.unknowns.contact_point is None
-        free[-1] = self.unknowns.has_slope
+        free[self.size] = self.origin.contact_point is None
+        free[-1] = self.origin.has_slope
         free[list(self.held)] = False
         return free
 
@@ -137,7 +137,7 @@ class Model:
         low, high = self.forces.bounds
         return np.concatenate([np.clip(p[: self.size], low, high), p[self.size :]])
 
-    def fitted(self, p: np.ndarray, noise: Noise = WHITE, rounds: int = ROUNDS) -> tuple[np.ndarray, float]:
+    def fitted(self, p: np.ndarray, noise: Noise = WHITE, rounds: int = FIT_ROUNDS) -> tuple[np.ndarray, float]:
         """The least squares of the residuals in a noise from these parameters on, by Levenberg-Marquardt."""
         p, damping = self._inside(p), 1e-3
         r, J = self.residual(p), self.jacobian(p)
@@ -158,7 +158,7 @@ class Model:
                 except NoTable:
                     smaller = math.inf
                 if smaller < size:
-                    done = size - smaller < SETTLED * size
+                    done = size - smaller < SETTLED_SQUARES * size
                     p, r, size, damping = new, r_new, smaller, max(0.2 * damping, 1e-9)
                     break
                 damping *= 6.0
@@ -282,15 +282,15 @@ def refuse_hopeless(samples: Samples) -> None:
         raise Refused("no contact: the force does not rise above its noise")
 
 
-def beginnings(forces: Forces, samples: Samples, unknowns: Unknowns) -> list[np.ndarray]:
+def beginnings(forces: SceneForces, samples: Samples, origin: Origin) -> list[np.ndarray]:
     """Parameters from which a fit may begin, the likeliest first: contact points and coordinates that are tried, with
     the baseline and the size of the force solved for."""
     few = samples.means(MOST_PILOT)
-    wanted = np.percentile(few.x, np.linspace(*ENDS, CONTACTS)) if unknowns.contact_point is None else []
-    contacts = [unknowns.contact_point] if unknowns.contact_point is not None else list(wanted)
+    wanted = np.percentile(few.x, np.linspace(*ENDS, CONTACTS)) if origin.contact_point is None else []
+    contacts = [origin.contact_point] if origin.contact_point is not None else list(wanted)
     softness = forces.experiment.compliance
     depth = few.x - softness * (few.force - far_level(few))
-    found = [_begun(forces, theta, few, depth, contacts, unknowns) for theta in _tried(forces)]
+    found = [_begun(forces, theta, few, depth, contacts, origin) for theta in _tried(forces)]
     ordered = sorted((one for one in found if one), key=lambda one: one[0])
     return [p for _, p in ordered[:BEGINNINGS]]
 
@@ -301,7 +301,7 @@ def far_level(samples: Samples) -> float:
     return float(np.median(samples.force[far]))
 
 
-def _tried(forces: Forces) -> list[np.ndarray]:
+def _tried(forces: SceneForces) -> list[np.ndarray]:
     """The scene's own coordinates, and those with one of the shape's or the experiment's moved."""
     start = forces.start
     tried = [start]
@@ -315,7 +315,7 @@ def _tried(forces: Forces) -> list[np.ndarray]:
 
 
 def _begun(
-    forces: Forces, theta: np.ndarray, few: Samples, depth: np.ndarray, contacts: Sequence[float], unknowns: Unknowns
+    forces: SceneForces, theta: np.ndarray, few: Samples, depth: np.ndarray, contacts: Sequence[float], origin: Origin
 ) -> tuple[float, np.ndarray] | None:
     """The best contact point for some coordinates, as (residual, parameters); None where there is none."""
     best: tuple[float, np.ndarray] | None = None
@@ -329,7 +329,7 @@ def _begun(
         f = of(depth - c)
         if not np.any(f):
             continue
-        columns = [np.ones(len(f)), *([line] if unknowns.has_slope else [])]
+        columns = [np.ones(len(f)), *([line] if origin.has_slope else [])]
         known = [*columns, f] if scaling is not None else columns
         right = few.force if scaling is not None else few.force - f
         solution, *_ = np.linalg.lstsq(np.column_stack(known), right, rcond=None)
@@ -339,17 +339,17 @@ def _begun(
             moved = theta.copy()
             if scaling is not None:
                 moved[scaling] += math.log(amplitude)
-            slope = float(solution[1]) if unknowns.has_slope else 0.0
+            slope = float(solution[1]) if origin.has_slope else 0.0
             best = left, np.array([*moved, c, float(solution[0]), slope])
     return best
 
 
-def fit(forces: Forces, samples: Samples, unknowns: Unknowns) -> Estimate:
+def fit(forces: SceneForces, samples: Samples, origin: Origin) -> Estimate:
     """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them."""
-    starts = beginnings(forces, samples, unknowns)
+    starts = beginnings(forces, samples, origin)
     if not starts:
         raise Refused("no contact: the force does not rise with the depth")
-    few = Model(forces, samples.means(MOST_PILOT), unknowns)
+    few = Model(forces, samples.means(MOST_PILOT), origin)
     followed = [_followed(few, start) for start in starts]
     best = min((one for one in followed if one), key=lambda one: one[1], default=None)
     if best is None:
@@ -357,7 +357,7 @@ def fit(forces: Forces, samples: Samples, unknowns: Unknowns) -> Estimate:
     near = nearby(samples, float(best[0][len(forces.parameters)]))
     if len(near) < FEWEST_POINTS:
         raise Refused(f"no contact: {len(near)} points in contact")
-    model = Model(forces, near, unknowns)
+    model = Model(forces, near, origin)
     estimate = estimated(model, rebased(few, model, best[0]))
     _refuse_weak(estimate)
     return estimate
@@ -373,7 +373,7 @@ def _followed(model: Model, start: np.ndarray) -> tuple[np.ndarray, float] | Non
 def nearby(samples: Samples, c: float) -> Samples:
     """The samples in contact and beside it; a long baseline would drown the contact and fit its own waves."""
     depth, span = float(samples.x.max()) - c, float(np.ptp(samples.x))
-    return samples.where(samples.x > c - max(BASELINE_KEPT * depth, LEAST_BASELINE * span)).means(MOST_POINTS)
+    return samples.where(samples.x > c - max(BASELINE_KEPT * depth, LEAST_BASELINE * span)).means(MOST_MEANS)
 
 
 def rebased(old: Model, new: Model, p: np.ndarray) -> np.ndarray:
@@ -386,7 +386,7 @@ def rebased(old: Model, new: Model, p: np.ndarray) -> np.ndarray:
 
 def _refuse_weak(estimate: Estimate) -> None:
     within = int(np.count_nonzero(estimate.model.samples.x > estimate.contact_point))
-    if within < FEWEST_IN_CONTACT:
+    if within < FEWEST_PUSHING:
         raise Refused(f"no contact: {within} points in contact")
     if estimate.rise < LEAST_RISE * estimate.rms:
         raise Refused("no contact: the force does not rise above its noise")

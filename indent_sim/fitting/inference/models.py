@@ -12,17 +12,17 @@ import numpy as np
 from indent_sim.config.scene_file import from_mapping, to_mapping, varied
 from indent_sim.config.schema import Config
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.forces import Forces, Tables
 from indent_sim.fitting.inference.estimate import Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.inference.noise import f_test
 from indent_sim.fitting.parameters import WORK
+from indent_sim.fitting.scene_forces import SceneForces, Tables
 from indent_sim.model.body import HalfSpace, InfiniteLayer
 from indent_sim.process.errors import IndentSimError
 
 Name = Literal["thickness", "adhesion", "relaxation", "tip"]
 EXPLORED, EXPLORING = 300, 15  # block means on which, and rounds for which the starts of a model are followed
 THINNEST = 1.15  # depths that a free thickness must have
-HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
+FREE_HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
 WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
 FRACTIONS, TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
 CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
@@ -60,14 +60,14 @@ def _fitted(name: Name, estimate: Estimate, config: Config, tables: Tables) -> O
     return Other(name, p, best, {key: value for key, value in added.items() if key not in estimate.model.forces.keys})
 
 
-def _best(estimate: Estimate, candidates: Sequence[tuple[Forces, np.ndarray]]) -> Estimate | None:
+def _best(estimate: Estimate, candidates: Sequence[tuple[SceneForces, np.ndarray]]) -> Estimate | None:
     """The candidate that leaves least, its noise beside it; found on fewer samples, and ended on all."""
     own = estimate.model
-    few = Model(own.forces, own.samples.means(EXPLORED), own.unknowns)
+    few = Model(own.forces, own.samples.means(EXPLORED), own.origin)
     rest = rebased(own, few, estimate.ordinary)[own.size :]
     best: tuple[float, Model, np.ndarray] | None = None
     for forces, theta in candidates:
-        model = Model(forces, few.samples, own.unknowns)
+        model = Model(forces, few.samples, own.origin)
         try:
             p, size = model.fitted(np.array([*theta, *rest]), rounds=EXPLORING)
         except (NoTable, ValueError, np.linalg.LinAlgError):
@@ -76,7 +76,7 @@ def _best(estimate: Estimate, candidates: Sequence[tuple[Forces, np.ndarray]]) -
             best = size, model, p
     if best is None:
         return None
-    model = Model(best[1].forces, own.samples, own.unknowns)
+    model = Model(best[1].forces, own.samples, own.origin)
     p, _ = model.fitted(rebased(best[1], model, best[2]))
     return Estimate(model, p, p, averaged_at(model, p))
 
@@ -98,7 +98,9 @@ def _own(richer: Estimate) -> np.ndarray:
     return richer.model.residual(p)
 
 
-def _candidates(name: Name, estimate: Estimate, config: Config, tables: Tables) -> Iterator[tuple[Forces, np.ndarray]]:
+def _candidates(
+    name: Name, estimate: Estimate, config: Config, tables: Tables
+) -> Iterator[tuple[SceneForces, np.ndarray]]:
     """The model's forces and the coordinates from which it is fitted."""
     forces, theta = estimate.model.forces, estimate.ordinary[: estimate.model.size]
     if name == "tip" and not forces.adheres:
@@ -122,7 +124,7 @@ def _candidates(name: Name, estimate: Estimate, config: Config, tables: Tables) 
             yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
 
 
-def _deepest(forces: Forces) -> float:
+def _deepest(forces: SceneForces) -> float:
     """The largest force of the scene as it stands."""
     return float(forces.lattice.first.force(np.array([forces.deepest]))[0])
 
@@ -135,8 +137,8 @@ def _harder(theta: np.ndarray, scaling: int | None, factor: float) -> np.ndarray
 
 
 def _thickness(
-    forces: Forces, theta: np.ndarray, config: Config, tables: Tables
-) -> Iterator[tuple[Forces, np.ndarray]]:
+    forces: SceneForces, theta: np.ndarray, config: Config, tables: Tables
+) -> Iterator[tuple[SceneForces, np.ndarray]]:
     """A homogeneous body of free height; one whose height is fitted already has none."""
     body, key, radius = config.body, "body.height", forces.lattice.first.radius
     if key in forces.keys or not isinstance(body, HalfSpace | InfiniteLayer) or body.layers or body.inclusions:
@@ -147,7 +149,7 @@ def _thickness(
         layer = {"shape": "layer", "height": max(4.0 * radius, 2.0 * least)}
         base = from_mapping(to_mapping(config) | {"body": layer})
     other = tables.forces(base, (*forces.keys, key), forces.deepest)
-    for share in HEIGHTS:
+    for share in FREE_HEIGHTS:
         yield other, np.array([*theta, math.log(max(share * radius, 1.1 * least))])
 
 

@@ -20,7 +20,7 @@ from indent_sim.fitting.inference.windows import Window
 
 COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
 NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
-LEAST_BASELINE, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
+FEWEST_BEFORE_CONTACT, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
 SUSPECT_SHAPE, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 2.5, 1e-3  # where other models are asked
 WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
 NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
@@ -150,7 +150,7 @@ def baseline_of(estimate: Estimate) -> float | None:
     c, x = estimate.contact_point, model.samples.x
     before = x < c - NEAR_CONTACT * estimate.depth  # a tip that snaps in is missed by its model there
     n, m = int(np.count_nonzero(before)), int(np.count_nonzero(~before))
-    if n < LEAST_BASELINE or not m:
+    if n < FEWEST_BEFORE_CONTACT or not m:
         return None
     line = np.column_stack([np.ones(n), x[before] - x[before].mean()])
     found = averaged(line, r[before])

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.inference.estimate import FEWEST_IN_CONTACT, Estimate, Model, averaged_at, rebased
+from indent_sim.fitting.inference.estimate import FEWEST_PUSHING, Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.inference.noise import NORMAL_95
 
-SHARES = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the depth
+WINDOW_DEPTHS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the depth
 LEAST_DEVIATION = 0.1  # of the window's own: of its difference to the whole
 
 
@@ -41,7 +41,7 @@ def windows(estimate: Estimate) -> list[Window]:
     free = model.free
     whole = np.linalg.pinv(model.jacobian(p)[:, free])
     progress = _progress(model, float(p[model.size]))
-    found = (_window(estimate, whole, upper, progress <= upper) for upper in SHARES)
+    found = (_window(estimate, whole, upper, progress <= upper) for upper in WINDOW_DEPTHS)
     return [window for window in found if window is not None]
 
 
@@ -56,9 +56,9 @@ def _progress(model: Model, c: float) -> np.ndarray:
 
 def _window(estimate: Estimate, whole: np.ndarray, upper: float, inside: np.ndarray) -> Window | None:
     model, free = estimate.model, estimate.model.free
-    if np.count_nonzero(inside & (model.samples.x > estimate.contact_point)) < FEWEST_IN_CONTACT:
+    if np.count_nonzero(inside & (model.samples.x > estimate.contact_point)) < FEWEST_PUSHING:
         return None
-    part = Model(model.forces, model.samples.where(inside), model.unknowns)
+    part = Model(model.forces, model.samples.where(inside), model.origin)
     try:
         p, _ = part.fitted(rebased(model, part, estimate.ordinary))
         J = part.jacobian(p)[:, free]

@@ -13,8 +13,8 @@ from indent_sim.results.measured.measurement import Measured, NoCurve, Uncalibra
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
 MAYBE = (".txt", ".csv", ".tab")  # text that may be an AFM's
-HEIGHTS = ("height (measured)", "height (piezo)")
-TIP = "tip position"
+HEIGHT_COLUMNS = ("height (measured)", "height (piezo)")
+TIP_COLUMN = "tip position"
 INSTALL = "install it with `make setup AFM=1`, or `pip install --no-deps afmformats igor2 jprops`"
 OF_RELAXATION = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
 SI = {"length": "m", "force": "N", "time": "s"}
@@ -69,7 +69,7 @@ def _data(formats: Any, errors: Any, path: Path, stiffness: float | None) -> lis
 
 def _curve(path: Path, data: Any, index: int) -> Measured:
     columns = set(data.columns)
-    height = next((name for name in HEIGHTS if name in columns), None)
+    height = next((name for name in HEIGHT_COLUMNS if name in columns), None)
     if "force" not in columns or height is None:
         raise NoCurve(f"{path.name} has no {'force' if height else 'height'}, only {', '.join(sorted(columns))}")
     rows = _rows(data)
@@ -81,7 +81,7 @@ def _curve(path: Path, data: Any, index: int) -> Measured:
     k = data.metadata.get("spring constant", None)
     stiffness = float(k) if k is not None and np.isfinite(k) and k > 0 else None
     z, force = (np.asarray(data[column], dtype=float)[order] for column in (height, "force"))
-    delta = -np.asarray(data[TIP], dtype=float)[order] if TIP in columns else None
+    delta = -np.asarray(data[TIP_COLUMN], dtype=float)[order] if TIP_COLUMN in columns else None
     known = np.isfinite(z) & np.isfinite(force)
     if not known.all():
         raise NoCurve(f"{np.count_nonzero(~known)} of {len(known)} rows lack a number")

@@ -13,13 +13,13 @@ import numpy as np
 
 from indent_sim.config.quantities import size_of
 from indent_sim.process.errors import ConfigError
-from indent_sim.results.measured.measurement import KINDS, Measured, NoCurve, parts_by_name, parts_of
+from indent_sim.results.measured.measurement import DIMENSIONS, Measured, NoCurve, parts_by_name, parts_of
 
 HEAD_LINES = 2000  # in which the first line of numbers is looked for
 LONGEST_LINE = 100_000  # letters
 MOST_UNKNOWN = 0.5  # share of rows that may lack depth or force
-LARGEST_NUMBER = 1e100  # of a measurement, whatever its unit
-NAMES = {
+LARGEST_MEASURED = 1e100  # of a measurement, whatever its unit
+TITLES = {
     "delta": ("delta", "indentation", "depth", "indentation depth", "penetration", "tip position", "δ"),
     "z": ("z", "height", "height (measured)", "piezo", "stage", "displacement"),
     "force": ("force", "load", "f", "p"),
@@ -71,10 +71,10 @@ def read_text(
     text = _decoded(data)
     layout = _layout(text)
     chosen = _chosen(layout, columns, str(path))
-    units = {kind: (given or {}).get(kind, "") for kind in set(KINDS.values())}
+    units = {kind: (given or {}).get(kind, "") for kind in set(DIMENSIONS.values())}
     for column, index in chosen.items():
-        if column in KINDS and layout.titles and (unit := _title(layout.titles[index], KINDS[column])[1]):
-            units[KINDS[column]] = unit
+        if column in DIMENSIONS and layout.titles and (unit := _title(layout.titles[index], DIMENSIONS[column])[1]):
+            units[DIMENSIONS[column]] = unit
     numbers = {name: index for name, index in chosen.items() if name != "part"}
     table = _table(text, layout, list(numbers.values()))
     values = {name: table[:, i] for i, name in enumerate(numbers)}
@@ -191,8 +191,8 @@ def _chosen(layout: _Layout, asked: Sequence[str] | None, file: str) -> dict[str
             raise NoCurve(f"{what}: say which with --columns DEPTH,FORCE")
         return {name: place for place, name in enumerate(WITHOUT_HEADER[layout.width])}
     found: dict[str, int] = {}
-    for name, known in NAMES.items():
-        kind = KINDS.get(name, "")
+    for name, known in TITLES.items():
+        kind = DIMENSIONS.get(name, "")
         titles = [_title(title, kind)[0] if kind else title.strip().lower() for title in layout.titles]
         places = [titles.index(word) for word in known if word in titles]
         if places:
@@ -261,7 +261,7 @@ def _known(
     columns = np.column_stack(list(values.values()))
     if not len(columns):
         raise NoCurve("no line of numbers")
-    known = np.isfinite(columns).all(axis=1) & (np.abs(columns) < LARGEST_NUMBER).all(axis=1)
+    known = np.isfinite(columns).all(axis=1) & (np.abs(columns) < LARGEST_MEASURED).all(axis=1)
     lost = int(np.count_nonzero(~known))
     if lost > MOST_UNKNOWN * len(known):
         raise NoCurve(f"{lost} of {len(known)} rows lack a number")

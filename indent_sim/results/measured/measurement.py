@@ -19,7 +19,7 @@ PLATEAU = 0.01  # of the range of depths: what is nearer to the deepest may be a
 # A steady pace in and out spends 2 % of the rows there; with five times as many, and ten at least, it is a hold
 LEAST_HOLD, FEWEST_HELD = 0.1, 10
 TURNED = 0.1  # of the range: a path that goes back by less has not turned
-KINDS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
+DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
 
 
@@ -81,7 +81,7 @@ class Measured:
         return self._rows(slice(0, rows.stop) if name == "hold" else rows)
 
     def _rows(self, rows: slice) -> Measured:
-        cut = {name: None if (values := getattr(self, name)) is None else values[rows] for name in KINDS}
+        cut = {name: None if (values := getattr(self, name)) is None else values[rows] for name in DIMENSIONS}
         return replace(self, parts={}, **cut)  # type: ignore[arg-type]
 
     def in_units(self, units: Mapping[str, str]) -> Measured:
@@ -90,8 +90,9 @@ class Measured:
         ConfigError where the curve has a unit, and the scene says none of its kind.
         """
         wanted = dict(units) | {"time": "s"}
-        factors = {kind: _factor(kind, self.units.get(kind, ""), wanted.get(kind, "")) for kind in KINDS.values()}
-        columns = {name: None if (one := getattr(self, name)) is None else one * factors[KINDS[name]] for name in KINDS}
+        factors = {kind: _factor(kind, self.units.get(kind, ""), wanted.get(kind, "")) for kind in DIMENSIONS.values()}
+        known = {name: one for name in DIMENSIONS if (one := getattr(self, name)) is not None}
+        columns = {name: one * factors[DIMENSIONS[name]] for name, one in known.items()}
         stiffness = self.stiffness and self.stiffness * factors["force"] / factors["length"]
         return replace(self, **columns, stiffness=stiffness, units=wanted)  # type: ignore[arg-type]
 

@@ -11,10 +11,10 @@ from indent_sim.process.errors import UsageError
 from indent_sim.process.version import VERSION
 from indent_sim.results.reader import Results
 
-COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
-STIFF = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
-FREE = 0.5  # of the depth: the way before contact that is written, where no force is felt
-RATE = 1.0  # depths per second
+TAB_COLUMNS = ("force", "height (measured)", "tip position", "time", "segment")
+STIFF_SPRING = 1e3  # times the stiffest secant of the curve: a cantilever that does not bend
+FREE_APPROACH = 0.5  # of the depth: the way before contact that is written, where no force is felt
+DEPTHS_PER_SECOND = 1.0
 
 
 def tab_of(results: Results) -> str:
@@ -33,13 +33,13 @@ def tab_of(results: Results) -> str:
     )
     turn = int(np.argmax(delta)) + 1
     step = delta.max() / max(turn, 2)
-    free = np.arange(-FREE * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step)
+    free = np.arange(-FREE_APPROACH * delta.max(), min(0.5 * step, delta[0] - 0.5 * step), step)
     back = np.array([delta[turn - 1]]) if turn == len(delta) else delta[turn:]
     back_force = np.array([force[turn - 1]]) if turn == len(delta) else force[turn:]
     delta = np.concatenate([free, delta[:turn], back])
     force = np.concatenate([0.0 * free, force[:turn], back_force])
-    k = STIFF * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
-    time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (RATE * delta.max())
+    k = STIFF_SPRING * float(np.max(np.abs(force) / np.maximum(np.abs(delta), 1e-3 * step)))
+    time = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(delta)))]) / (DEPTHS_PER_SECOND * delta.max())
     retracts = np.arange(len(delta)) >= len(free) + turn
     table = zip(force, -(delta + force / k), -delta, time, retracts, strict=True)
     lines = ["\t".join([*(f"{value:.12e}" for value in row[:4]), str(bool(row[4]))]) for row in table]
@@ -50,4 +50,4 @@ def _head(stiffness: float, points: int) -> list[str]:
     said = {"imaging mode": "force-distance", "spring constant": stiffness, "point count": points, "enum": 0}
     told = json.dumps(said | {"software": f"indent-sim {VERSION}"}, indent=2).splitlines()
     metadata = [f"# {line}" for line in told]
-    return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(COLUMNS)]
+    return ["# BEGIN METADATA", *metadata, "# END METADATA", "#", "# " + "\t".join(TAB_COLUMNS)]

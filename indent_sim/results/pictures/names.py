@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from indent_sim.config import strict_yaml
+from indent_sim.config.strict_yaml import short
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.folder import CONFIG, Report, content
 from indent_sim.results.reader import Results
@@ -42,7 +43,7 @@ def _differences(runs: Sequence[Results]) -> list[str]:
     keys = [key for key in keys if key not in chosen and key.split(".")[0] not in ("title", "units", "output")]
     told = [key for key in keys if len({str(config.get(key)) for config in configs}) > 1]
     settings = [[(key.rpartition(".")[2], config.get(key)) for key in told] for config in configs]
-    words = [", ".join(f"{name} {_short(value)}" for name, value in one if value is not None) for one in settings]
+    words = [", ".join(f"{name} {short(value)}" for name, value in one if value is not None) for one in settings]
     return [text if len(text) <= MOST_NAME_LETTERS else f"{text[: MOST_NAME_LETTERS - 1]}…" for text in words]
 
 
@@ -61,7 +62,3 @@ def _flat(section: Report, above: str = "") -> Iterator[tuple[str, object]]:
             yield from _flat(value, f"{above}{key}.")
         else:
             yield f"{above}{key}", value
-
-
-def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -7,8 +7,8 @@ from scipy.signal import lfilter
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
-from indent_sim.fitting.forces import Forces
 from indent_sim.fitting.inference.noise import Noise
+from indent_sim.fitting.scene_forces import SceneForces
 
 N = 300
 LAYER = {"shape": "layer", "height": 1.0}
@@ -36,7 +36,7 @@ def drawn(noise: Noise, n: int, draw: np.random.Generator) -> np.ndarray:
     return np.sqrt(noise.w) * draw.standard_normal(n) + np.sqrt(1 - noise.w) * slow
 
 
-def measured(truth: Forces, theta, x: np.ndarray, noise: np.ndarray, c: float = 0.013, t=None):  # type: ignore[no-untyped-def]
+def measured(truth: SceneForces, theta, x: np.ndarray, noise: np.ndarray, c: float = 0.013, t=None):  # type: ignore[no-untyped-def]
     """Forces on a tilted baseline, with noise of one per cent of the largest."""
     force = truth(np.asarray(theta, dtype=float), x - c, t)
     return force + force.max() * (0.01 * noise + 0.3 + 0.05 * x / x.max())

@@ -9,13 +9,13 @@ import pytest
 from measurements import HALF_SPACE, LAYER, NOISES, N, drawn, measured, relaxing, scene
 from scipy.stats import binom
 
-from indent_sim.fitting.forces import Forces, Tables
-from indent_sim.fitting.inference import models, profile
-from indent_sim.fitting.inference.estimate import Estimate, Refused, Samples, Unknowns, fit, refuse_hopeless
+from indent_sim.fitting.inference import models, profile_likelihood
+from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, fit, refuse_hopeless
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import WORK
+from indent_sim.fitting.scene_forces import SceneForces, Tables
 
 DEEPEST, C = 0.13, 0.013
 TABLES = Tables()
@@ -32,10 +32,10 @@ def judged(estimate: Estimate, config) -> Verdict:  # type: ignore[no-untyped-de
 
 def test_twenty_white_curves_hold_their_modulus_and_their_contact_point():
     """Of 95 % intervals 20 hold fewer than 15 once in 3000."""
-    forces, draw, inside, near = Forces(scene(), ["material.E"], DEEPEST), np.random.default_rng(1), 0, 0
+    forces, draw, inside, near = SceneForces(scene(), ["material.E"], DEEPEST), np.random.default_rng(1), 0, 0
     for _ in range(20):
         force = measured(forces, [math.log(3)], X, drawn(WHITE, N, draw))
-        found = fit(forces, Samples(X, force), Unknowns())
+        found = fit(forces, Samples(X, force), Origin())
         low, high = found.interval(0)
         inside += low < math.log(3) < high
         near += abs(found.contact_point - C) < NORMAL_95 * found.sd[1]
@@ -45,10 +45,10 @@ def test_twenty_white_curves_hold_their_modulus_and_their_contact_point():
 
 
 def test_without_noise_the_truth_comes_back():
-    forces = Forces(scene(), ["material.E", "body.height"], DEEPEST)
+    forces = SceneForces(scene(), ["material.E", "body.height"], DEEPEST)
     theta = [math.log(3), math.log(0.4)]
     force = measured(forces, theta, X, np.zeros(N))
-    found = fit(forces, Samples(X, force), Unknowns())
+    found = fit(forces, Samples(X, force), Origin())
     np.testing.assert_allclose(found.theta, theta, atol=1e-4)  # of rounds that end at 1e-6 of the squares
     assert found.contact_point == pytest.approx(C, abs=1e-6)
     assert all(ratio > 3 for ratio in tied(found))  # modulus and height: known together, hardly apart
@@ -56,52 +56,52 @@ def test_without_noise_the_truth_comes_back():
 
 def test_a_profile_of_a_parabola_is_its_interval(monkeypatch):
     """One modulus: a parabola to a few per cent of the interval, of seven values a side joined by lines."""
-    monkeypatch.setattr(profile, "WIDE", 0.0)
-    forces = Forces(scene(), ["material.E"], DEEPEST)
-    found = fit(forces, Samples(X, measured(forces, [0.3], X, drawn(WHITE, N, np.random.default_rng(11)))), Unknowns())
-    by_profile = np.array(profile.profiled(found).interval(0)) - found.theta[0]
+    monkeypatch.setattr(profile_likelihood, "WIDE", 0.0)
+    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    found = fit(forces, Samples(X, measured(forces, [0.3], X, drawn(WHITE, N, np.random.default_rng(11)))), Origin())
+    by_profile = np.array(profile_likelihood.profiled(found).interval(0)) - found.theta[0]
     np.testing.assert_allclose(by_profile, np.array(found.interval(0)) - found.theta[0], rtol=0.05)
 
 
 def test_a_wide_interval_follows_its_profile_and_ends_at_a_bound():
     """Modulus and Poisson ratio of a layer are hardly apart: nu ends at 1/2, and E where nu does."""
-    forces = Forces(scene(), ["material.E", "material.nu"], DEEPEST)
+    forces = SceneForces(scene(), ["material.E", "material.nu"], DEEPEST)
     force = measured(forces, [0.3, 0.45], X, 2 * drawn(WHITE, N, np.random.default_rng(12)))
-    plain = fit(forces, Samples(X, force), Unknowns())
-    found = profile.profiled(plain)
+    plain = fit(forces, Samples(X, force), Origin())
+    found = profile_likelihood.profiled(plain)
     assert found.interval(1)[1] == 0.5 and found.interval(0)[0] < 0.3 < found.interval(0)[1]
     assert np.ptp(found.interval(0)) < 0.9 * np.ptp(plain.interval(0))
 
 
 def test_what_is_known_is_not_fitted():
-    forces = Forces(scene(), ["material.E"], DEEPEST)
+    forces = SceneForces(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, drawn(WHITE, N, np.random.default_rng(2)))
-    free, held = (fit(forces, Samples(X, force), known) for known in (Unknowns(), Unknowns(C)))
+    free, held = (fit(forces, Samples(X, force), known) for known in (Origin(), Origin(C)))
     assert held.contact_point == C and held.sd[1] == 0 and held.sd[0] < 0.8 * free.sd[0]
-    assert fit(forces, Samples(X, force), Unknowns(has_slope=False)).p[-1] == 0
+    assert fit(forces, Samples(X, force), Origin(has_slope=False)).p[-1] == 0
 
 
 def test_a_cantilever_is_fitted_in_its_way():
     config = scene(experiment={"cantilever": {"stiffness": 0.3}})
-    forces, draw = Forces(config, ["material.E"], DEEPEST), np.random.default_rng(3)
+    forces, draw = SceneForces(config, ["material.E"], DEEPEST), np.random.default_rng(3)
     z = np.linspace(-0.15, 0.3, N)
     force = measured(forces, [0.4], z, drawn(WHITE, N, draw))
-    low, high = fit(forces, Samples(z, force), Unknowns()).interval(0)
+    low, high = fit(forces, Samples(z, force), Origin()).interval(0)
     assert low < 0.4 < high and high - low < 0.2
 
 
 def test_adhesion_and_modulus_together():
     config = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.001}})
-    forces, draw = Forces(config, ["material.E", WORK], DEEPEST), np.random.default_rng(4)
+    forces, draw = SceneForces(config, ["material.E", WORK], DEEPEST), np.random.default_rng(4)
     theta = np.array([0.3, math.log(0.002)])
-    found = fit(forces, Samples(X, measured(forces, theta, X, drawn(WHITE, N, draw))), Unknowns())
+    found = fit(forces, Samples(X, measured(forces, theta, X, drawn(WHITE, N, draw))), Origin())
     assert (np.abs(found.theta - theta) < 4 * found.sd[:2]).all() and found.sd[0] < 0.05
 
 
 def test_the_interval_of_a_correlated_curve_is_wide():
     """Naive intervals hold the truth in a third of the curves of AR 10: these are four times as wide."""
-    forces, draw = Forces(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
-    sd = [fit(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), Unknowns()).sd[0]
+    forces, draw = SceneForces(scene(), ["material.E"], DEEPEST), np.random.default_rng(5)
+    sd = [fit(forces, Samples(X, measured(forces, [0.0], X, drawn(noise, N, draw))), Origin()).sd[0]
           for noise in (WHITE, NOISES["AR 10"])]  # fmt: skip
     assert sd[1] > 2.5 * sd[0]
 
@@ -113,18 +113,18 @@ def test_the_interval_of_a_correlated_curve_is_wide():
 ])  # fmt: skip
 def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     config, draw = scene(HALF_SPACE), np.random.default_rng(6)
-    forces, made = Forces(config, ["material.E"], DEEPEST), Forces(truth, ["material.E"], DEEPEST)
+    forces, made = SceneForces(config, ["material.E"], DEEPEST), SceneForces(truth, ["material.E"], DEEPEST)
     force = measured(made, [0.0], X, drawn(WHITE, N, draw), t=T)
-    verdict = judged(fit(forces, Samples(X, force, T), Unknowns()), config)
+    verdict = judged(fit(forces, Samples(X, force, T), Origin()), config)
     low, high = verdict.interval(0)
     assert name in verdict.cause and not verdict.explained and low < 0 < high
 
 
 def test_another_tip_is_named_by_its_exponent():
     config, cone = scene(HALF_SPACE), scene(HALF_SPACE, tip={"shape": "cone", "half_angle": 60.0})
-    forces, made = Forces(config, ["material.E"], DEEPEST), Forces(cone, ["material.E"], DEEPEST)
+    forces, made = SceneForces(config, ["material.E"], DEEPEST), SceneForces(cone, ["material.E"], DEEPEST)
     force = measured(made, [0.0], X, drawn(WHITE, N, np.random.default_rng(7)))
-    verdict = judged(fit(forces, Samples(X, force), Unknowns()), config)
+    verdict = judged(fit(forces, Samples(X, force), Origin()), config)
     tip = next(one for one in verdict.named if one.name == "tip")
     assert tip.added["exponent"] == pytest.approx(0.5, abs=0.1)  # delta^2 in place of delta^1.5
     low, high = verdict.interval(0)
@@ -132,9 +132,9 @@ def test_another_tip_is_named_by_its_exponent():
 
 
 def test_an_error_of_the_force_moves_a_modulus_by_as_much():
-    forces = Forces(scene(), ["material.E"], DEEPEST)
+    forces = SceneForces(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, drawn(WHITE, N, np.random.default_rng(8)))
-    found = fit(forces, Samples(X, force), Unknowns())
+    found = fit(forces, Samples(X, force), Origin())
     assert half_widths(found, 0.02, 0.0)[0] == pytest.approx(0.02, rel=0.01)
     assert half_widths(found, 0.0, 0.02)[0] == pytest.approx(0.02 * NORMAL_95, rel=0.01)
     certain, wide = (Verdict(found, [], 1.0, None, [], uncertain) for uncertain in ((), (0.02,)))
@@ -162,19 +162,19 @@ def test_hopeless_curves_are_refused(force, reason):
 
 
 def test_a_contact_of_few_points_is_refused():
-    forces = Forces(scene(), ["material.E"], DEEPEST)
+    forces = SceneForces(scene(), ["material.E"], DEEPEST)
     force = measured(forces, [0.0], X, 0.01 * drawn(WHITE, N, np.random.default_rng(10)), c=0.095)
     with pytest.raises(Refused, match=r"no contact: \d+ points in contact"):
-        fit(forces, Samples(X, force), Unknowns())
+        fit(forces, Samples(X, force), Origin())
 
 
 def test_a_modulus_known_to_a_large_factor_is_refused():
     """Modulus and contact point of the first tenth of a contact in noise of half its force."""
-    forces = Forces(scene(), ["material.E"], DEEPEST)
+    forces = SceneForces(scene(), ["material.E"], DEEPEST)
     x = np.linspace(-0.1, 0.03, 120)
     force = measured(forces, [0.0], x, 8 * drawn(NOISES["AR 10"], 120, np.random.default_rng(14)))
     with pytest.raises(Refused, match=r"material.E is known to a factor of|no contact"):
-        fit(forces, Samples(x, force), Unknowns())
+        fit(forces, Samples(x, force), Origin())
 
 
 def test_means_of_blocks_keep_equal_times_and_the_deepest_samples():
@@ -200,12 +200,12 @@ def test_coverage_of_three_hundred_curves():
     draw, inside, unexplained, refused = np.random.default_rng(20), 0, 0, 0
     kinds = [NOISES["white"], NOISES["AR 3"], NOISES["white"], NOISES["mixed 10"]]
     for config, _ in FAMILIES.values():
-        forces = Forces(config, ["material.E"], DEEPEST)
+        forces = SceneForces(config, ["material.E"], DEEPEST)
         for k in range(50):
             truth = draw.uniform(-1, 1)
             force = measured(forces, [truth], X, drawn(kinds[k % 4], N, draw), c=draw.uniform(-0.02, 0.02))
             try:
-                found = fit(forces, Samples(X, force), Unknowns())
+                found = fit(forces, Samples(X, force), Origin())
             except Refused:
                 refused += 1
                 continue
@@ -223,10 +223,10 @@ def test_coverage_of_adhesion_and_of_known_relaxation():
     draw = np.random.default_rng(30)
     for config, keys, truth in ((adhering, ["material.E", WORK], np.array([0.3, math.log(0.002)])),
                                 (known, ["material.E"], np.array([0.3]))):  # fmt: skip
-        forces, inside = Forces(config, keys, DEEPEST), np.zeros(len(keys))
+        forces, inside = SceneForces(config, keys, DEEPEST), np.zeros(len(keys))
         for _ in range(40):
             force = measured(forces, truth, X, drawn(WHITE, N, draw), t=T)
-            found = fit(forces, Samples(X, force, T), Unknowns())
+            found = fit(forces, Samples(X, force, T), Origin())
             inside += [
                 low < value < high
                 for value, (low, high) in zip(truth, map(found.interval, range(len(keys))), strict=False)
@@ -248,18 +248,18 @@ def test_wrong_models_that_leave_seven_deviations_are_seen():
     Counted where the best wrong fit of the curve without noise leaves sqrt(r'V^-1 r) of seven deviations of the noise.
     """
     config, draw = scene(HALF_SPACE), np.random.default_rng(40)
-    forces, counted, fair, named = Forces(config, ["material.E"], DEEPEST), 0, 0, 0
+    forces, counted, fair, named = SceneForces(config, ["material.E"], DEEPEST), 0, 0, 0
     for name, truths in WRONG.items():
         for truth in truths:
-            made = Forces(truth, ["material.E"], DEEPEST)
+            made = SceneForces(truth, ["material.E"], DEEPEST)
             pure = made(np.array([0.0]), X - C, T)
             for noise in (NOISES["white"], NOISES["AR 10"]):
-                left = fit(forces, Samples(X, pure, T), Unknowns()).residual / (0.01 * pure.max())
+                left = fit(forces, Samples(X, pure, T), Origin()).residual / (0.01 * pure.max())
                 if left @ noise.whitened(left)[0] < 49:
                     continue
                 for _ in range(10):
                     force = measured(made, [0.0], X, drawn(noise, N, draw), t=T)
-                    verdict = judged(fit(forces, Samples(X, force, T), Unknowns()), config)
+                    verdict = judged(fit(forces, Samples(X, force, T), Origin()), config)
                     low, high = verdict.interval(0)
                     counted += 1
                     fair += low < 0 < high or not verdict.explained

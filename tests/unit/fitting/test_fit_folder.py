@@ -15,8 +15,8 @@ import indent_sim
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.fitting.curve_fit import Request
 from indent_sim.fitting.fit_folder import Fits, Reading, fit_all
-from indent_sim.fitting.forces import Forces
 from indent_sim.fitting.inference.noise import WHITE
+from indent_sim.fitting.scene_forces import SceneForces
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 
 SCENE = {
@@ -29,7 +29,7 @@ SCENE = {
 }
 REQUEST = Request(from_mapping(SCENE), ("material.E",))
 X = np.linspace(-1, 1, N)
-FORCES = Forces(REQUEST.config, ["material.E"], 1.3)
+FORCES = SceneForces(REQUEST.config, ["material.E"], 1.3)
 
 
 def write(path: Path, E: float = 2.0, seed: int = 0) -> Path:

@@ -9,8 +9,8 @@ import pytest
 from measurements import HALF_SPACE, LAYER, relaxing, scene
 
 from indent_sim.fitting.elastic_table import NoTable, elastic_scene
-from indent_sim.fitting.forces import Forces, relaxed
 from indent_sim.fitting.parameters import WORK, number_at, parameters_of, pressures
+from indent_sim.fitting.scene_forces import SceneForces, relaxed
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.adhesion import Jkr
 from indent_sim.theory.surface.punches import LayerPunches
@@ -33,12 +33,12 @@ def by_theory(config, depths=DEPTHS) -> np.ndarray:  # type: ignore[no-untyped-d
                                  {"shape": "sphere", "R": 0.8}, {"shape": "flat_punch", "radius": 0.3}])  # fmt: skip
 def test_tables_are_theory_at_other_depths(body, tip):
     config = scene(body, tip=tip)
-    forces = Forces(config, ["material.E"], DEEPEST)(np.array([math.log(2.5)]), DEPTHS)
+    forces = SceneForces(config, ["material.E"], DEEPEST)(np.array([math.log(2.5)]), DEPTHS)
     np.testing.assert_allclose(forces, 2.5 * by_theory(config), rtol=1e-6)  # 5e-11 as a rule, a sphere's edge the worst
 
 
 def test_no_contact_no_force_and_beyond_the_table_a_power():
-    forces = Forces(scene(HALF_SPACE), [], DEEPEST)
+    forces = SceneForces(scene(HALF_SPACE), [], DEEPEST)
     got = forces(np.array([]), np.array([-1.0, 0.0, 2 * DEEPEST]))
     assert got[0] == got[1] == 0.0
     np.testing.assert_allclose(got[2], by_theory(scene(HALF_SPACE), [2 * DEEPEST])[0], rtol=1e-6)  # Hertz is a power
@@ -46,7 +46,7 @@ def test_no_contact_no_force_and_beyond_the_table_a_power():
 
 @pytest.mark.parametrize("key, values", [("body.height", (0.3, 0.77, 5.0)), ("material.nu", (0.0, 0.31, 0.5))])
 def test_parameters_of_shape_are_interpolated(key, values):
-    forces = Forces(scene(), ["material.E", key], DEEPEST)
+    forces = SceneForces(scene(), ["material.E", key], DEEPEST)
     for value in values:
         theta = np.array([0.0, forces.parameters[1].theta(value)])
         changed = scene({"shape": "layer", "height": value}) if key == "body.height" else scene(nu=value)
@@ -54,11 +54,11 @@ def test_parameters_of_shape_are_interpolated(key, values):
 
 
 def test_a_body_thinner_than_the_depth_has_no_table():
-    forces = Forces(scene(), ["body.height"], DEEPEST)
+    forces = SceneForces(scene(), ["body.height"], DEEPEST)
     assert forces.bounds[0][0] == pytest.approx(math.log(1.15 * DEEPEST))
     forces(forces.bounds[0], DEPTHS)  # its nodes all lie above
     with pytest.raises((NoTable, ConfigError)):
-        Forces(scene({"shape": "layer", "height": 0.1}), ["material.E"], DEEPEST)
+        SceneForces(scene({"shape": "layer", "height": 0.1}), ["material.E"], DEEPEST)
 
 
 def test_roles_and_numbers_of_keys():
@@ -85,7 +85,7 @@ def test_two_layers_move_by_their_own_moduli():
         return scene({"shape": "layer", "height": 1.2, "layers": [{"thickness": t, "material": part | {"E": E}}
                                                    for t, E in ((0.4, top), (0.8, below))]})  # fmt: skip
 
-    forces = Forces(two(1.0, 3.0), ["body.layers[0].material.E", "body.layers[1].material.E"], DEEPEST)
+    forces = SceneForces(two(1.0, 3.0), ["body.layers[0].material.E", "body.layers[1].material.E"], DEEPEST)
     theta = np.log([1.3, 4.4])
     np.testing.assert_allclose(forces(theta, DEPTHS), by_theory(two(1.3, 4.4)), rtol=2e-5)
     np.testing.assert_allclose(forces(theta + 0.7, DEPTHS), math.exp(0.7) * forces(theta, DEPTHS), rtol=2e-5)
@@ -94,7 +94,7 @@ def test_two_layers_move_by_their_own_moduli():
 @pytest.mark.parametrize("held", [{"cantilever": {"stiffness": 0.5}}, {"frame": {"compliance": 2.0}}])
 def test_a_spring_gives_way_by_its_force(held):
     """z = delta + F/k at the same force."""
-    rigid, soft = (Forces(scene(experiment=more), [], DEEPEST) for more in ({"frame": {"compliance": 0.0}}, held))
+    rigid, soft = (SceneForces(scene(experiment=more), [], DEEPEST) for more in ({"frame": {"compliance": 0.0}}, held))
     force = rigid(np.array([]), DEPTHS)
     np.testing.assert_allclose(soft(np.array([]), DEPTHS + 2.0 * force), force, rtol=1e-4)  # of 1500 depths, linear
 
@@ -103,7 +103,7 @@ def test_a_spring_gives_way_by_its_force(held):
 def test_adhesion_is_that_of_theory(compliance):
     held = {"frame": {"compliance": compliance}}
     config, work, E = scene(experiment={"adhesion": {"work": 0.002}, **held}), 0.0033, 1.7
-    forces = Forces(config, ["material.E", WORK], DEEPEST)
+    forces = SceneForces(config, ["material.E", WORK], DEEPEST)
     given = elastic_scene(config, DEEPEST)
     L, F = given.physics.scales.length, given.physics.scales.force
     jkr = Jkr(LayerPunches(given.plan.theory.contact), work / E / given.physics.scales.pressure / L)
@@ -120,7 +120,7 @@ def test_relaxation_while_the_contact_grows_is_lee_and_radok():
     terms = [[0.4, 0.3], [0.2, 2.0]]
     config = relaxing(terms)
     t = np.linspace(0, 1, 400)
-    got = Forces(config, [], DEEPEST)(np.array([]), 0.1 * t, t)
+    got = SceneForces(config, [], DEEPEST)(np.array([]), 0.1 * t, t)
     depths = np.geomspace(1e-5, 0.1001, 80)
     elastic = ElasticCurve(depths, by_theory(config, depths), np.sqrt(depths))
     cycle = OneCycle(Prony((0.4, 0.2), (0.3, 2.0)), [0.0, 1.0], [0.0, 0.1], elastic)
@@ -140,8 +140,8 @@ def test_a_linear_rise_relaxes_exactly_at_any_times():
 def test_a_spring_on_a_relaxing_body_balances():
     """z = delta + F/k at every time, of the force that belongs to these depths."""
     terms = [[0.5, 0.2]]
-    soft = Forces(relaxing(terms, experiment={"cantilever": {"stiffness": 1.0}}), [], DEEPEST)
-    rigid = Forces(relaxing(terms), [], DEEPEST)
+    soft = SceneForces(relaxing(terms, experiment={"cantilever": {"stiffness": 1.0}}), [], DEEPEST)
+    rigid = SceneForces(relaxing(terms), [], DEEPEST)
     t = np.linspace(0, 1, 200)
     force = soft(np.array([]), 0.1 * t, t)
     np.testing.assert_allclose(rigid(np.array([]), 0.1 * t - force, t), force, rtol=1e-6, atol=1e-12)

@@ -18,7 +18,7 @@ from indent_sim.fitting.inference.noise import NORMAL_95
 
 WIDE = 0.2  # half width of a coordinate from which on a parabola is not enough
 VALUES, FARTHEST = 7, 3.0  # on each side, and how far the last is, in averaged deviations
-ROUNDS = 12  # of a fit from its neighbour's
+NEIGHBOUR_ROUNDS = 12  # of a fit from its neighbour's
 
 
 def profiled(estimate: Estimate) -> Estimate:
@@ -48,7 +48,7 @@ def _end(estimate: Estimate, k: int, side: float, reach: float) -> float:
         value = min(max(start + side * step * sd, low), high)
         p[k] = value
         try:
-            p, size = model.fitted(p, noise, ROUNDS)
+            p, size = model.fitted(p, noise, NEIGHBOUR_ROUNDS)
         except (NoTable, ValueError, np.linalg.LinAlgError):
             return start + side * NORMAL_95 * sd
         rise = max((size - least) / estimate.found.s2, 0.0)

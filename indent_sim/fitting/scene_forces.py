@@ -18,8 +18,8 @@ from scipy.signal import lfilter
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import LEAST_RADIUS, Lattice, NoTable, Table, elastic_scene
-from indent_sim.fitting.parameters import POWER, POWERS, WORK, Parameter, number_at, parameters_of
+from indent_sim.fitting.elastic_table import LEAST_RADIUS, ElasticTable, Lattice, NoTable, elastic_scene
+from indent_sim.fitting.parameters import EXPONENTS, FREE_EXPONENT, WORK, Parameter, number_at, parameters_of
 from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.relaxation import PowerLaw, Prony
@@ -27,7 +27,7 @@ from indent_sim.theory.surface.relaxation import PowerLaw, Prony
 SAMPLES_OF_WAY = 1500  # of the table of depths behind a spring
 SAMPLES_OF_RADIUS = 600  # of the branch of a tip that adheres
 SHORTEST_SHARE = 1e-3  # of the time between samples: shorter times of a power law are not seen
-MOST_ROUNDS, SETTLED = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
+MOST_ROUNDS, SETTLED_DEPTH = 60, 1e-9  # of depths behind a spring in a body that relaxes, relative to the depth
 NEAR_ZERO = 1e-9  # of the depth, from where on a free power of it goes on as a number
 MOST_TABLES = 100
 # Contact radii that a height may have: a thicker body is a half-space, a thinner one is solved for long
@@ -47,7 +47,7 @@ class Settings:
     power: float = 0.0  # of the depth, beside the scene's own
 
 
-class Forces:
+class SceneForces:
     """The force of a scene at depths, or ways of the base, for any values of its varied keys.
 
     config: the scene; keys: what varies; deepest [length]: of the table. ConfigError for a scene that cannot exist,
@@ -123,7 +123,7 @@ class Forces:
             return lambda delta: self._adhering(table, held, delta)
         return lambda delta: self._pressed(table, at, delta)
 
-    def _pressed(self, table: Table, at: Settings, delta: np.ndarray) -> np.ndarray:
+    def _pressed(self, table: ElasticTable, at: Settings, delta: np.ndarray) -> np.ndarray:
         """The elastic force at depths: the scene's, times another power of the depth."""
         force = at.scale * table.force(delta)
         return force * np.maximum(delta / self.pivot, NEAR_ZERO) ** at.power if at.power else force
@@ -137,19 +137,19 @@ class Forces:
         compliance = 1.0 / values.get("experiment.cantilever.stiffness", held.stiffness) if held else 0.0
         compliance += values.get("experiment.frame.compliance", frame.compliance) if frame else 0.0
         varied = {one.key: values[one.key] for one in self.parameters if one.role == "relaxation"}
-        power = values.get(POWER, 0.0)
+        power = values.get(FREE_EXPONENT, 0.0)
         modulus = relaxation_of(self.config, varied)
         return Settings(scale, tuple(theta[self._shape]), work, compliance, modulus, power)
 
-    def with_free_power(self, pivot: float) -> Forces:
+    def with_free_power(self, pivot: float) -> SceneForces:
         """The same scene whose force rises with a free power of the depth beside its own, as under another tip; at the
         depth `pivot` [length] the force is the scene's."""
         other = copy.copy(self)
-        other.parameters = (*self.parameters, Parameter(POWER, 0.0, "power", *POWERS, is_linear=True))
-        other.keys, other.pivot = (*self.keys, POWER), pivot
+        other.parameters = (*self.parameters, Parameter(FREE_EXPONENT, 0.0, "power", *EXPONENTS, is_linear=True))
+        other.keys, other.pivot = (*self.keys, FREE_EXPONENT), pivot
         return other
 
-    def _adhering(self, table: Table, at: Settings, x: np.ndarray) -> np.ndarray:
+    def _adhering(self, table: ElasticTable, at: Settings, x: np.ndarray) -> np.ndarray:
         """JKR's stable branch by the contact radius, from first touch at x = 0 until the tip comes off."""
         assert table.punches is not None
         end = math.log(LEAST_RADIUS)
@@ -164,7 +164,7 @@ class Forces:
         touches = np.logical_or.accumulate(x >= 0.0)
         return np.where(touches & (x >= way[first]), np.interp(x, way[first:], force[first:]), 0.0)
 
-    def _relaxed(self, table: Table, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def _relaxed(self, table: ElasticTable, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
         """The force of a relaxing body: depths behind a spring are found by rounds of Newton's kind."""
         law = prony_of(at.modulus, t)
         force = relaxed(self._pressed(table, at, x), t, law)
@@ -177,7 +177,7 @@ class Forces:
             force = relaxed(elastic, t, law)
             change = (x - delta - at.compliance * force) / (1.0 + at.compliance * stiffness)
             delta = delta + change
-            if np.abs(change).max(initial=0.0) < SETTLED * self.deepest:
+            if np.abs(change).max(initial=0.0) < SETTLED_DEPTH * self.deepest:
                 break
         return force
 
@@ -246,9 +246,9 @@ class Tables:
     """The forces of scenes to some depths, made once for all curves that share them."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, tuple[str, ...], float], Forces] = {}
+        self._known: dict[tuple[str, tuple[str, ...], float], SceneForces] = {}
 
-    def forces(self, config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
+    def forces(self, config: Config, keys: tuple[str, ...], deepest: float) -> SceneForces:
         """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
         name = to_yaml(config), keys, deepest
         if name not in self._known:
@@ -258,11 +258,11 @@ class Tables:
         return self._known[name]
 
 
-def _new(config: Config, keys: tuple[str, ...], deepest: float) -> Forces:
+def _new(config: Config, keys: tuple[str, ...], deepest: float) -> SceneForces:
     for key in keys:
         number_at(config, key)
     try:
-        return Forces(config, keys, deepest)
+        return SceneForces(config, keys, deepest)
     except ConfigError as error:
         elastic_scene(config, _own_depth(config))  # wrong whatever the depth
         raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error
