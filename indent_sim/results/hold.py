@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
+from math import log, nan
 
 import numpy as np
 
 from indent_sim.results.reader import Results
 
-LEAST_ROWS = 4
+LEAST_ROWS, SHARE_ROUNDING = 4, 1e-12
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Hold:
 
     @property
     def half_time(self) -> float:
-        """When half of the fall is over [time], straight between rows; NaN of a force that does not fall."""
+        """When half of the fall is over [time], an exponential between rows; NaN of a force that does not fall."""
         if not self.force[0] > self.force[-1]:
             return nan
         after = int(np.argmax(self.share <= 0.5))
         near = slice(after - 1, after + 1)
-        return float(np.interp(-0.5, -self.share[near], self.t[near]))
+        return float(np.interp(log(2), -np.log(np.maximum(self.share[near], SHARE_ROUNDING)), self.t[near]))
 
 
 def first_hold(results: Results) -> Hold | None:
