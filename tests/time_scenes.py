@@ -54,6 +54,8 @@ class Drawn:
         body: dict[str, Any] = {"shape": "cylinder", "radius": float(self.draw.uniform(1.5, 3)), "height": 1.0}
         body |= {"base": base, "sides": sides}
         if self.draw.random() < 0.15:
+            return self.either({"shape": "half_space"}, {"shape": "layer", "height": 1.0, "base": base})
+        if self.draw.random() < 0.15:
             body = {"shape": "strip", "width": 4.0, "height": 1.0, "base": "fixed", "sides": sides}
         return body
 
