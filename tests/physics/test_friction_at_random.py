@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
-from math import pi, radians, tan
+from math import isfinite, nan, pi, radians, tan
 from random import Random
 from typing import Any
 
@@ -81,10 +81,11 @@ def judged(base: Scene) -> list[State]:
 
 
 def found(base: Scene) -> dict[str, tuple[float, float]]:
-    """The numbers of the last row, and the heat since rest, each with its error."""
+    """The numbers of the last row, and the heat since rest, each with its error. Under a tip with an edge or an apex the
+    largest pressure may have none: coarser meshes may not know it."""
     rows = judged(base)
-    last = rows[-1]
-    known = [name for name in READ if name != "p_max" or base.has_peak(last.a)]
+    last, is_round = rows[-1], not base.physics.indenter.creases()
+    known = [name for name in READ if name != "p_max" or is_round or isfinite(last.p_max_error or nan)]
     numbers = {name: (getattr(last, name), getattr(last, f"{name}_error")) for name in known}
     lost, unsure = (sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error"))
     return numbers | {"dissipation": (lost, unsure)}
@@ -97,6 +98,6 @@ def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
     drawn = Drawn(number)
     rows = [found(drawn.scene(steps)) for steps in (1, 4, 16)]
     for one, other in combinations(rows, 2):
-        for name, (value, error) in one.items():
-            beside_it, its_error = other[name]
+        for name in one.keys() & other.keys():
+            (value, error), (beside_it, its_error) = one[name], other[name]
             assert abs(value - beside_it) <= error + its_error, name
