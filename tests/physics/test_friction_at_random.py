@@ -81,8 +81,8 @@ def judged(base: Scene) -> list[State]:
 
 
 def found(base: Scene) -> dict[str, tuple[float, float]]:
-    """The numbers of the last row, and the heat since rest, each with its error. Under a tip with an edge or an apex the
-    largest pressure may have none: coarser meshes may not know it."""
+    """The numbers of the last row, and the heat since rest, each with its error. Under a tip with an edge or an apex
+    the largest pressure may have none: coarser meshes may not know it."""
     rows = judged(base)
     last, is_round = rows[-1], not base.physics.indenter.creases()
     known = [name for name in READ if name != "p_max" or is_round or isfinite(last.p_max_error or nan)]
