@@ -208,8 +208,8 @@ IN_TIME: dict[str, dict[str, Any]] = {
     },
     "lifted": {
         "body": CYLINDER | {"base": "roller", "sides": "free"},
-        "material": {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": {"diffusivity": 1.0}},
-        "loading": {"force_history": [[0, 0], [3.0, 0], [3.0, 0.1], [6.0, 0.1]], "times": [1.0, 3.0, 6.0]},
+        "material": {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": WET["flow"]},
+        "loading": {"force_history": [[0, 0], [3, 0], [3, 0.1], [6, 0.1]], "times": [1.0, 3.0, 6.0]},
         "mesh": {"h_contact": 0.1},
     },
 }  # fmt: skip
