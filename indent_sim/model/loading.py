@@ -67,6 +67,18 @@ class LoadPath:
             begin=self.begin,
         )
 
+    @property
+    def sudden(self) -> tuple[int, ...]:
+        """The steps [from 1] to which no time passes, though the value changes."""
+        places = [(0.0, self.begin or 0.0), *zip(self.values, self.times, strict=False)]
+        return tuple(k for k, (a, b) in enumerate(pairwise(places), start=1) if a[1] == b[1] and a[0] != b[0])
+
+    def without(self, steps: Sequence[int]) -> LoadPath:
+        """The same without some of its steps [from 1], of a path without turns between its rows."""
+        kept = [k for k in range(len(self.values)) if k + 1 not in steps]
+        values, times = tuple(self.values[k] for k in kept), tuple(self.times[k] for k in kept)
+        return replace(self, values=values, times=times, branches=tuple(self.branches[k] for k in kept))
+
     def leg(self, step: int) -> tuple[tuple[float, float], ...]:
         """The values on the way to a step [from 1], its own the last, each with the time since the path's begin; no
         time passes for a body that takes none."""

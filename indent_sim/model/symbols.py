@@ -102,7 +102,8 @@ diffusivity [length^2/time] $D$: with which pressure evens out in the confined b
 flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
-holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
+holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2) of that at rest
+holmes_mow.alpha [1] $\alpha$: power of the share of the pores, over that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5

@@ -409,10 +409,33 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
+        if _is_locked(physics) and path.control == "force":
+            path = _without_sudden(path)
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
     )
+
+
+def _is_locked(physics: Physics) -> bool:
+    """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
+    tip, body = physics.indenter, physics.body
+    is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
+    is_closed = all(
+        physics.part.supports.get(wall, "free") != "free" for wall in physics.part.distances(physics.center)
+    )
+    is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
+    return bool(is_as_wide and is_closed and is_full)
+
+
+def _without_sudden(path: LoadPath) -> LoadPath:
+    """The path without the rows at which a force comes at once: it has no equilibrium, which begins a step later."""
+    if path.sudden and (path.turns or len(path.sudden) == len(path.values)):
+        problem = "holds a sudden force on a column that cannot give way before its fluid does: it has no equilibrium"
+        raise ConfigError(
+            "loading.force_history", problem, "let it grow, or times: auto, whose first row is a step later"
+        )
+    return path.without(path.sudden)
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:

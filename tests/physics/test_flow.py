@@ -480,7 +480,7 @@ def test_a_rubber_with_pores_is_elastic_at_once_and_at_last() -> None:
     assert body.content == pytest.approx(-body.outflow, rel=1e-9)
 
 
-@pytest.mark.parametrize("pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, exponent=2.0, M=3.0)])
+@pytest.mark.parametrize("pores", [pytest.param(None, marks=VERIFY), HolmesMow(phi0=0.3, alpha=2.0, M=3.0)])
 def test_a_column_that_is_shorter_by_a_fifth(pores: HolmesMow | None) -> None:
     """Small changes about the stretch s of a drained column decay as exp(-pi^2 m dP/ds t), m = k(s)/s. To 3e-3, of
     20 steps a decay and of the change, 1e-3 of the stretch."""
