@@ -103,7 +103,6 @@ flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that th
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
 holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2) of that at rest
-holmes_mow.alpha [1] $\alpha$: power of the share of the pores, over that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5

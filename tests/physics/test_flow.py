@@ -629,3 +629,14 @@ def test_fluid_and_chains_together() -> None:
     G, K = 0.4 / 2.4, 1 / 1.8  # of E = 1, nu = 0.2: what is left of the shear, and the drained bulk modulus
     (last,) = solve(layer(RADIUS / 4, nu=(3 * K - 2 * G) / (2 * (3 * K + G)), loading={"delta": DELTA, "steps": 1}))
     assert found[4][-1] == pytest.approx(last.force * 9 * K * G / (3 * K + G), rel=2e-3)
+
+
+def test_a_growing_force_has_the_surface_sealed_where_it_touches() -> None:
+    """Under a force that grows the contact does: every row is one of the vertices that it touches itself."""
+    base = layer(RADIUS / 6, material=WET, loading={"force_history": [[0, 0], [0.02, 4e-3]], "per_doubling": 2})
+    walk, unsettled, closed = solver.walk(base, meshed(base)), 0, set()
+    for row in walk.states(base.physics.path, lambda step: False):
+        assert row.converged, row.reason
+        closed.add(int(walk.equilibrium.matter.valve._touches.sum()))
+        unsettled += not walk.equilibrium.is_settled()
+    assert unsettled <= 1 and len(closed) > 4  # two sets may exclude each other

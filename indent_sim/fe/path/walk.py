@@ -169,10 +169,11 @@ class Walk:
             return self._substeps - substeps if self._control.press(force, expected) else 0
         if force == 0:
             return self._substeps - substeps if self._touch() else 0
-        radius = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
+        delta, a = self._last.delta or expected, self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
         for _ in range(MOST_SEARCHES):
-            if not self._control.renew(force, self._last.delta or expected, 2 * physics.material.E_star * radius):
+            if not self._control.renew(force, delta, 2 * physics.material.E_star * a):
                 return 0
+            delta = self._pair[1]  # not accepted: the same step is searched again where the tip seals another vertex
             if self.equilibrium.is_settled():
                 break
         return self._substeps - substeps

@@ -228,9 +228,9 @@ def test_pores_widen_and_close(law: HolmesMow) -> None:
     assert law.factor(law.phi0) == 0.0
     J = np.linspace(law.phi0, 1.5, 20)
     assert np.all(np.diff(law.factor(J)) > 0)
-    # d ln k/dJ at rest = exponent/(1 - phi0) + M, by a central difference of 1e-5: 1e-9
+    # d ln k/dJ at rest = alpha/(1 - phi0) + M, by a central difference of 1e-5: 1e-9
     slope = (math.log(law.factor(1 + 1e-5)) - math.log(law.factor(1 - 1e-5))) / 2e-5
-    assert slope == pytest.approx(law.exponent / (1 - law.phi0) + law.M, rel=1e-8)
+    assert slope == pytest.approx(law.alpha / (1 - law.phi0) + law.M, rel=1e-8)
 
 
 @pytest.mark.parametrize("J", [0.7, 1.0, 1.3])
