@@ -35,7 +35,8 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 # 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up to 1e-12 of them at most
 AUDIT_FLOOR = 1e-4
 
-SWOLLEN = 100.0  # of E height^2, what supports hold of a body that swells, as Newton takes it
+SWOLLEN = 100.0  # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
+DISPLACED = 1e-3  # of a^2 delta: a smaller outflow is none beside what flows inside the body
 
 Progress = Callable[[State, int, int], None]
 
@@ -237,7 +238,9 @@ class Simulation:
         physics, a = self.scene.physics, self.scene.plan.prediction["a"]
         attraction = physics.scales.unscaled(physics.contact).adhesion
         pull = attraction.work * a if attraction else 0.0  # about; the force may be less, where as much pushes
-        swollen = SWOLLEN * physics.scales.force if physics.swells else 0.0  # with or without a tip
+        swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
+        if physics.permeable:
+            swollen = SWOLLEN * physics.scales.force * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
         largest = max([swollen, abs(state.force), *(abs(earlier.force) for earlier in self.states)])
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
@@ -251,7 +254,9 @@ class Simulation:
 
     def _audit_fluid(self, state: State) -> None:
         """What has left the body and what is missing in it must be one, beside the most that ever left."""
-        largest = max(abs(one.outflow or 0.0) for one in (*self.states, state))
+        a, depth = self.scene.plan.prediction["a"], max(abs(one.delta) for one in (*self.states, state))
+        left = max(abs(one.outflow or 0.0) for one in (*self.states, state))
+        largest = max(left, DISPLACED * a ** (self.scene.physics.scales.dim - 1) * depth)
         unbalanced = state.unbalanced / largest if largest > 0 else 0.0
         self._worst_audit = max(self._worst_audit, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:

@@ -633,7 +633,8 @@ def test_fluid_and_chains_together() -> None:
 
 def test_a_growing_force_is_that_of_the_depths_that_it_leads_to() -> None:
     """There and back: the depths of the forces, prescribed at the same times, need these forces. Where a depth is given
-    the tip seals what it touches without a search; two sets may exclude each other, an element of six: measured 8e-3 of the largest force."""
+    the tip seals what it touches without a search; two sets may exclude each other, an element of six: measured 8e-3
+    of the largest force."""
     base = layer(RADIUS / 6, material=WET, loading={"force_history": [[0, 0], [0.02, 4e-3]], "per_doubling": 2})
     rows, mesh = solve(base), meshed(base)
     path, depths = base.physics.path, tuple(row.delta for row in rows)
