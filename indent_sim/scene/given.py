@@ -139,8 +139,8 @@ class Physics:
 
     @property
     def swells(self) -> bool:
-        """Whether a bath lifts its surface."""
-        return any(one.material.bath_pressure(bath) > 0 for one in self.permeable for bath in self.drainage.baths)
+        """Whether a bath makes it swell or shrink."""
+        return any(one.material.bath_pressure(bath) != 0 for one in self.permeable for bath in self.drainage.baths)
 
     @property
     def relaxing(self) -> tuple[Region, ...]:
