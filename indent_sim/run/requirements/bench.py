@@ -96,7 +96,7 @@ class Bench:
     @cached_property
     def _given(self) -> Config:
         """That scene; a body that only a mesh in three dimensions has is a cylinder up to its nearest side."""
-        own, body = self.own_body, self.config.body
+        own, body = self.own_body, self.own_body.body
         is_round = all(inclusion.is_about((0.0, 0.0)) for inclusion in body.inclusions or ())
         if isinstance(body, Box | Cylinder):
             kept = body.inclusions if is_round and not self.is_stood_for else None  # they have their place in the whole
