@@ -299,8 +299,11 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
     scene = _resolved(config, overrides, error_bars)
     if form == "json":
         parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
-        return say_done({name: getattr(scene.plan, name) for name in parts})
+        time = scene.plan.time.report if scene.plan.time else None
+        return say_done({name: getattr(scene.plan, name) for name in parts} | {"time": time})
     say(terminal.plan(scene, _width()))
+    if scene.plan.time and scene.plan.time.words:
+        say(scene.plan.time.words)
     stick, rubbed = scene.plan.stick, scene.plan.friction
     if stick and stick.is_telling:
         say(stick.words)

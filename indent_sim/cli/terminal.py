@@ -22,6 +22,14 @@ if TYPE_CHECKING:
     from indent_sim.scene.scene import Scene
     from indent_sim.studies import StudyPlan
 
+TIMES = {  # of a scene that is followed in time, in words
+    "way_in": "way in",
+    "history": "history",
+    "contact": "a^2/D",
+    "height": "H^2/D",
+    "element": "h_contact^2/D",
+    "relaxation": "longest relaxation",
+}
 LINES = 200  # most progress lines in a log
 
 Report = dict[str, Any]  # of a run, or a part of one
@@ -126,6 +134,8 @@ def plan(scene: Scene, width: int = 120) -> str:
     expected = Table("expected", "", box=None)
     for name, value in scene.plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
+    for name, value in (scene.plan.time.times if scene.plan.time else {}).items():
+        expected.add_row(*(Text(word) for word in (TIMES[name], _shown(value))))
     return _rendered(width, choices, "", expected)
 
 

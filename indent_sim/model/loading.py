@@ -136,6 +136,21 @@ class History:
         return self.points[-1][0] - self.points[0][0]
 
     @property
+    def way_in(self) -> float:
+        """From where the tip sets out to where its value is the largest [time]; a jump takes none."""
+        points = self.from_rest
+        top = max(range(len(points)), key=lambda k: (points[k][1], -k))
+        out = max((k for k in range(top) if points[k][1] <= 0), default=0)
+        return points[top][0] - points[out][0]
+
+    @property
+    def rest_after(self) -> float:
+        """From its largest value to the end where it stays there [time], else 0."""
+        top = next(k for k, (_, value) in enumerate(self.points) if value == self.largest)
+        stays = all(value == self.largest for _, value in self.points[top:])
+        return self.points[-1][0] - self.points[top][0] if stays else 0.0
+
+    @property
     def shortest_piece(self) -> float:
         """The shortest time between two points that is none [time]."""
         return min(after - before for (before, _), (after, _) in pairwise(self.points) if after > before)

@@ -173,9 +173,8 @@ class Run:
         said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
         center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
-        if physics.path.times:
-            why = next(choice.why for choice in plan.choices if choice.key == "time")
-            said["time"] = {"way": "steps", "method": _method(scene), "why": why}
+        if plan.time and physics.path.times:
+            said["time"] = plan.time.report
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
@@ -215,13 +214,6 @@ class Run:
         ended."""
         elastic = replace(scene, history=None)
         return self._beside("a run beside this one", lambda: list(states(elastic, self.comm, with_surface=False)), [])
-
-
-def _method(scene: Scene) -> str:
-    """By what a body followed row by row goes from one row to the next."""
-    if scene.physics.permeable:
-        return "SDIRK2"
-    return "exponentials" if scene.physics.relaxing else "equilibria"
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:

@@ -168,8 +168,18 @@ class Simulation:
             raise
         finally:
             worst = self._worst_audit if self.scene.is_meshed else None
+            self._note_time()
             self.record.note(**summary(self.scene, self.states, self.clock, worst, self.record.alone))
         return self.states
+
+    def _note_time(self) -> None:
+        """Say how a history was followed row by row, the parts before this one included."""
+        if not (self.scene.plan.time and self.scene.physics.path.times):
+            return
+        before = (self.record.earlier.report.get("time") or {}) if self.record.earlier else {}
+        before = before if "cuts" in before else {}  # of a run that was killed stages are the planned ones
+        done = {name: count + int(before.get(name, 0)) for name, count in self._walk.counts.items()}
+        self.record.note(time=self.scene.plan.time.report | done)
 
     def experiment(self) -> None:
         """Compute and write what the experiment makes of the curve; nothing without one."""
@@ -184,10 +194,10 @@ class Simulation:
             with self.clock.stage("experiment"):
                 findings = self.record.beside(EXPERIMENT, lambda: conduct(self.scene, equilibrium), Findings([]))
         self.record.write_experiment([] if self.scene.history else findings.rows, findings.dynamic)
-        said = {"experiment": findings.report} if self.scene.experiment else {}
-        self.record.note(
-            **said, **({"time": findings.time} if findings.time else {}), timings=stages(self.clock.stages)
-        )
+        said: dict[str, Any] = {"experiment": findings.report} if self.scene.experiment else {}
+        if self.scene.plan.time and findings.time:
+            said["time"] = self.scene.plan.time.report | findings.time
+        self.record.note(**said, timings=stages(self.clock.stages))
         self.record.warn(*findings.warnings)
 
     def release(self) -> None:

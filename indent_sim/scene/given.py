@@ -204,13 +204,18 @@ class Durations:
     @staticmethod
     def of(given: Given, physics: Physics, h_contact: float) -> Durations:
         """Those of a scene's fastest region; h_contact [length]."""
-        D = max(region.material.diffusivity for region in physics.permeable)
+        D = fastest(physics)
         lengths = (given.a, h_contact, physics.body.height, physics.body.rim_distance(physics.center) / 2)
         return Durations(*(length**2 / D for length in lengths))
 
     def first(self, shortest: float) -> float:
         """Of the steps of a piece, beside what takes a `shortest` one [time]."""
         return max(min(FIRST_STEP * self.contact, shortest), self.element / DRAINS_ELEMENT)
+
+
+def fastest(physics: Physics) -> float:
+    """The largest diffusivity D [length^2/time] of the regions in which fluid flows."""
+    return max(region.material.diffusivity for region in physics.permeable)
 
 
 @dataclass(frozen=True)
@@ -231,6 +236,7 @@ class Given:
     attraction: Adhesion | None  # of the contact
     swelling: float  # how far a gel's surface rises at most, where nothing is above it [length]
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
+    theory_with: Callable[[Callable[[Material], Material]], Theory | None] = field(repr=False)  # all of it changed so
 
     @property
     def is_half_space(self) -> bool:
@@ -339,12 +345,17 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.along(deltas)
+
+    def theory_with(change: Callable[[Material], Material]) -> Theory | None:
+        changed = [replace(layer, material=change(_material_of(layer))) for layer in layers]
+        return theory_of(whole, changed, tip, center)
+
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
     finer = ceil(sqrt(FOLLOWED_TO / (target_of(config.accuracy) or FOLLOWED_TO)))
     steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction)
-    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius)
+    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
 
 
 def _swelling(drainage: Drainage, layers: Layers) -> float:

@@ -59,7 +59,7 @@ class Walk:
         self._before = self._points  # the search for a force
         self._found: Point | None = None  # and not accepted yet
         self._steps = self._step_rule()
-        self._substeps = 0  # so far
+        self._substeps = self._cuts = 0  # so far
         self._t = 0.0  # at which a force is searched for
         self._rise = 0.0  # of a tip that just touches, in the step before
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
@@ -122,6 +122,13 @@ class Walk:
         is_there = all(self._reach(place) for place in places)
         self._row = self._last
         return is_there
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Equilibria found, stages of steps in time among them, steps that failed and were cut, and changes of what the
+        tip seals, all those of searches for a force too."""
+        effort = self.equilibrium.effort
+        return {"stages": effort.stages, "cuts": self._cuts, "switches": effort.switches}
 
     @property
     def failure(self) -> str:
@@ -234,6 +241,7 @@ class Walk:
                 if goal == end:
                     return substeps
             else:
+                self._cuts += 1
                 self._steps.failed((self.equilibrium.effort - before).newton)
         return 0
 
