@@ -111,8 +111,8 @@ time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
 ## Indenter
-R [length] $R$: radius of the tip: of the ball, or of the paraboloid at its apex
-half_angle [degrees] $\alpha$: angle between the axis and the flank (a pyramid: the face)
+R [length] $R$: radius of the tip: of the ball, or of a paraboloid or hyperboloid at its apex
+half_angle [degrees] $\alpha$: angle between the axis and the flank (a pyramid: the face, a hyperboloid: the asymptote)
 tip_radius [length] $\rho$: radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: sharp
 faces [1]: number of faces of the pyramid, all alike
 rotation [degrees]: turn of the pyramid about z; at 0 one face's normal points along x

@@ -61,6 +61,7 @@ TIPS: dict[type, KnownTip] = {
     Paraboloid: KnownTip(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
     Sphere: KnownTip(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
     tips.Cone: KnownTip(profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force),
+    tips.Hyperboloid: KnownTip(profiles.hyperboloid, ("R", "half_angle")),
     FlatPunch: KnownTip(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH),
     Plate: KnownTip(profiles.plane),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID),
@@ -143,7 +144,7 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
     if not isinstance(body, Dome):
         return tip
     match tip:
-        case Paraboloid(R=R) | Sphere(R=R):
+        case Paraboloid(R=R) | Sphere(R=R) | tips.Hyperboloid(R=R):
             return Paraboloid(1 / (1 / R + 1 / body.radius))
         case Plate() | FlatPunch():
             return Paraboloid(body.radius)

@@ -13,7 +13,7 @@ from indent_sim.model.body import Layer as Ply
 from indent_sim.model.contact import Friction
 from indent_sim.model.loading import History
 from indent_sim.model.materials import LinearElastic, Relaxation
-from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, Sphere
+from indent_sim.model.tips import FlatPunch, Hyperboloid, Indenter, Paraboloid, Plate, Profile, Sphere
 from indent_sim.run.requirements import variations
 from indent_sim.run.requirements.bench import Bench, history_of
 from indent_sim.run.requirements.effects import Known, Pair, Requirement, Said, Start, Unknown, absent
@@ -319,7 +319,7 @@ def _calibration(bench: Bench, within: float) -> Said:
 def _of_radius(bench: Bench) -> tuple[float, str]:
     """d ln F/d ln R of a tip that has one, and what the force owes to an uncertain instrument."""
     tip, words = bench.tip, "an error of the spring is one of the force"
-    if not isinstance(tip, Paraboloid | Sphere):
+    if not isinstance(tip, Paraboloid | Sphere | Hyperboloid):
         return 0.0, words
     ratio = bench.ratio(bench.under(replace(tip, R=(1 + RADIUS_CHANGE) * tip.R)), bench.plain)
     steep = log(ratio) / log(1 + RADIUS_CHANGE)
