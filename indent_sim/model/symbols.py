@@ -88,6 +88,7 @@ C20 [pressure] $C_{20}$: coefficient of (I1 - 3)^2 (Yeoh)
 C30 [pressure] $C_{30}$: coefficient of (I1 - 3)^3 (Yeoh)
 alpha [1] $\alpha_i$: exponents of the stretches (Ogden)
 Jm [1] $J_m$: limit of I1 - 3 (Gent)
+b [1] $b$: how fast the stiffness grows with I1 - 3, as exp(b (I1 - 3)) (Fung)
 lambda_m [1] $\lambda_m$: limiting chain stretch (Arruda-Boyce)
 lame_lambda [pressure] $\lambda$: first Lamé constant, kappa - 2 mu / 3
 flow: fluid in the pores of a drained law: at once the body is undrained, at last its own constants hold
