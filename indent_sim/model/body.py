@@ -36,7 +36,7 @@ SAME_PLACE = 2e-11  # of a body: places to 12 digits
 class Layer:
     """One layer of a body, bonded to its neighbours; of the body's material where it has none of its own.
 
-    The last one of a half-space has no thickness.
+    The last one of a half-space has no thickness, nor has that of a cap or ball, whose others are skins around it.
     """
 
     thickness: Length | None = None
@@ -44,6 +44,20 @@ class Layer:
 
 
 Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
+
+
+@dataclass(frozen=True)
+class Shell:
+    """The points whose distance from `center` is between two radii [length]: a skin of a cap or a ball."""
+
+    center: Place
+    inner: float
+    outer: float
+
+    @property
+    def thickness(self) -> float:
+        """outer - inner [length]."""
+        return self.outer - self.inner
 
 
 class _Inclusion(ABC):
@@ -409,6 +423,11 @@ class Dome(_Round):
     inclusions: Inclusions | None = None
 
     @property
+    def room(self) -> float:
+        """How thick skins may be together [length], all but: beyond it the core would not reach the base."""
+        return self.radius if self.height == 2 * self.radius else min(self.height, 2 * self.radius - self.height)
+
+    @property
     def foot(self) -> tuple[float, float]:
         """(r, z) [length] of the edge between the curved surface and the base."""
         depth = self.radius if self.height == 2 * self.radius else self.height
@@ -541,7 +560,8 @@ class Cap(_OnAxis):
     """The part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
 
     Either `height` or `contact_angle` [degrees], between base and surface inside the body: height = base_radius
-    tan(contact_angle/2). Beyond 90 degrees the body is wider than its base.
+    tan(contact_angle/2). Beyond 90 degrees the body is wider than its base. Layers are skins of constant thickness,
+    concentric, from the curved surface inwards; the last one, the core, has no thickness.
     """
 
     base_radius: Length
@@ -549,9 +569,8 @@ class Cap(_OnAxis):
     contact_angle: ContactAngle | None = None
     shape: Literal["cap"] = "cap"
     base: BaseSupport = "fixed"
+    layers: Layers | None = None
     inclusions: Inclusions | None = None
-
-    layers: ClassVar[None] = None
 
     @property
     def thickness(self) -> float:
@@ -572,15 +591,15 @@ class Ball(_OnAxis):
 
     base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
     approach of the two, and an inclusion is above that plane, and mirrored, or centered on it. fixed: the lower half of
-    its surface is bonded to something rigid.
+    its surface is bonded to something rigid. Layers are concentric skins from the surface inwards; the last one, the
+    core, has no thickness.
     """
 
     radius: Length
     shape: Literal["ball"] = "ball"
     base: BaseSupport = "roller"
+    layers: Layers | None = None
     inclusions: Inclusions | None = None
-
-    layers: ClassVar[None] = None
 
     @property
     def dome(self) -> Dome:

@@ -57,8 +57,10 @@ x_min: support of the wall at x = 0
 x_max: support of the wall at the largest x
 y_min: support of the wall at y = 0
 y_max: support of the wall at the largest y
-layers: layers from the top, bonded to one another; their thicknesses add up to the height
-thickness [length]: thickness of a layer; the last one of a half_space, its substrate, has none
+layers: layers from the top, bonded to one another; their thicknesses add up to the height. Of a cap or ball: concentric
+  skins from the surface inwards, and last the core
+thickness [length]: thickness of a layer; the last one of a half_space, its substrate, and of a cap or ball, its core,
+  have none
 layers.material: the layer's material; without it the scene's
 inclusions: pieces of other matter, each inside one layer and bonded to it
 inclusions.center [length]: middle of the inclusion, [x, y, z]; y = 0 in a strip
@@ -170,6 +172,8 @@ h_edge [length]: element size at the sharp edge of a flat punch; without it a fr
 h_corner [length]: element size at the corners of the section that the contact feels: where a fixed face meets a free
   one, and where it ends close to a side; without it a given h_contact has none of its own there
 h_inclusions [length]: element size inside each inclusion, in their order; without it by what the force feels of each
+h_layers [length]: element size inside each skin of a cap or ball, from the outermost; without it a share of its
+  thickness
 grading [1]: growth of the element size per unit distance, outside the contact
 h_far [length] $h_\infty$: largest element size, far from the tip
 order [1]: polynomial order of the displacement; linear elements (1) are gone

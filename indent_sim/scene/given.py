@@ -226,8 +226,9 @@ def given_by(config: Config, piece: Piece | None = None) -> Given:
         return _given(config, meshed_body, meshed_body.layers, None, piece)
     layers = _layers(config)
     if isinstance(body, Cap | Ball):
-        dome = body.dome
-        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None, None)
+        dome, (*skins, core) = body.dome, layers
+        core = replace(core, thickness=dome.height - sum(layer.thickness or 0.0 for layer in skins))
+        return _given(config, dome, (*skins, core), None, None)
     return _given(config, body, layers, None, None)
 
 
