@@ -266,7 +266,10 @@ def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | No
         return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
     if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
         why = "a box is no body of revolution" if isinstance(inclusion, bodies.BoxInclusion) else "it is off the axis"
-        return f"a {body.shape} is modelled about its axis: {why}", "use a ball or a cylinder at x = y = 0"
+        if isinstance(inclusion, bodies.EllipsoidInclusion) and inclusion.semi_axes[0] != inclusion.semi_axes[1]:
+            why = f"semi-axes of {inclusion.semi_axes[0]:g} along x and {inclusion.semi_axes[1]:g} along y differ"
+        remedy = "use a ball, a cylinder or an ellipsoid as long along x as along y, at x = y = 0"
+        return f"a {body.shape} is modelled about its axis: {why}", remedy
     return None
 
 

@@ -15,7 +15,7 @@ from indent_sim.mesh.grid import LENGTH_DIGITS, Grid, is_flat, named_surfaces, r
 from indent_sim.mesh.modelled_part import Part, Side
 from indent_sim.mesh.part_from_file import MeshedPart, refined
 from indent_sim.mesh.sizes import Sizes, formula_around, formula_beside, size_formula
-from indent_sim.model.body import BallInclusion, CylinderInclusion, Inclusion
+from indent_sim.model.body import BallInclusion, CylinderInclusion, EllipsoidInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.ranks import is_one_of_several
@@ -155,6 +155,8 @@ def _draw_inclusions(gmsh: Gmsh, part: Part) -> None:
 def _shape_of(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
     """The inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
     (x, y, z), (a, b, c) = _rounded(inclusion.center), _rounded(tuple(map(inclusion.half, range(3))))
+    if isinstance(inclusion, EllipsoidInclusion):
+        return _ellipsoid(occ, (x, y, z), (a, b, c), dim)
     if isinstance(inclusion, BallInclusion):
         return int(occ.addDisk(x, z, 0.0, a, a) if dim == 2 else occ.addSphere(x, y, z, a))
     if dim == 2:
@@ -162,6 +164,15 @@ def _shape_of(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
     if isinstance(inclusion, CylinderInclusion):
         return int(occ.addCylinder(x, y, z - c, 0.0, 0.0, 2 * c, a))
     return int(occ.addBox(x - a, y - b, z - c, 2 * a, 2 * b, 2 * c))
+
+
+def _ellipsoid(occ: Gmsh, center: tuple[float, ...], halves: tuple[float, ...], dim: int) -> int:
+    """A unit disk or ball in its place, stretched: a disk of gmsh's has its longer semi-axis along x."""
+    (x, y, z), (a, b, c) = center, halves
+    tag = int(occ.addDisk(x, z, 0.0, 1.0, 1.0) if dim == 2 else occ.addSphere(x, y, z, 1.0))
+    place, factors = ((x, z, 0.0), (a, c, 1.0)) if dim == 2 else ((x, y, z), (a, b, c))
+    occ.dilate([(dim, tag)], *place, *factors)
+    return tag
 
 
 def _draw_section(gmsh: Gmsh, part: Part, sizes: Sizes) -> None:

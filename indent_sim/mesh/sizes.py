@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from indent_sim.model.body import Inclusion, Shell
+from indent_sim.model.body import EllipsoidInclusion, Inclusion, Shell
 
 DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
 
@@ -102,8 +102,15 @@ def size_formula(sizes: Sizes, dim: int) -> str:
 
 
 def formula_around(inclusion: Inclusion, inside: float, grading: float, dim: int) -> str:
-    """The element size that an inclusion wants: the one inside it, growing with `Inclusion.distance`."""
+    """The element size that an inclusion wants: the one inside it, growing with `Inclusion.distance`, of an ellipsoid
+    to first order."""
     number, names = "{:.12g}".format, ("x", "0", "y") if dim == 2 else ("x", "y", "z")
+    if isinstance(inclusion, EllipsoidInclusion):
+        off = [f"({name}-({number(c)}))" for name, c in zip(names, inclusion.center, strict=True)]
+        seen = list(zip(off, inclusion.semi_axes, strict=True))
+        rho, steep = ("+".join(f"({d}/{number(s**n)})^2" for d, s in seen) for n in (1, 2))
+        distance = f"Sqrt({rho})*{_positive(f'(Sqrt({rho})-1)')}/Sqrt({steep}+1e-30)"
+        return f"{number(inside)}+{number(grading)}*{distance}"
     beyond = []
     for axes, half in inclusion.spans:
         squares = "+".join(f"({names[axis]}-({number(inclusion.center[axis])}))^2" for axis in axes)

@@ -66,6 +66,7 @@ inclusions: pieces of other matter, each inside one layer and bonded to it
 inclusions.center [length]: middle of the inclusion, [x, y, z]; y = 0 in a strip
 inclusions.radius [length]: radius of the ball, or of the upright cylinder
 inclusions.height [length]: height of the upright cylinder
+inclusions.semi_axes [length]: semi-axes of the ellipsoid along x, y and z; in a strip it has no end along y
 inclusions.size [length]: edges of the box along x, y and z; in a strip it has no end along y
 inclusions.material: the inclusion's material
 file: mesh of the body, a .msh, .xdmf, .vtu or .inp file in the scene's folder or below

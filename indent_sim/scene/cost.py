@@ -15,7 +15,7 @@ import numpy as np
 from indent_sim.mesh.modelled_part import Part
 from indent_sim.mesh.part_from_file import MeshedPart
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import UNIT_BALLS, Inclusion, Shell
+from indent_sim.model.body import Inclusion, Shell
 
 PLANE = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
 # Per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but lie on one side only:
@@ -143,8 +143,7 @@ def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) 
     dim = part.dim
     spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
     size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
-    spans = inclusion.spans if dim == 3 else [((axis,), inclusion.half(axis)) for axis in (0, 2)]
-    volume = np.prod([UNIT_BALLS[len(axes)] * (half + spread) ** len(axes) for axes, half in spans], axis=0)
+    volume = inclusion.swollen(spread, dim)
     shares = part.copies * (2 if part.symmetry == "axisymmetric" else 1)
     *across, z = inclusion.center
     r = np.linalg.norm([c - axis for c, axis in zip(across, (*sizes.axis, 0.0), strict=False)])

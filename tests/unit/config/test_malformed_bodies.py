@@ -57,6 +57,10 @@ def brick(x: float, y: float, z: float, *size: float) -> dict[str, Any]:
     return {"shape": "box", "center": [x, y, z], "size": list(size), "material": ELASTIC}
 
 
+def egg(x: float, y: float, z: float, *semi_axes: float) -> dict[str, Any]:
+    return {"shape": "ellipsoid", "center": [x, y, z], "semi_axes": list(semi_axes), "material": ELASTIC}
+
+
 def holding(body: dict[str, Any], *inclusions: Any) -> dict[str, Any]:
     return body | {"inclusions": list(inclusions)}
 
@@ -134,6 +138,53 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         holding(CAP | layers(0.1, None), upright(0, 0, -0.5, 1.2, 0.3)),
         "body.inclusions[0]",
         "crosses the inner face of body.layers[0]",
+    ),
+    # ellipsoids
+    (
+        holding(CYLINDER, egg(0, 0, -0.2, 0.3, 0.3, 0.25)),
+        "body.inclusions[0]",
+        "crosses the top at z = 0: it spans z = -0.45",
+    ),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.3, 2.1, 0.2)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.1",
+    ),
+    (
+        holding(BOX, egg(0.5, 1.0, -0.5, 0.6, 0.1, 0.2)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.1",
+    ),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2)), "body.inclusions[0].semi_axes", "a list of 3 numbers > 0"),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, -0.1)), "body.inclusions[0].semi_axes[2]", "must be > 0"),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.0)), "body.inclusions[0].semi_axes[2]", "must be > 0"),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.1) | {"radius": 1.0}), "body.inclusions[0].radius", "no parameter"),
+    (
+        holding(CAP, egg(0, 0, -0.5, 0.3, 0.2, 0.1)),
+        "body.inclusions[0]",
+        "semi-axes of 0.3 along x and 0.2 along y differ",
+    ),
+    (holding(CAP, egg(0.1, 0, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "it is off the axis"),
+    (holding(STRIP, egg(2.0, 0.1, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "a strip is the same all along y"),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.5, 0.5, 0.1), ball(0, 0, -0.2505, radius=0.15)),
+        "body.inclusions[1]",
+        "overlaps or touches body.inclusions[0]",
+    ),
+    (
+        holding(CYLINDER | layers(0.4, 0.6), egg(0, 0, -0.5, 0.5, 0.5, 0.15)),
+        "body.inclusions[0]",
+        "crosses the interface below body.layers[0] at z = -0.4",
+    ),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), egg(0, 0, -1.0, 0.95, 0.95, 0.2)),
+        "body.inclusions[0]",
+        "crosses the inner face of body.layers[0], 0.1 below the surface, by 0.05",
+    ),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), egg(0, 0, -1.0, 0.899, 0.899, 0.2)),
+        "body.inclusions[0]",
+        "is 0.001 from the inner face of body.layers[0]",
     ),
     # inclusions
     (holding(CYLINDER, ball(0, 0, -0.1)), "body.inclusions[0]", "crosses the top at z = 0: it spans z = -0.3 to 0.1"),
