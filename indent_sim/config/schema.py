@@ -168,7 +168,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        of_body, of_tip = (_cap, _layers, _inclusions, _constants), (_contact, _path, _axis, _tip)
+        of_body, of_tip = (_cap, _layers, _tension, _inclusions, _constants), (_contact, _path, _axis, _tip)
         checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
         if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
@@ -240,6 +240,21 @@ def _skins(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
     elif thinnest < THINNEST_SKIN * dome.radius:
         problem = f"a layer {thinnest:.4g} thick on a {body.shape} of radius {dome.radius:.4g} is too thin to mesh"
         yield ConfigError("body.layers", problem, f"at least {THINNEST_SKIN * dome.radius:.3g}")
+
+
+def _tension(config: Config) -> Iterator[ConfigError]:
+    """What is not known together with a surface tension."""
+    if not config.body.surface_tension:
+        return
+    key, remedy = "body.surface_tension", "give one of the two"
+    if config.experiment and config.experiment.adhesion:
+        problem = "is not known together with experiment.adhesion: its limit is that of a surface without tension"
+        yield ConfigError(key, problem, remedy)
+    if config.contact.adhesion:
+        yield ConfigError(key, "together with contact.adhesion is not verified", remedy)
+    if relaxing := next((where for where, law in config.materials() if law.relaxation), None):
+        problem = f"does not relax, and {relaxing}.relaxation is made of a curve that does so as a whole"
+        yield ConfigError(key, problem, remedy)
 
 
 def _inclusions(config: Config) -> Iterator[ConfigError]:

@@ -13,7 +13,7 @@ from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.algebra import Expr
 from indent_sim.model.materials import Material
-from indent_sim.model.units import ANGLE, LENGTH, PRESSURE, TIME, Auto, Length, TaggedBy, Unit, UnitRow
+from indent_sim.model.units import ANGLE, LENGTH, PRESSURE, TIME, Auto, Length, SurfaceTension, TaggedBy, Unit, UnitRow
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
@@ -373,6 +373,7 @@ class Cylinder(_Round):
     sides: Support = "free"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     def room_beside(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the wall; negative where it is outside."""
@@ -435,6 +436,7 @@ class Strip(_Walled):
     sides: StripSides = StripSides()
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     dim: ClassVar[int] = 2  # forces are per unit length
 
@@ -464,6 +466,7 @@ class Box(_Walled):
     sides: BoxSides = BoxSides()
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     dim: ClassVar[int] = 3
 
@@ -518,6 +521,7 @@ class HalfSpace(_Endless):
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     height: ClassVar[float] = inf
 
@@ -531,6 +535,7 @@ class InfiniteLayer(_Endless):
     base: BaseSupport = "fixed"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
 
 @dataclass(frozen=True)
@@ -601,6 +606,7 @@ class MeshFromFile:
 
     layers: ClassVar[None] = None  # it has regions
     inclusions: ClassVar[None] = None
+    surface_tension: ClassVar[float] = 0.0
 
     @property
     def named(self) -> MeshSurfaces:
@@ -696,6 +702,7 @@ class Cap(_OnAxis):
     base: BaseSupport = "fixed"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     @property
     def thickness(self) -> float:
@@ -725,6 +732,7 @@ class Ball(_OnAxis):
     base: BaseSupport = "roller"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     @property
     def dome(self) -> Dome:

@@ -62,6 +62,8 @@ layers: layers from the top, bonded to one another; their thicknesses add up to 
 thickness [length]: thickness of a layer; the last one of a half_space, its substrate, and of a cap or ball, its core,
   have none
 layers.material: the layer's material; without it the scene's
+surface_tension [energy/length^2] $\gamma$: of the contact surface, touched or free, a force per length; a curved body
+  is at rest under it
 inclusions: pieces of other matter, each inside one layer and bonded to it
 inclusions.center [length]: middle of the inclusion, [x, y, z]; y = 0 in a strip
 inclusions.radius [length]: radius of the ball, or of the upright cylinder

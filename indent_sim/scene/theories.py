@@ -82,12 +82,33 @@ def first_of(*reasons: tuple[bool, str]) -> str:
     return next((why for applies, why in reasons if applies), "")
 
 
-def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The theory of a tip on a body, its inclusions left out, or None where there is none."""
+def theory_of(
+    body: Body,
+    layers: Sequence[BodyLayer],
+    tip: Indenter,
+    center: tuple[float, ...],
+    surface_tension: float = 0.0,
+) -> Theory | None:
+    """The theory of a tip on a body under a surface tension [pressure length], its inclusions left out, or None where
+    there is none."""
     found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    found = _tensed(found, surface_tension) if found and surface_tension else found
     if found is None or not body.inclusions:
         return found
     return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
+
+
+def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
+    """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
+    if not isinstance(plain.contact, Layer):
+        return None
+    from indent_sim.theory.surface.tension import KINKED_ERROR, TensedLayer
+
+    contact = TensedLayer.of(plain.contact, surface_tension)
+    has_wall = plain.contact.wall < inf
+    exact, why = plain.exact and not has_wall, "theory's layer is infinitely wide" if has_wall else plain.why
+    error = max(plain.error, KINKED_ERROR) if contact.has_kinks else plain.error
+    return replace(plain, contact=contact, exact=exact, why=why, error=error, formulas={})
 
 
 def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
