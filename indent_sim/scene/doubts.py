@@ -124,6 +124,7 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
         thin = "for a contact this large the body is not thick enough"
         cause = "the body is layered" if len(given.layers) > 1 else thin
+        cause = "its surface is under tension" if physics.surface_tension else cause
         yield Doubt("half_space", f"{closed[0]}, half-space, does not apply: {cause}")
 
 

@@ -108,14 +108,15 @@ def without_contrast(config: Config) -> Config:
 def on_half_space(config: Config) -> Config:
     """The scene on the half-space of its body's matter: the last of its layers goes on without end."""
     layers = config.body.layers
+    tension = config.body.surface_tension
     deep = layers and (*layers[:-1], replace(layers[-1], thickness=None))
-    return varied(without_inclusions(config), body=HalfSpace(layers=deep), center=None)
+    return varied(without_inclusions(config), body=HalfSpace(layers=deep, surface_tension=tension), center=None)
 
 
 def on_layer(config: Config) -> Config:
     """The scene on the infinitely wide layer that its body is without its sides."""
     body: Any = config.body
-    layer = InfiniteLayer(body.height, base=body.base, layers=body.layers)
+    layer = InfiniteLayer(body.height, base=body.base, layers=body.layers, surface_tension=body.surface_tension)
     return varied(without_inclusions(config), body=layer, center=None)
 
 

@@ -139,6 +139,15 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
         "body.inclusions[0]",
         "crosses the inner face of body.layers[0]",
     ),
+    # surface tension
+    (BALL | {"surface_tension": -0.1}, "body.surface_tension", "must be >= 0"),
+    (BALL | {"surface_tension": "wet"}, "body.surface_tension", "a number"),
+    (FILE | {"surface_tension": 0.1}, "body.surface_tension", "'mesh' has no parameter 'surface_tension'"),
+    (
+        CYLINDER | {"layers": [{"thickness": 1.0, "surface_tension": 0.1}]},
+        "body.layers[0].surface_tension",
+        "",
+    ),
     # ellipsoids
     (
         holding(CYLINDER, egg(0, 0, -0.2, 0.3, 0.3, 0.25)),
