@@ -576,6 +576,24 @@ class Gent(_OfInvariants):
         return -self.mu * self.Jm / 2 * log1p(-i1 / self.Jm)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Fung(_OfInvariants):
+    """mu/(2 b) (exp(b (I1 - 3)) - 1): tissue, which stiffens exponentially; b -> 0 is mooney_rivlin with C10 = mu/2."""
+
+    mu: Modulus
+    b: Annotated[float, Gt(0)]
+    model: Literal["fung"] = "fung"
+
+    @property
+    def small_strain_mu(self) -> Expr:
+        """mu."""
+        return self.mu
+
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
+        """mu/(2 b) (exp(b i1) - 1), with all digits of a small b i1."""
+        return self.mu / (2 * self.b) * (self.b * i1 + expm1_remainder(self.b * i1))
+
+
 # Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)
 ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
@@ -775,8 +793,11 @@ def _bisected(function: Callable[[float], float], low: float, high: float) -> fl
     return high
 
 
-Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce | Gel
-Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce  # laws that `split`: shear may relax alone
+Material = (
+    LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce | Gel
+)
+# Laws that `split`: shear may relax alone
+Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
 
 CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",

@@ -410,6 +410,10 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
         why = "as given" if wanted.h_inclusions else "by what the force feels of each; sizes grow from this around them"
         choices.append(Choice("mesh.h_inclusions", inside, why))
+    if sizes.skins:
+        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.skins)
+        why = "as given" if wanted.h_layers else "by the thickness of each skin; sizes grow from this on both sides"
+        choices.append(Choice("mesh.h_layers", inside, why))
     return choices
 
 

@@ -16,7 +16,18 @@ from indent_sim.model import stability
 from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
-from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, RegularPyramid, Sphere, reach
+from indent_sim.model.tips import (
+    STEM,
+    Cone,
+    FlatPunch,
+    Hyperboloid,
+    Indenter,
+    Paraboloid,
+    Profile,
+    RegularPyramid,
+    Sphere,
+    reach,
+)
 from indent_sim.scene.given import ATTRACTION_REACH, DRAINS_ELEMENT, Durations, Given, Physics, unused_material
 from indent_sim.scene.theories import half_space_force
 from indent_sim.theory.solution import UNSOLVED
@@ -139,6 +150,7 @@ def _of_model(given: Given) -> Iterator[Doubt]:
     if solution and closed and abs(1 - closed[1] / solution.force) >= 0.01:
         thin = "for a contact this large the body is not thick enough"
         cause = "the body is layered" if len(given.layers) > 1 else thin
+        cause = "its surface is under tension" if physics.surface_tension else cause
         yield Doubt("half_space", f"{closed[0]}, half-space, does not apply: {cause}")
 
 
@@ -171,7 +183,7 @@ def _of_reach(given: Given) -> Iterator[Doubt]:
 def _of_adhesion(given: Given) -> Iterator[Doubt]:
     """That the attraction's range is too long for the JKR limit, by Maugis-Dugdale on a half-space."""
     limit = given.jkr_limit
-    if limit is None or limit.range is None or not isinstance(given.relative, Paraboloid | Sphere):
+    if limit is None or limit.range is None or not isinstance(given.relative, Paraboloid | Sphere | Hyperboloid):
         return
     from indent_sim.theory.surface.adhesion import maugis_lambda, maugis_pull_off, tabor  # with scipy's searches
 
@@ -322,7 +334,7 @@ def characteristic_strain(tip: Indenter, delta: float, a: float) -> tuple[float,
             return 0.2 * a / radius, "0.2 a/tip_radius"
         case RegularPyramid(half_angle=angle, roundness=roundness):
             return 0.2 / (roundness * tan(angle)), "0.2 cot(half_angle of the cone of equal sections)"
-        case Profile() if a < reach(tip):
+        case Profile() | Hyperboloid() if a < reach(tip):
             return 0.2 * tip.slope(a), "0.2 times the slope at the contact's edge"
     return 0.3 * delta / a, "0.3 delta/a"
 

@@ -61,7 +61,8 @@ def prediction_of(given: Given) -> dict[str, float]:
         if theory and delta > 0:
             found |= {f"{asked}_{name}": theory.formula_at(name, delta, largest) for name in theory.formulas}
     known = {name: value * unit for name, value in found.items() if value is not None}
-    return {"a": given.a * scales.length} | known
+    ell = given.elastocapillary_length
+    return {"a": given.a * scales.length} | ({"elastocapillary_length": ell * scales.length} if ell else {}) | known
 
 
 @dataclass(frozen=True)
@@ -294,7 +295,13 @@ def stick(given: Given, physics: Physics, linear: str = "direct") -> Stick | Non
 def _at_small_strain(given: Given) -> Stick | None:
     physics, a = given.physics, given.a
     part, tip, power = physics.part, physics.indenter, power_of(physics.indenter)
-    if power is None or not _is_plain(part) or part.kinematics.name == "plane_strain" or a <= 0:
+    if (
+        power is None
+        or physics.surface_tension
+        or not _is_plain(part)
+        or part.kinematics.name == "plane_strain"
+        or a <= 0
+    ):
         return None
     nu, rim = physics.material.constants.nu, physics.body.rim_distance(physics.center)
     if given.is_half_space:

@@ -64,6 +64,7 @@ TIPS: dict[type, KnownTip] = {
     Paraboloid: KnownTip(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
     Sphere: KnownTip(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
     tips.Cone: KnownTip(profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force),
+    tips.Hyperboloid: KnownTip(profiles.hyperboloid, ("R", "half_angle")),
     FlatPunch: KnownTip(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH),
     Plate: KnownTip(profiles.plane),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID),
@@ -84,12 +85,33 @@ def first_of(*reasons: tuple[bool, str]) -> str:
     return next((why for applies, why in reasons if applies), "")
 
 
-def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The theory of a tip on a body, its inclusions left out, or None where there is none."""
+def theory_of(
+    body: Body,
+    layers: Sequence[BodyLayer],
+    tip: Indenter,
+    center: tuple[float, ...],
+    surface_tension: float = 0.0,
+) -> Theory | None:
+    """The theory of a tip on a body under a surface tension [pressure length], its inclusions left out, or None where
+    there is none."""
     found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    found = _tensed(found, surface_tension) if found and surface_tension else found
     if found is None or not body.inclusions:
         return found
     return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
+
+
+def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
+    """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
+    if not isinstance(plain.contact, Layer):
+        return None
+    from indent_sim.theory.surface.tension import KINKED_ERROR, TensedLayer
+
+    contact = TensedLayer.of(plain.contact, surface_tension)
+    has_wall = plain.contact.wall < inf
+    exact, why = plain.exact and not has_wall, "theory's layer is infinitely wide" if has_wall else plain.why
+    error = max(plain.error, KINKED_ERROR) if contact.has_kinks else plain.error
+    return replace(plain, contact=contact, exact=exact, why=why, error=error, formulas={})
 
 
 def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
@@ -146,7 +168,7 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
     if not isinstance(body, Dome):
         return tip
     match tip:
-        case Paraboloid(R=R) | Sphere(R=R):
+        case Paraboloid(R=R) | Sphere(R=R) | tips.Hyperboloid(R=R):
             return Paraboloid(1 / (1 / R + 1 / body.radius))
         case Plate() | FlatPunch():
             return Paraboloid(body.radius)

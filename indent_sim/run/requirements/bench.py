@@ -95,6 +95,7 @@ class Bench:
             kept = body.inclusions if is_round and not self.is_stood_for else None  # they have their place in the whole
             cylinder = Cylinder(body.rim_distance(self.config.center or body.center), body.height, base=body.base)
             cylinder = replace(cylinder, sides=self.walls[0], layers=body.layers, inclusions=kept)
+            cylinder = replace(cylinder, surface_tension=body.surface_tension)
             return varied(own, body=cylinder, center=None)
         center = own.center if isinstance(body, Strip | MeshFromFile) else None
         if not is_round and body.dim == 3:
@@ -247,7 +248,8 @@ class Bench:
         elif not isinstance(body, MeshFromFile):
             return on_half_space(self.plain)
         way = Loading(delta=self.delta / pieces, steps=1)
-        return varied(self.plain, body=HalfSpace(), material=self.touched, indenter=tip, center=None, loading=way)
+        below = HalfSpace(surface_tension=self.plain.body.surface_tension)
+        return varied(self.plain, body=below, material=self.touched, indenter=tip, center=None, loading=way)
 
     @property
     def touched(self) -> LinearElastic:

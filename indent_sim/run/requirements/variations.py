@@ -10,7 +10,7 @@ from typing import Any
 
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, SolverSettings, Source
-from indent_sim.model.body import HalfSpace, Inclusion, InfiniteLayer, Layer, MeshFromFile
+from indent_sim.model.body import Ball, Cap, HalfSpace, Inclusion, InfiniteLayer, Layer, MeshFromFile
 from indent_sim.model.materials import LinearElastic, Material, NeoHookean, TransverselyIsotropic
 from indent_sim.scene import theories
 
@@ -113,10 +113,11 @@ def without_inclusions(config: Config) -> Config:
 def without_contrast(config: Config) -> Config:
     """The scene with its inclusions of the matter that is around them: on the mesh of the scene that has them."""
     body: Any = config.body
-    depths = [-depth for depth in accumulate(layer.thickness or inf for layer in config.layers)]
+    depths = list(accumulate(layer.thickness or inf for layer in config.layers))
 
     def around(inclusion: Inclusion) -> Inclusion:
-        layer = next((k for k, z in enumerate(depths) if inclusion.center[2] > z), -1)
+        below = body.dome.room_beside(inclusion) if isinstance(body, Cap | Ball) else -inclusion.center[2]
+        layer = next((k for k, depth in enumerate(depths) if below < depth), -1)
         return replace(inclusion, material=config.layers[layer].material)  # type: ignore[arg-type]
 
     return varied(config, body=replace(body, inclusions=tuple(map(around, body.inclusions))))
@@ -125,14 +126,15 @@ def without_contrast(config: Config) -> Config:
 def on_half_space(config: Config) -> Config:
     """The scene on the half-space of its body's matter: the last of its layers goes on without end."""
     layers = config.body.layers
+    tension = config.body.surface_tension
     deep = layers and (*layers[:-1], replace(layers[-1], thickness=None))
-    return varied(without_inclusions(config), body=HalfSpace(layers=deep), center=None)
+    return varied(without_inclusions(config), body=HalfSpace(layers=deep, surface_tension=tension), center=None)
 
 
 def on_layer(config: Config) -> Config:
     """The scene on the infinitely wide layer that its body is without its sides."""
     body: Any = config.body
-    layer = InfiniteLayer(body.height, base=body.base, layers=body.layers)
+    layer = InfiniteLayer(body.height, base=body.base, layers=body.layers, surface_tension=body.surface_tension)
     return varied(without_inclusions(config), body=layer, center=None)
 
 
