@@ -71,6 +71,11 @@ def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
     return _overridden(document, source, overrides)
 
 
+def is_study(document: Mapping[str, Any]) -> bool:
+    """Whether a document is a study: one scene that is varied, or a list of cases."""
+    return document.keys() >= OF_A_STUDY or "cases" in document
+
+
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
     """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of `load`."""
     name = os.fspath(path)
@@ -283,9 +288,9 @@ def _section_of(document: Document, source: Source, path: KeyPath, place: Place)
 
 
 def _validated(document: Document, source: Source) -> Config:
-    if document.keys() >= OF_A_STUDY:
+    if is_study(document):
         problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
-        raise ConfigError("", problem, remedy, *source.place(("vary",)))
+        raise ConfigError("", problem, remedy, *source.place(("vary" if "vary" in document else "cases",)))
     try:
         return _checked(document, source)
     except ConfigError as error:

@@ -15,9 +15,10 @@ from indent_sim.run import chain
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
 from indent_sim.studies.cases import Case
+from indent_sim.studies.reference import scoreboard
+from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.truth import Truth
 from indent_sim.studies.worker import Ending, Workers
 
 Tell = Callable[[str], None]
@@ -27,7 +28,7 @@ Tell = Callable[[str], None]
 class Study:
     """A study that was carried out: where it lies, its table, and what to choose.
 
-    rows: empty for a shard, whose part of the runs is all it does.
+    rows: empty for a shard, whose part of the runs is all it does. scoreboard: of `cases` with published values.
     """
 
     directory: Path
@@ -36,6 +37,7 @@ class Study:
     compared_with: str
     rows: Sequence[Row]
     notes: tuple[str, ...] = ()
+    scoreboard: Sequence[Row] = ()
 
     @property
     def recommendations(self) -> list[str]:
@@ -71,6 +73,7 @@ def carry_out(
     """
     study = study_file.read(path)
     asked = cases, _ = case_list.asked_for(study)
+    scoreboard.check(study.members, cases)
     against = Truth(study, cases)
     first, every = shard or (1, 1)
     mine = case_list.unique(cases)[first - 1 :: every]
@@ -94,12 +97,16 @@ def carry_out(
             done = {case.id: reader.read_run(place.run(case.name)) for case in mine if place.has_ended(case.name)}
             folders = {case.id: place.run(case.name).name for case in mine}
             rows = study_table.rows(study, asked, done, against, folders)
-            finished = replace(finished, rows=rows, notes=against.notes)
+            board = scoreboard.rows(study.members, cases, done)
+            finished = replace(finished, rows=rows, notes=against.notes, scoreboard=board)
             place.write(study_folder.STUDY_TABLE, study_table.write(rows))
+            if board:
+                place.write(study_folder.SCOREBOARD, study_table.write(board))
             place.write(study_folder.CURVES, curve_table.write(curve_table.rows(mine, study.keys, done)))
         where, families = finished.directory, curve_table.families(mine, study.keys, done)
         picture.draw(rows, study.keys, study.title, against.name, where / study_folder.STUDY_PICTURE)
         picture.draw_curves(families, study.title, where / study_folder.CURVES_PICTURE)
+        picture.draw_scoreboard(finished.scoreboard, study.title, where / study_folder.SCOREBOARD_PICTURE)
         if len(finished.failures) == len(rows):
             raise NotConverged(f"no run of this study gave a result; the first: {rows[0]['reason']}")
     return finished
@@ -143,6 +150,16 @@ def _duration(seconds: float) -> str:
 
 def as_json(study: Study) -> Report:
     """A study as one JSON object."""
-    names = ("directory", "title", "compared_with", "rows", "pareto", "recommendations", "notes", "verdicts")
+    names = (
+        "directory",
+        "title",
+        "compared_with",
+        "rows",
+        "pareto",
+        "recommendations",
+        "notes",
+        "verdicts",
+        "scoreboard",
+    )
     pareto = [row["index"] for row in study_table.pareto(study.rows)]
     return {name: pareto if name == "pareto" else getattr(study, name) for name in names}

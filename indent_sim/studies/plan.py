@@ -9,8 +9,9 @@ from pathlib import Path
 from indent_sim.run.accuracy import foreseen
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
+from indent_sim.studies.reference import scoreboard
+from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.truth import Truth
 
 EXPECTED = ("force", "delta", "dofs", "memory_MB", "seconds")
 
@@ -46,6 +47,7 @@ def plan(path: Path | str, error_bars: bool = False) -> StudyPlan:
     its first run."""
     study = study_file.read(path)
     cases, refusals = case_list.asked_for(study)
+    scoreboard.check(study.members, cases)
     against, runs = Truth(study, cases), case_list.unique(cases)
     rows: list[Row] = []
     for case in runs:

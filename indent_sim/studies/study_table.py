@@ -15,8 +15,8 @@ from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case, Refusal
 from indent_sim.studies.points import STIFFNESS_UNIT, Multiple
+from indent_sim.studies.reference.truth import Answer, Truth
 from indent_sim.studies.study_file import StudyFile
-from indent_sim.studies.truth import Answer, Truth
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
 COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
