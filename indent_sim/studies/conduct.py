@@ -150,16 +150,6 @@ def _duration(seconds: float) -> str:
 
 def as_json(study: Study) -> Report:
     """A study as one JSON object."""
-    names = (
-        "directory",
-        "title",
-        "compared_with",
-        "rows",
-        "pareto",
-        "recommendations",
-        "notes",
-        "verdicts",
-        "scoreboard",
-    )
+    names = ("directory", "title", "compared_with", "rows", "recommendations", "notes", "verdicts", "scoreboard")
     pareto = [row["index"] for row in study_table.pareto(study.rows)]
-    return {name: pareto if name == "pareto" else getattr(study, name) for name in names}
+    return {name: getattr(study, name) for name in names} | {"pareto": pareto}

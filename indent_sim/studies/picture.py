@@ -124,9 +124,8 @@ def _board_line(axes: Axes, place: int, row: Row) -> None:
     """One published value: what it claims as a bar, where it lies, and ours."""
     claimed, is_first = 100 * (row["within"] or 0.0), place == 0
     band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
-    axes.barh(
-        place, 2 * claimed, left=-claimed, label="claimed by the source, where it says so" if is_first else None, **band
-    )
+    said = "claimed by the source, where it says so" if is_first else None
+    axes.barh(place, 2 * claimed, left=-claimed, label=said, **band)
     colour = canvas.COLOURS[1] if row["wrong"] in ("published", "both") else canvas.INK
     mark = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
     axes.plot(row["difference"], place, color=colour, label="published" if is_first else None, **mark)

@@ -666,8 +666,8 @@ cases:
 """
 
     def test_a_study_of_cases_writes_its_scoreboard(self, written, tmp_path):
-        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact value of the second case
-        is what the first one found."""
+        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact value of the second is
+        what the first one found."""
         path = written(self.CASES)
         done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
         assert done.exit_code == 0, done.output

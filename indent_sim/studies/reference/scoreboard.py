@@ -51,8 +51,9 @@ def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
         name, wanted = published.at
         physics = case.scene.physics
         depths = [delta * physics.scales.depth for delta in physics.deltas]
-        known = {"step": list(range(1, len(depths) + 1)), "delta": depths if physics.path.control == "depth" else []}
-        if name == "t" or (known[name] and not np.isclose(known[name], wanted, rtol=SAME_PLACE, atol=0).any()):
+        known = {"step": np.arange(1.0, len(depths) + 1), "delta": np.array(depths), "t": np.empty(0)}
+        is_found = name == "delta" and physics.path.control == "force"
+        if not is_found and not np.isclose(known[name], wanted, rtol=SAME_PLACE, atol=0).any():
             problem = f"the scene of {member.name} has no row with {name} {wanted:g}"
             raise ConfigError("published.at", problem, "add it to loading.deltas", *member.place)
 
@@ -67,9 +68,8 @@ def rows(members: Sequence[Member], cases: Sequence[Case], done: Mapping[str, Re
 
 def read_row(row: Mapping[str, str]) -> Row:
     """A row as `rows` gave it, from the cells of verification.csv; KeyError or ValueError where it is none."""
-    return {
-        name: row[name] if name in WORDS else float(row[name]) if row[name] else None for name in SCOREBOARD_COLUMNS
-    }
+    cells = {name: row[name] for name in SCOREBOARD_COLUMNS}
+    return {name: (text if name in WORDS else float(text)) if text else None for name, text in cells.items()}
 
 
 def in_words(row: Row) -> str:
