@@ -299,8 +299,7 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
         return _plan_study(config, overrides, error_bars, form)
     scene = _resolved(config, overrides, error_bars)
     if form == "json":
-        parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
-        return say_done({name: getattr(scene.plan, name) for name in parts})
+        return say_done(scene.plan.as_json())
     say(terminal.plan(scene, _width()))
     stick, rubbed = scene.plan.stick, scene.plan.friction
     if stick and stick.is_telling:

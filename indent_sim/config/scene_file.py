@@ -31,11 +31,14 @@ Document = dict[str, Any]  # sections as a file has them
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
 
-def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Config:
-    """The config of a scene file; each override "contact.method=penalty" replaces one key.
+def load(path: str | os.PathLike[str] | Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
+    """The config of a scene file, or of mappings shaped like one; each override "contact.method=penalty" replaces one
+    key.
 
     UsageError when the file cannot be read, ConfigError for anything wrong in it.
     """
+    if isinstance(path, Mapping):
+        return from_mapping(path, overrides)
     document, source = read_document(path)
     return _overridden(document, source, overrides)
 
@@ -97,10 +100,15 @@ def _document(text: str, name: str) -> tuple[Document, Source]:
 
 def from_mapping(data: Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
     """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the file."""
+    return _overridden(plain(data), Source(), overrides)
+
+
+def plain(data: Mapping[str, Any]) -> Document:
+    """Nested mappings, lists, numbers (numpy's too) and dataclasses as the document of a file."""
     document = _plain(data, ())
     if not isinstance(document, dict):
         raise ConfigError("", "a scene is made of sections")
-    return _overridden(document, Source(), overrides)
+    return document
 
 
 def varied(document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, Place]]) -> Config:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from indent_sim.config.messages import closest
-from indent_sim.config.scene_file import OF_A_STUDY, Place, read_document
+from indent_sim.config.scene_file import OF_A_STUDY, Place, plain, read_document
 from indent_sim.config.schema import Source, keys_at, outside
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
@@ -18,6 +19,7 @@ from indent_sim.studies.reference.published import Exact, Published, read_exact,
 
 Document = dict[str, Any]  # as YAML says it
 KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
+UNNAMED = "study"  # what stands for the file of a study that has none
 OF_A_CASE = ("name", "scene", "set", "published", "exact")
 CASE = "case"  # column of the names of cases, where a study has them instead of varied keys
 SCENE = {"body", "material", "indenter", "contact", "loading", "mesh", "solver", "accuracy"}  # of a scene alone
@@ -86,10 +88,13 @@ class StudyFile:
         return [point for block in self.blocks for point in points(block)]
 
 
-def read(path: Path | str) -> StudyFile:
-    """The study of a file. UsageError when it cannot be read, ConfigError for anything wrong in it."""
-    path = Path(path)
-    document, source = read_document(path)
+def read(given: Path | str | Mapping[str, Any]) -> StudyFile:
+    """The study of a file, or of mappings shaped like one, whose paths count from the working directory.
+
+    UsageError when it cannot be read, ConfigError for anything wrong in it.
+    """
+    path = Path(UNNAMED) if isinstance(given, Mapping) else Path(given)
+    document, source = (plain(given), Source()) if isinstance(given, Mapping) else read_document(path)
     if not (OF_A_STUDY | {"cases"}) & document.keys() and set(document) & SCENE:
         problem, remedy = "this is a scene, not a study", f"indent-sim run {path}"
         raise ConfigError("", problem, remedy, *source.place((next(key for key in document if key in SCENE),)))

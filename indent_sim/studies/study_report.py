@@ -67,8 +67,7 @@ def _scoreboard(folder: Path) -> list[Row]:
     if not path.exists():
         return []
     try:
-        found = list(csv.DictReader(io.StringIO(content(path).decode("utf-8"))))
-        return [scoreboard.read_row(row) for row in found]
+        return scoreboard.read(content(path).decode("utf-8"))
     except (OSError, ValueError, KeyError) as error:
         raise UsageError(f"{path} is no scoreboard that can be read: {error}", file=str(path)) from None
 

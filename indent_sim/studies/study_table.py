@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from contextlib import suppress
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -65,6 +66,18 @@ def write(table: Sequence[Row]) -> str:
     writer.writeheader()
     writer.writerows({name: _cell(value) for name, value in row.items()} for row in table)
     return text.getvalue()
+
+
+def read(text: str) -> list[Row]:
+    """A table back from its CSV text: numbers, words, and None where a cell is empty."""
+    return [{name: _read(value) for name, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
+
+
+def _read(cell: str) -> Any:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(cell)
+    return cell or None
 
 
 def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:

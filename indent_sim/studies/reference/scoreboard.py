@@ -6,6 +6,8 @@ the run is one of finite elements, the run of another case, or a number with its
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +19,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case
 from indent_sim.studies.reference.published import PULL_OFF, Published
-from indent_sim.studies.study_file import Member
+from indent_sim.studies.study_file import CASE, Member
 from indent_sim.theory.solution import largest_pressure
 
 SAME_PLACE = 1e-9  # relative
@@ -43,7 +45,7 @@ class Value:
 
 def check(members: Sequence[Member], cases: Sequence[Case]) -> None:
     """ConfigError, with its place, for a published value of a row that the scene does not have."""
-    of = {case.values["case"]: case for case in cases}
+    of = {case.values.get(CASE): case for case in cases}
     for member in members:
         case, published = of.get(member.name), member.published
         if case is None or published is None or published.at is None or case.scene.takes_time:
@@ -62,7 +64,7 @@ def rows(members: Sequence[Member], cases: Sequence[Case], done: Mapping[str, Re
     """The scoreboard, a row for every case with a published value, in the order of the file; what is unknown is
     None. difference and ours_difference are in per cent of the exact value; `wrong` is nobody, published, ours, both
     or unknown."""
-    found = {case.values["case"]: (case, done.get(case.id)) for case in cases}
+    found = {str(case.values.get(CASE)): (case, done.get(case.id)) for case in cases}
     return [_row(member, found) for member in members if member.published is not None]
 
 
@@ -70,6 +72,11 @@ def read_row(row: Mapping[str, str]) -> Row:
     """A row as `rows` gave it, from the cells of verification.csv; KeyError or ValueError where it is none."""
     cells = {name: row[name] for name in SCOREBOARD_COLUMNS}
     return {name: (text if name in WORDS else float(text)) if text else None for name, text in cells.items()}
+
+
+def read(text: str) -> list[Row]:
+    """The scoreboard back from verification.csv; KeyError or ValueError where it is none."""
+    return [read_row(row) for row in csv.DictReader(io.StringIO(text))]
 
 
 def in_words(row: Row) -> str:
