@@ -281,7 +281,8 @@ def study(file: Path, told: Told, form: Form, **how: Any) -> None:
     with _quiet_libraries(LEVELS[told]), stoppable():
         done = studies.carry_out(file, tell=tell if told == "all" else (lambda line: None), **how)
     say_done(studies.as_json(done)) if form == "json" else say(str(done.directory))
-    for line in (*done.notes, *done.recommendations) if told == "all" else ():
+    board = [terminal.scoreboard(done.scoreboard)] if done.scoreboard else []
+    for line in (*board, *done.notes, *done.recommendations) if told == "all" else ():
         tell(line)
     if done.failures:
         tell(f"{len(done.failures)} of {len(done.rows)} runs failed; their rows say why")
@@ -298,9 +299,7 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
         return _plan_study(config, overrides, error_bars, form)
     scene = _resolved(config, overrides, error_bars)
     if form == "json":
-        parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
-        time = scene.plan.time.report if scene.plan.time else None
-        return say_done({name: getattr(scene.plan, name) for name in parts} | {"time": time})
+        return say_done(scene.plan.as_json())
     say(terminal.plan(scene, _width()))
     if scene.plan.time and scene.plan.time.words:
         say(scene.plan.time.words)
@@ -667,10 +666,10 @@ def _conclude(outcome: Outcome, form: Form, told: Told) -> None:
 
 def _is_study(path: Path) -> bool:
     """Whether a file holds a study; False for what cannot be read, which is told when it is read as a scene."""
-    from indent_sim.config.scene_file import OF_A_STUDY, read_document
+    from indent_sim.config.scene_file import is_study, read_document
 
     with suppress(IndentSimError):
-        return read_document(path)[0].keys() >= OF_A_STUDY
+        return is_study(read_document(path)[0])
     return False
 
 

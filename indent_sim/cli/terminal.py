@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import io
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -176,6 +176,20 @@ def study_plan(planned: StudyPlan) -> str:
         lines[-1] += f"; {planned.same} points ask for the same as another"
     lines.append(f"about {planned.seconds:.2g} s one after another; --jobs N does N at a time")
     return "\n".join([*([printable(planned.title)] if planned.title else []), *lines, *planned.refused])
+
+
+def scoreboard(rows: Sequence[Report]) -> str:
+    """Published values beside exact ones and ours, a line each, and who is off by more than is claimed."""
+    from indent_sim.studies.reference.scoreboard import in_words
+
+    names = ("published", "exact", "ours", "our_error")
+    head = ["case", "", *(name.replace("_", " ") for name in names), "difference", "who is wrong"]
+    lines = [head]
+    for row in rows:
+        numbers = ["" if row[name] is None else _shown(row[name]) for name in names]
+        apart = "" if row["difference"] is None else f"{round(row['difference'], 6):+.3g} %"
+        lines.append([row["case"], row["quantity"], *numbers, apart, in_words(row)])
+    return _aligned(lines, "<")
 
 
 def comparison(found: Comparison) -> str:

@@ -12,6 +12,7 @@ from indent_sim.config.scene_file import located, to_yaml, told_together
 from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.mesh import gmsh
 from indent_sim.mesh.body_from_file import Piece
+from indent_sim.mesh.grid import Grid
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
@@ -236,15 +237,19 @@ def body_from_file(config: Config, comm: Comm) -> Piece | None:
     return skin or known
 
 
-def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True) -> Iterator[State]:
-    """Walk a scene without writing anything: one State per requested depth, in the user's units.
+def states(
+    scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None
+) -> Iterator[State]:
+    """Walk a scene without writing anything: one State per requested depth, in the user's units; on a mesh of one's own
+    where a grid of the scene's part is given.
 
     For notebooks and tests; a State that is not converged is the last one.
     """
     comm = communicator(comm if comm is not None else Alone(), scene)
     beside = Beside(comm)
     fe = backend() if scene.is_meshed else None
-    mesh = fe and fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
+    part = scene.physics.part
+    mesh = fe and fe.distribute(grid or on_root(comm, gmsh.build, part, scene.sizes), part, comm)
     walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
     readings = Readings(scene, walk.equilibrium if fe else None, beside)
     if scene.history:

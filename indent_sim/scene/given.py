@@ -369,7 +369,7 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
 
     def theory_with(change: Callable[[Material], Material]) -> Theory | None:
         changed = [replace(layer, material=change(_material_of(layer))) for layer in layers]
-        return theory_of(whole, changed, tip, center)
+        return theory_of(whole, changed, tip, center, tension)
 
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)

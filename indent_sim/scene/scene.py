@@ -13,6 +13,7 @@ from indent_sim.model.loading import History
 from indent_sim.model.materials import Relaxation
 from indent_sim.model.tips import FlatPunch, reach
 from indent_sim.process.errors import ConfigError
+from indent_sim.process.screen import Shown, cell
 from indent_sim.process.usage import machine_memory
 from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
@@ -57,6 +58,11 @@ class Plan:
         """Where the model or the mesh is a poor one for what is asked, a sentence each."""
         return tuple(doubt.words for doubt in self.doubts if doubt.words)
 
+    def as_json(self) -> dict[str, Any]:
+        """The plan as one JSON object."""
+        parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
+        return {name: getattr(self, name) for name in parts} | {"time": self.time.report if self.time else None}
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -70,6 +76,19 @@ class Scene:
     # What its rows follow on the elastic curve, that of the physics' path, without units; None where the path says it
     history: History | None = None
     relaxation: Relaxation | None = None
+
+    def __repr__(self) -> str:
+        return self._shown().text
+
+    def _repr_html_(self) -> str:
+        return self._shown().html
+
+    def _shown(self) -> Shown:
+        """What a notebook shows: every choice with its reason, and what to expect."""
+        rows = [(choice.key, choice.value, choice.why) for choice in self.plan.choices]
+        expected = ", ".join(f"{name.replace('_', ' ')} {cell(value)}" for name, value in self.plan.prediction.items())
+        title = self.plan.title or f"{type(self.physics.indenter).__name__} on {type(self.physics.body).__name__}"
+        return Shown(title, ("what", "choice", "why"), rows, f"expected: {expected}")
 
     @property
     def is_meshed(self) -> bool:

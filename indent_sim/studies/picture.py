@@ -35,6 +35,7 @@ ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
 MOST_GROUPS = 12  # lines in them that are named
 MOST_CURVES_NAMED, LINES_BESIDE = 20, 20  # curves that are named beside the panels, and lines in a column there
+BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
 LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 
 
@@ -92,6 +93,50 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"], columns)
         canvas.save(figure, path)
+
+
+def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
+    """Draw how far published values, and ours with their error bars, are from the exact ones; without any nothing.
+
+    The axis is linear to LEAST per cent on both sides of 0 and logarithmic beyond.
+    """
+    known = [row for row in rows if row["exact"] is not None][::-1]  # the first on top
+    if not known:
+        path.unlink(missing_ok=True)
+        return
+    with canvas.canvas((9.2, 1.6 + BOARD_LINE * len(known))) as figure:
+        panels: dict[str, Axes] = figure.subplot_mosaic([["board"], ["names"]])
+        axes = panels["board"]
+        wrong = sum(row["wrong"] in ("published", "both") for row in known)
+        said = f"{len(known)} published values  ·  {wrong} off by more than they claim"
+        canvas.head(figure, title, f"{said}  ·  ours with its own error bar")
+        for place, row in enumerate(known):
+            _board_line(axes, place, row)
+        axes.set_yticks(range(len(known)), [in_picture(f"{row['case']}: {row['quantity']}", 48) for row in known])
+        axes.set_xscale("symlog", linthresh=LEAST)
+        far = max(1.0, *(abs(row["difference"]) for row in known))
+        ticks = [tick for tick in (-100, -10, -1, -LEAST, 0, LEAST, 1, 10, 100) if abs(tick) <= 3 * far]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_xlim(-3 * far, 3 * far)
+        axes.axvline(0, color=canvas.INK, lw=0.8, zorder=1)
+        axes.set(xlabel="difference from the exact value [%]", ylim=(-0.7, len(known) - 0.3))
+        canvas.legend_below(figure, panels["names"], axes)
+        canvas.save(figure, path)
+
+
+def _board_line(axes: Axes, place: int, row: Row) -> None:
+    """One published value: what it claims as a bar, where it lies, and ours."""
+    claimed, is_first = 100 * (row["within"] or 0.0), place == 0
+    band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
+    said = "claimed by the source, where it says so" if is_first else None
+    axes.barh(place, 2 * claimed, left=-claimed, label=said, **band)
+    colour = canvas.COLOURS[1] if row["wrong"] in ("published", "both") else canvas.INK
+    mark = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
+    axes.plot(row["difference"], place, color=colour, label="published" if is_first else None, **mark)
+    if row["ours_difference"] is not None:
+        bar = 100 * abs((row["our_error"] or 0.0) / row["exact"])
+        look: Look = {"fmt": "s", "ms": 4, "capsize": 3, "color": canvas.COLOURS[0], "zorder": 4}
+        axes.errorbar(row["ours_difference"], place, xerr=bar, label="ours" if is_first else None, **look)
 
 
 def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
