@@ -224,6 +224,10 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
 
 SEGMENTS = ("approach", "hold", "retract", "all")  # of a measured curve
 SEGMENT_HELP = "Part of the curve; hold: up to its end."
+DESIGN_HELP = "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
+NOISE_HELP = "With --design: deviation of a sample's force over the largest force."
+DESIGNED_POINTS = 300
+POINTS_HELP = f"With --design: points of the curve [{DESIGNED_POINTS}]."
 WITHIN_HELP = "Relative error of the force that is accepted."
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
@@ -333,8 +337,13 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 
 
 @program.command()
-@click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, required=True, type=PATH)
-@click.option("--scene", required=True, type=PATH, help="Scene that is the model; its loading does not matter.")
+@click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
+@click.option("--scene", type=PATH, help="Scene that is the model; its loading does not matter.")
+@click.option("--design", "designed", metavar="SCENE", type=PATH, help=DESIGN_HELP)
+@click.option("--noise", type=Number(0, min_open=True), metavar="X", help=NOISE_HELP)
+@click.option(
+    "--points", type=click.IntRange(30, 100_000), metavar="N", help="With --design: points of the curve [300]."
+)
 @click.option("--vary", "keys", required=True, multiple=True, metavar="KEY", help="Key to fit, e.g. material.E.")
 @set_option
 @click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help="Columns, by title or number from 1.")
@@ -347,23 +356,51 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
 @json_option
-def fit(curves: tuple[Path, ...], scene: Path, told: Told, form: Form, **how: Any) -> None:
+def fit(curves: tuple[Path, ...], told: Told, form: Form, overrides: tuple[str, ...], **how: Any) -> None:
     """Fit keys of a scene to measured curves: text tables of any kind, AFM files. Prints the folder.
 
     Contact point and baseline are always unknown. A call with the same folder goes on with the curves that lack a row.
+    With --design nothing is measured yet: the intervals that a curve of the scene would give, and what would help.
     """
     _refuse_ranks()
     require_room()
     from indent_sim.config.scene_file import load
 
+    scene, designed, noise, points = (how.pop(name) for name in ("scene", "designed", "noise", "points"))
+    _refuse_mixed(curves, scene, designed, noise, points)
+    if designed:
+        with _quiet_libraries(LEVELS[told]), stoppable():
+            return _design(load(designed, overrides), how["keys"], noise, points or DESIGNED_POINTS, form)
     output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LEVELS[told]), stoppable():
-        fits = _fit(curves, load(scene, how.pop("overrides")), output, tell if told == "all" else _silent, **how)
+        fits = _fit(curves, load(scene, overrides), output, tell if told == "all" else _silent, **how)
     if fits.exit_code:
         none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
         none.beside = fits.as_json()
         raise none
     say_done({"directory": output} | fits.as_json()) if form == "json" else say(str(output))
+
+
+def _refuse_mixed(
+    curves: tuple[Path, ...], scene: Path | None, designed: Path | None, noise: float | None, points: int | None
+) -> None:
+    """UsageError unless there are curves and a scene, or a design and its noise."""
+    if designed and (curves or scene):
+        raise UsageError("--design SCENE takes no curves and no --scene", "fit CURVE --scene SCENE fits curves")
+    if designed and noise is None:
+        raise UsageError("--design needs --noise X", "X is the noise of a force over the largest one, e.g. 0.01")
+    if not designed and (noise is not None or points is not None):
+        raise UsageError("--noise and --points belong to --design", "a fit finds the noise of a curve")
+    if not designed and not (curves and scene):
+        raise UsageError("fit needs CURVE_OR_FOLDER... and --scene SCENE", "or --design SCENE before a measurement")
+
+
+def _design(config: Config, keys: tuple[str, ...], noise: float, points: int, form: Form) -> None:
+    """What a measurement of a scene would tell."""
+    from indent_sim.fitting import design
+
+    found = design.design(config, keys, noise, points)
+    say_done(found.as_json()) if form == "json" else say(terminal.design(found))
 
 
 def _silent(line: str) -> None:

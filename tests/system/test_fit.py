@@ -103,6 +103,32 @@ def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch
     assert done.exit_code == 7 and "make setup AFM=1" in done.output
 
 
+def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
+    before = sorted(tmp_path.rglob("*"))
+    words = ("fit", "--design", "scene.yaml", "--vary", "material.E", "--noise", 0.01)
+    found = json.loads(command(*words, "--json").stdout)
+    stated = found["parameters"]["material.E"]
+    assert found["exit_code"] == 0 and stated["low"] < stated["value"] == 1.0 < stated["high"]
+    assert found["tied"] == {"material.E": 1.0} and 0.1 <= found["baseline"] <= 1.5 and found["points"] == 300
+    assert [set(one["change"]) for one in found["helps"]] == [{"loading.delta"}, {"indenter.R"}, {"indenter.R"}]
+    told = command(*words, "--points", 1200).stdout
+    assert "as it stands" in told and "1200 points, noise" in told and "loading.delta = 1 " in told
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("words, code, said", [
+    (("--design", "scene.yaml"), 2, "needs --noise"), (("--noise", "0.01"), 2, "belong to --design"),
+    ((), 2, "needs CURVE_OR_FOLDER"), (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
+    (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
+    (("--design", "nothing.yaml", "--noise", "0.01"), 2, "cannot read the config"),
+    (("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"), 3, "loading.delta: is nothing"),
+    (("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"), 3, "loading.delta"),
+])  # fmt: skip
+def test_a_design_with_wrong_words(command, words, code, said):
+    done = command("fit", "--vary", "material.E", *words)
+    assert done.exit_code == code and said in done.output, done.output
+
+
 def test_results_and_curves_side_by_side(command, tmp_path):
     write(tmp_path / "pressed.csv", 2, first=0.0)
     assert command("run", "scene.yaml", "--set", "material.E=2 kPa", "--output", "two").exit_code == 0

@@ -261,6 +261,21 @@ def averaged_at(model: Model, p: np.ndarray, noises: list[Noise] | None = None) 
     return replace(found, covariance=covariance, step=step)
 
 
+def deviation(estimate: Estimate, k: int, known: Sequence[int] = ()) -> float:
+    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk); infinite where nothing
+    depends on it. known: the varied keys that are not fitted beside it."""
+    free = estimate.model.free
+    free[list(known)] = False
+    J, noise = estimate.model.jacobian(estimate.p)[:, free], estimate.found.likeliest
+    scale = np.sqrt((J * J).sum(axis=0))
+    place = int(np.count_nonzero(free[:k]))
+    if not scale[place] > 0:
+        return math.inf
+    J = J / np.where(scale > 0, scale, 1.0)
+    variance = estimate.found.s2 * np.linalg.pinv(J.T @ noise.whitened(J)[0], rcond=1e-14, hermitian=True)
+    return math.sqrt(max(float(variance[place, place]), 0.0)) / float(scale[place])
+
+
 def _rms(model: Model, p: np.ndarray) -> float:
     return float(np.sqrt(np.mean(model.residual(p) ** 2)))
 

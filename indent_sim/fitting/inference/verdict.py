@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.inference.estimate import Estimate, averaged_at
+from indent_sim.fitting.inference.estimate import Estimate, deviation
 from indent_sim.fitting.inference.models import Other
 from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
 from indent_sim.fitting.inference.windows import Window
@@ -162,24 +162,10 @@ def baseline_of(estimate: Estimate) -> float | None:
 
 def tied(estimate: Estimate) -> list[float]:
     """Half width of each coordinate over that with all other varied keys known."""
-    ratios = []
-    for k in range(estimate.model.size):
-        held = [j for j in range(estimate.model.size) if j != k]
-        ratios.append(_alone(estimate, k, held))
-    return ratios
-
-
-def _alone(estimate: Estimate, k: int, held: Sequence[int]) -> float:
-    if not held:
-        return 1.0
-    model = estimate.model
-    free = model.free.copy()
-    free[list(held)] = False
-    J, noise = model.jacobian(estimate.p)[:, free], estimate.found.likeliest
-    covariance = estimate.found.s2 * np.linalg.pinv(J.T @ noise.whitened(J)[0])
-    place = int(np.count_nonzero(free[:k]))
-    whole = averaged_at(model, estimate.p, [noise]).sd[k]
-    return float(whole / max(math.sqrt(max(covariance[place, place], 0.0)), 1e-300))
+    size = estimate.model.size
+    others = [[j for j in range(size) if j != k] for k in range(size)]
+    pairs = ((deviation(estimate, k), deviation(estimate, k, known)) for k, known in enumerate(others))
+    return [whole / max(alone, 1e-300) for whole, alone in pairs]
 
 
 def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:
