@@ -29,7 +29,7 @@ from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-    from indent_sim.fitting.fit_folder import Fits
+    from indent_sim.fitting.fit_folder import Fits, Reading
     from indent_sim.model.state import State
     from indent_sim.results.reader import Results
     from indent_sim.run.chain import Outcome
@@ -229,6 +229,10 @@ NOISE_HELP = "With --design: deviation of a sample's force over the largest forc
 DESIGNED_POINTS = 300
 POINTS_HELP = f"With --design: points of the curve [{DESIGNED_POINTS}]."
 WITHIN_HELP = "Relative error of the force that is accepted."
+COLUMNS_HELP = "Columns, by title or number from 1."
+columns_option = click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP)
+UNITS_HELP = "Units where a file says none, e.g. length=m,force=N."
+units_option = click.option("--units", callback=_pairs, help=UNITS_HELP)
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
 json_option = click.option("--json", "form", flag_value="json", default="text", help="Print one JSON object.")
@@ -320,20 +324,38 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
 @click.argument("config", type=PATH)
 @set_option
 @click.option("--within", type=BELOW_ONE, default=0.01, show_default=True, help=WITHIN_HELP)
+@click.option("--curve", metavar="FILE", type=PATH, help="Measured curve that says depth and modulus.")
+@columns_option
+@units_option
 @json_option
-def require(config: Path, overrides: tuple[str, ...], within: float, form: Form) -> None:
+def require(
+    config: Path, overrides: tuple[str, ...], within: float, curve: Path | None, form: Form, **read: Any
+) -> None:
     """Say what a scene requires: every effect in per cent of the force. Writes nothing.
 
-    Ends with the cheapest model within the tolerance, as a scene that runs as it is.
+    Ends with the cheapest model within the tolerance, as a scene that runs as it is. With --curve at the depth of a
+    measurement, with the other models of that curve: which is needed, which is not excluded and what it would give.
     """
     _refuse_ranks()
     require_room()
     from indent_sim.config.scene_file import load
     from indent_sim.run.requirements import cheapest
 
+    if curve is None and any(read.values()):
+        raise UsageError("--columns and --units belong to --curve FILE")
     with _quiet_libraries(logging.ERROR), stoppable():
+        if curve is not None:
+            return _require_of_curve(load(config, overrides), curve, within, read, form)
         found = cheapest.require(load(config, overrides), within)
     say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
+
+
+def _require_of_curve(config: Config, curve: Path, within: float, read: dict[str, Any], form: Form) -> None:
+    """What a scene requires for a measured curve."""
+    from indent_sim.fitting.curve_requirements import require_of_curve
+
+    found = require_of_curve(config, curve, within, _reading(**read))
+    say_done(found.as_json()) if form == "json" else say(terminal.curve_requirements(found, _width()))
 
 
 @program.command()
@@ -346,8 +368,8 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 )
 @click.option("--vary", "keys", required=True, multiple=True, metavar="KEY", help="Key to fit, e.g. material.E.")
 @set_option
-@click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help="Columns, by title or number from 1.")
-@click.option("--units", callback=_pairs, help="Units where a file says none, e.g. length=m,force=N.")
+@columns_option
+@units_option
 @click.option("--segment", type=click.Choice(SEGMENTS), default="approach", show_default=True, help=SEGMENT_HELP)
 @click.option("--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known.")
 @click.option("--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level.")
@@ -413,15 +435,21 @@ def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Calla
     from indent_sim.fitting.curve_fit import Request
     from indent_sim.fitting.inference.estimate import Origin
 
-    columns, units = how["columns"], how["units"]
+    reading = _reading(how["columns"], how["units"])
+    origin = Origin(how["contact_point"], how["baseline"] == "tilted")
+    request = Request(config, how["keys"], how["segment"], origin, how["models"])
+    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
+
+
+def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
+    """How files of curves are read, by the options of the command line."""
+    from indent_sim.fitting.fit_folder import Reading
+
     if columns and not 2 <= len(columns) <= 3:
         raise ConfigError("--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME")
     if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
         raise UsageError(f"--units {wrong[0]}: there are length, force, time")
-    origin = Origin(how["contact_point"], how["baseline"] == "tilted")
-    request = Request(config, how["keys"], how["segment"], origin, how["models"])
-    reading = fit_folder.Reading(columns, units)
-    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
+    return Reading(columns, units)
 
 
 @program.command()

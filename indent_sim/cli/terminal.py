@@ -15,6 +15,7 @@ from indent_sim.process.errors import printable
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
+    from indent_sim.fitting.curve_requirements import CurveRequirements
     from indent_sim.fitting.design import Design
     from indent_sim.fitting.inference.verdict import Interval
     from indent_sim.model.state import State
@@ -147,6 +148,23 @@ def requirements(found: Requirements, width: int = 120) -> str:
     rest = ", ".join(effect.name.replace("_", " ") for effect in found.effects if not effect.applies)
     absent = f"\nnot in this scene: {rest}" if rest else ""
     return f"{_rendered(width, table)}{absent}\n\n{found.words}\n\n{dump(found.config)}".rstrip()
+
+
+def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
+    """What a curve says of the scene and of other models beside it, and what the scene requires at its depth."""
+    from indent_sim.fitting.curve_fit import said
+
+    key, config, against = found.key, found.config, " and ".join(found.entry["cause"])
+
+    def row(name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]) -> list[str]:
+        value, low, high = (said(key, config, one[end]) for end in ("value", "low", "high"))
+        beside = ", ".join(f"{other} = {said(other, config, number)}" for other, number in added.items())
+        return [name, value, f"{low} to {high}", verdict, beside]
+
+    verdict = f"contradicted by {against}" if against else "explains the curve"
+    rows = [["model", key, "95 %", "", ""], row("the scene's", verdict, vars(found.modulus), {})]
+    rows += [row(one["name"], one["verdict"], one, one["parameters"]) for one in found.models]
+    return "\n\n".join([found.entry["words"], _aligned(rows, "<"), requirements(found.requirements, width)])
 
 
 def design(found: Design) -> str:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from indent_sim.config.quantities import size_of
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
@@ -93,7 +94,7 @@ def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
     began = time.process_time()
     try:
         with np.errstate(all="ignore"):
-            return _fitted(curve.in_units(_units(request.config)).part(request.part), request, tables, began)
+            return _fitted(in_scene_units(curve, request.config).part(request.part), request, tables, began)
     except (Refused, NoTable) as error:
         return refused(curve.name, str(error), time.process_time() - began)
     except NoCurve as error:
@@ -101,6 +102,19 @@ def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
     except NUMBERS as error:
         why = f"not a curve: its numbers are beyond arithmetic ({' '.join(str(error).split())[:120]})"
         return refused(curve.name, why, time.process_time() - began)
+
+
+def in_scene_units(curve: Measured, config: Config) -> Measured:
+    """The curve in the units of a scene."""
+    return curve.in_units(_units(config))
+
+
+def newtons_per_metre(config: Config) -> float | None:
+    """The stiffness of the scene's cantilever, for AFM files that lack it; None where it has none, or no units."""
+    held = config.experiment.cantilever if config.experiment else None
+    if held is None or not (config.units.length and config.units.force):
+        return None
+    return held.stiffness * size_of(config.units.force, "force") / size_of(config.units.length, "length")
 
 
 def _units(config: Config) -> dict[str, str]:

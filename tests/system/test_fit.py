@@ -129,6 +129,33 @@ def test_a_design_with_wrong_words(command, words, code, said):
     assert done.exit_code == code and said in done.output, done.output
 
 
+def test_what_a_scene_requires_for_a_curve(command, tmp_path):
+    """The same as for the scene with the curve's modulus and depth, and the models of its fit."""
+    words = ("require", "scene.yaml", "--curve", "curves/c2.csv")
+    found = json.loads(command(*words, "--json").stdout)
+    curve = found["curve"]
+    stated = curve["parameters"]["material.E"]
+    assert stated["low"] < 2 < stated["high"] and curve["depth"] == pytest.approx(0.6, abs=0.01)
+    there = ("--set", f"material.E={stated['value']!r}", "--set", f"loading.delta={curve['depth']!r}")
+    assert found["effects"] == json.loads(command("require", "scene.yaml", *there, "--json").stdout)["effects"]
+    models = {one["name"]: one for one in found["models"]}
+    assert set(models) == {"thickness", "adhesion", "tip"} and {one["verdict"] for one in found["models"]} == {
+        "not excluded"
+    }
+    assert models["thickness"]["low"] < 2 and "body.height" in models["thickness"]["parameters"]
+
+
+@pytest.mark.parametrize("words, code, said", [
+    (("--curve", "short.csv"), 5, "short.csv: 2 points"), (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
+    (("--columns", "a,b"), 2, "belong to --curve"), (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
+    (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
+])  # fmt: skip
+def test_a_curve_that_requires_nothing(command, tmp_path, words, code, said):
+    (tmp_path / "short.csv").write_text("delta,force\n1,2\n2,3\n")
+    done = command("require", "scene.yaml", *words)
+    assert done.exit_code == code and said in done.output, done.output
+
+
 def test_results_and_curves_side_by_side(command, tmp_path):
     write(tmp_path / "pressed.csv", 2, first=0.0)
     assert command("run", "scene.yaml", "--set", "material.E=2 kPa", "--output", "two").exit_code == 0
