@@ -530,24 +530,40 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
 
 
 @program.command()
-@click.argument("folder", metavar="RESULT|STUDY", type=PATH)
+@click.argument("folder", metavar="RESULT|STUDY|FIT", type=PATH)
 @click.option("--output", type=PATH, help="File to write, .html or .htm [report.html in it].")
 def report(folder: Path, output: Path | None) -> None:
-    """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
+    """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
-    from indent_sim.results.folder import held, is_own_file
-    from indent_sim.studies.study_report import of_study
+    from indent_sim.results.folder import is_own_file
 
     if not folder.is_dir():
-        raise UsageError(f"{folder} is no folder of a result or a study")
+        raise UsageError(f"{folder} is no folder of a result, a study or a fit")
     if output is None:
         output = folder / reports.NAME
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
-    reports.write(of_study(folder) if held(folder) == "study" else reports.of_run(folder), output)
+    reports.write(_page_of(folder), output)
     say(str(output))
+
+
+def _page_of(folder: Path) -> str:
+    """The report of what a folder holds."""
+    from indent_sim.results import report as reports
+    from indent_sim.results.folder import held
+
+    match held(folder):
+        case "study":
+            from indent_sim.studies.study_report import of_study
+
+            return of_study(folder)
+        case "fit":
+            from indent_sim.fitting.fit_report import of_fit
+
+            return of_fit(folder)
+    return reports.of_run(folder)
 
 
 @program.command()

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import html_page
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
@@ -197,6 +198,48 @@ def test_a_study_compared_with_a_measured_curve(command, tmp_path):
     assert done.exit_code == 0, done.output
     off = [row["force_error_vs"] for row in rows]
     assert off[0] == pytest.approx(-0.5, abs=0.01) and off[1] == pytest.approx(0.0, abs=0.01)  # noise of 0.1 %
+
+
+def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
+    (tmp_path / "curves" / "short.csv").write_text("delta,force\n1,2\n2,3\n")
+    assert command(*FIT, "--set", "title=<b>gel</b>", "--output", "out").exit_code == 0
+    assert command("report", "out").stdout == "out/report.html\n"
+    text = (tmp_path / "out" / "report.html").read_text()
+    html_page.check(text)
+    assert "<b>gel" not in text and "&lt;b&gt;gel" in text
+    told = ("scene.yaml fitted to 4 curves", "3 of 4 curves fitted", "short: refused, 2 points", "Rows of fit.csv")
+    for words in (*told, "c2: E = 2.0", "title: "):
+        assert words in text, words
+    assert text.count("<svg") == 4
+    again = command(*FIT, "--set", "title=<b>gel</b>", "--output", "out")
+    assert again.exit_code == 0 and command("report", "out", "--output", "page.html").exit_code == 0
+
+
+def test_the_report_of_one_curve_has_its_windows_and_models(command, tmp_path):
+    """A stiffer half of the curve, as over a substrate: other models are asked, and drawn from the curve's table."""
+    table = np.loadtxt(tmp_path / "curves" / "c2.csv", delimiter=";", skiprows=1)
+    table[:, 1] *= 1 + 0.8 * np.maximum(table[:, 0] / 600, 0)
+    np.savetxt(tmp_path / "stiff.csv", table, delimiter=";", header="Depth [nm];Load [pN]", comments="")
+    assert command("fit", "stiff.csv", *FIT[2:], "--output", "one").exit_code == 0
+    assert command("report", "one").exit_code == 0
+    text = (tmp_path / "one" / "report.html").read_text()
+    html_page.check(text)
+    named = json.loads((tmp_path / "one" / "fit.json").read_text())["curves"][0]["cause"]
+    assert {"thickness", "tip"} & set(named)
+    assert all(f"{name} instead" in text for name in named if name in ("thickness", "tip"))
+    assert "Fits to a part of the depth" in text and "Other models" in text and text.count("<svg") == 1
+
+
+@pytest.mark.parametrize(
+    "damage", [{}, {"curves": 3}, {"curves": [{"status": "done"}]}, {"request": {"scene": {"body": 1}}}]
+)
+def test_a_damaged_fit_has_no_report(command, tmp_path, damage):
+    assert command("fit", "curves/c1.csv", *FIT[2:], "--output", "out").exit_code == 0
+    path = tmp_path / "out" / "fit.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | damage if damage else {"program": record["program"]}))
+    done = command("report", "out")
+    assert done.exit_code == 2 and "out holds no fit that can be read" in done.output, done.output
 
 
 def test_the_figure_of_a_notebook(command, tmp_path):
