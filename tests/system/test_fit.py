@@ -97,10 +97,11 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
     assert missing.exit_code == 2 and "there is no curve nothing.csv" in missing.output
 
 
-def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "afmformats", None)
-    (tmp_path / "curve.jpk-force").write_bytes(b"PK")
-    done = command("fit", "curve.jpk-force", "--scene", "scene.yaml", "--vary", "material.E")
+@pytest.mark.parametrize("package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")])
+def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch, package, name):
+    monkeypatch.setitem(__import__("sys").modules, package, None)
+    (tmp_path / name).write_bytes(b"PK")
+    done = command("fit", name, "--scene", "scene.yaml", "--vary", "material.E")
     assert done.exit_code == 7 and "make setup AFM=1" in done.output
 
 
