@@ -192,7 +192,7 @@ def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) 
     forces = estimate.model.forces
     seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
     found: list[Other] = []
-    if wanted == "all" or is_suspect(seen, shape, baseline):
+    if wanted == "all" or is_suspect(estimate, seen, shape, baseline):
         found = models.others(estimate, config, tables)
     uncertain = half_widths(estimate, forces.error, relative_calibration(config, forces))
     return Verdict(estimate, seen, shape, baseline, found, uncertain)

@@ -25,7 +25,7 @@ X, T = np.linspace(-0.1, 0.1, N), np.linspace(0, 2, N)
 def judged(estimate: Estimate, config) -> Verdict:  # type: ignore[no-untyped-def]
     """The verdict, other models asked where something stands against the scene."""
     seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
-    is_asked = is_suspect(seen, shape, baseline)
+    is_asked = is_suspect(estimate, seen, shape, baseline)
     others = models.others(estimate, config, TABLES) if is_asked else []
     return Verdict(estimate, seen, shape, baseline, others)
 
