@@ -362,7 +362,7 @@ def _require_of_curve(config: Config, curve: Path, within: float, read: dict[str
 @click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
 @click.option("--scene", type=PATH, help="Scene that is the model; its loading does not matter.")
 @click.option("--design", "designed", metavar="SCENE", type=PATH, help=DESIGN_HELP)
-@click.option("--noise", type=Number(0, min_open=True), metavar="X", help=NOISE_HELP)
+@click.option("--noise", type=Number(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
 @click.option(
     "--points", type=click.IntRange(30, 100_000), metavar="N", help="With --design: points of the curve [300]."
 )

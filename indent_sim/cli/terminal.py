@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from indent_sim.scene.scene import Scene
     from indent_sim.studies import StudyPlan
 
+NOT_KNOWN = 100.0  # high over low, from which on an interval says nothing
 LINES = 200  # most progress lines in a log
 
 Report = dict[str, Any]  # of a run, or a part of one
@@ -157,7 +158,7 @@ def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
     key, config, against = found.key, found.config, " and ".join(found.entry["cause"])
 
     def row(name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]) -> list[str]:
-        value, low, high = (said(key, config, one[end]) for end in ("value", "low", "high"))
+        value, low, high = (said(key, config, one[end], one["value"]) for end in ("value", "low", "high"))
         beside = ", ".join(f"{other} = {said(other, config, number)}" for other, number in added.items())
         return [name, value, f"{low} to {high}", verdict, beside]
 
@@ -183,8 +184,10 @@ def _intervals(parameters: Mapping[str, Interval], config: Config) -> list[str]:
     from indent_sim.fitting.curve_fit import said
 
     def told(key: str, one: Interval) -> str:
+        if not one.high < NOT_KNOWN * max(one.low, 1e-300):
+            return "not known"
         half = f" (±{50 * (one.high - one.low) / one.value:.2g} %)" if one.value else ""
-        return f"{said(key, config, one.low)} to {said(key, config, one.high)}{half}"
+        return f"{said(key, config, one.low, one.value)} to {said(key, config, one.high, one.value)}{half}"
 
     return [told(key, one) for key, one in parameters.items()]
 

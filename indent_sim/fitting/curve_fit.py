@@ -316,12 +316,14 @@ def _warnings(verdict: Verdict) -> list[str]:
     return told
 
 
-def said(key: str, config: Config, value: float) -> str:
-    """A value of a key with its unit, where the scene has units."""
+def said(key: str, config: Config, value: float, beside: float | None = None) -> str:
+    """A value of a key with its unit, where the scene has units: of the size of another one that stands beside it."""
     kind = kind_of(config, key)
     if kind is None:
         return f"{value:.4g}"
-    return scaled(kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value]), key).said(value)
+    return scaled(
+        kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value if beside is None else beside]), key
+    ).said(value)
 
 
 def kind_of(config: Config, key: str) -> str | None:
@@ -350,7 +352,7 @@ def in_short(entry: Mapping[str, Any], config: Config) -> str:
 
 def in_words(key: str, config: Config, stated: Interval) -> str:
     """A key's value and interval with their unit."""
-    value, low, high = (said(key, config, number) for number in (stated.value, stated.low, stated.high))
+    value, low, high = (said(key, config, number, stated.value) for number in (stated.value, stated.low, stated.high))
     return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
 
 

@@ -29,7 +29,6 @@ BASELINES = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0, BASELINE_KEPT)  # depths that are co
 ENOUGH = 1.05  # times the deviation of the longest baseline
 SHORTEST_WAY_IN = 0.25  # of a history: the time that a baseline before a jump is given
 RADII = ("indenter.R", "indenter.radius")
-UNKNOWN = 100.0  # deviation of a coordinate that the force does not depend on
 TIED = 2.0  # times a wider interval than with the others known, from which on it is said
 
 
@@ -53,6 +52,7 @@ class Design:
     config: Config
     parameters: dict[str, Interval]
     tied: dict[str, float]
+    identifiable: bool
     helps: tuple[Help, ...]
     baseline: float
     depth: float
@@ -70,6 +70,8 @@ class Design:
     @property
     def words(self) -> str:
         """What is expected and what is tied, in sentences."""
+        if not self.identifiable:
+            return f"Not identifiable: {' and '.join(self.parameters)} together, by no better than a factor of 3."
         said = [f"{in_words(key, self.config, one)}." for key, one in self.parameters.items()]
         wide = [(key, ratio) for key, ratio in self.tied.items() if ratio > TIED]
         said += [f"With the others known {key} would be {ratio:.2g} times better known." for key, ratio in wide]
@@ -113,7 +115,7 @@ class _Measurement:
         blind = Estimate(model, p, p, Averaged(WHITE, noise**2, np.zeros((len(p), len(p))), np.zeros(len(p))))
         sd = np.array([deviation(blind, k) for k in range(len(p))])
         for key, value in zip(self.forces.keys, sd, strict=False):
-            if not value < UNKNOWN:
+            if not np.isfinite(value):
                 raise ConfigError(key, "the force does not depend on it", "leave it out of --vary")
         return replace(blind, found=replace(blind.found, covariance=np.diag(sd**2)))
 
@@ -125,6 +127,11 @@ def design(config: Config, keys: Sequence[str], noise: float, points: int) -> De
     Half of the points are the baseline. ConfigError for a key or a scene that is wrong, NotConverged for a scene that
     could not be solved.
     """
+    with np.errstate(all="ignore"):  # profiles try what overflows
+        return _designed(config, keys, noise, points)
+
+
+def _designed(config: Config, keys: Sequence[str], noise: float, points: int) -> Design:
     tables = Tables()
     try:
         own = _measurement(config, tuple(keys), tables)
@@ -135,8 +142,10 @@ def design(config: Config, keys: Sequence[str], noise: float, points: int) -> De
     helps = tuple(_help(config, change, tuple(keys), (points, level), tables) for change in _changes(config, keys))
     shared = dict(zip(keys, tied(estimate), strict=True))
     enough = _baseline(own, points, level)
-    stated = _stated(own, estimate)
-    return Design(config, stated, shared, helps, enough, own.depth, own.force, level, points)
+    verdict = _verdict(own, estimate)
+    return Design(
+        config, _stated(verdict), shared, verdict.identifiable, helps, enough, own.depth, own.force, level, points
+    )
 
 
 def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Measurement:
@@ -162,12 +171,16 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
     return _Measurement(config, forces, depth, x[:end], t[:end])
 
 
-def _stated(measurement: _Measurement, estimate: Estimate) -> dict[str, Interval]:
-    """The interval that a fit would state: by noise, mesh and calibration."""
+def _verdict(measurement: _Measurement, estimate: Estimate) -> Verdict:
+    """The verdict of a fit that the scene explains: intervals by noise, mesh and calibration."""
     forces = measurement.forces
     uncertain = half_widths(estimate, forces.error, relative_calibration(measurement.config, forces))
-    verdict = Verdict(profiled(estimate), [], 1.0, None, [], uncertain)
-    return {key: verdict.stated(k) for k, key in enumerate(forces.keys)}
+    return Verdict(profiled(estimate), [], 1.0, None, [], uncertain)
+
+
+def _stated(verdict: Verdict) -> dict[str, Interval]:
+    """The intervals of the varied keys."""
+    return {key: verdict.stated(k) for k, key in enumerate(verdict.estimate.model.forces.keys)}
 
 
 def _changes(config: Config, keys: Sequence[str]) -> Iterator[dict[str, Any]]:
@@ -195,7 +208,7 @@ def _help(config: Config, change: dict[str, Any], keys: tuple[str, ...], of: tup
     shown = {"loading.delta": change["loading"]["delta"]} if "loading" in change else change
     try:
         measurement = _measurement(with_numbers(config, change), keys, tables)
-        return Help(shown, _stated(measurement, measurement.estimate(points, level)))
+        return Help(shown, _stated(_verdict(measurement, measurement.estimate(points, level))))
     except (ConfigError, NotConverged) as error:
         return Help(shown, {}, f"{error.key}: {error.problem}" if isinstance(error, ConfigError) else str(error))
     except NoTable as error:

@@ -323,4 +323,5 @@ def _carried_out(task: _Task, request: Request, tables: Tables) -> Entry:
 def _told(entry: Entry, number: int) -> str:
     if entry["status"] != "done":
         return f"curve {number}  {entry['curve']}  refused: {entry['reason']}"
-    return f"curve {number}  {entry['curve']}  {entry['words']}"
+    warned = "".join(f"\n  warning: {line}" for line in entry["warnings"])
+    return f"curve {number}  {entry['curve']}  {entry['words']}{warned}"

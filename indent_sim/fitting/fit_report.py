@@ -66,7 +66,8 @@ def _numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[st
     """The parameters of the only curve, with their intervals."""
     found = []
     for key in keys:
-        value, low, high = (said(key, config, entry["parameters"][key][end]) for end in ENDS)
+        stated = entry["parameters"][key]
+        value, low, high = (said(key, config, stated[end], stated["value"]) for end in ENDS)
         found.append((key, f"{value} ({low} to {high})"))
     return found
 

@@ -94,7 +94,7 @@ def _parameter(config: Config, key: str, deepest: float) -> Parameter:
 
 def number_at(config: Config, key: str) -> float:
     """The number at a key of the scene; ConfigError where there is none, or none that a curve tells of."""
-    if str(key_path(key)[0]) not in MEASURED:
+    if str(next(iter(key_path(key)), "")) not in MEASURED:
         raise ConfigError(key, "is nothing that a curve tells of", f"--vary names a key of {', '.join(MEASURED)}")
     section: Any = to_mapping(config)
     for part in key_path(key):

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged
+from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
 from indent_sim.fitting.scene_forces import SceneForces
 
 FEWEST_POINTS, FEWEST_PUSHING = 30, 20
@@ -314,9 +314,9 @@ def deviation(estimate: Estimate, k: int, known: Sequence[int] = ()) -> float:
     if not scale[k] > 0:
         return math.inf if free[k] else 0.0
     J = J[:, free] / np.where(scale > 0, scale, 1.0)[free]
-    inverse = np.linalg.pinv(J.T @ noise.whitened(J)[0], rcond=1e-14, hermitian=True)
+    inverted, _ = inverse(J.T @ noise.whitened(J)[0])
     covariance = np.zeros((len(free), len(free)))
-    covariance[np.ix_(free, free)] = estimate.found.s2 * inverse / np.outer(scale[free], scale[free])
+    covariance[np.ix_(free, free)] = estimate.found.s2 * inverted / np.outer(scale[free], scale[free])
     return math.sqrt(max(float(_beside_snap(covariance, model, estimate.p, estimate.found.s2)[k, k]), 0.0))
 
 
@@ -407,7 +407,9 @@ def fit(forces: SceneForces, samples: Samples, origin: Origin) -> Estimate:
     """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them."""
     starts = beginnings(forces, samples, origin)
     if not starts:
-        raise Refused("no contact: the force does not rise with the depth")
+        other = Samples(samples.x, -samples.force, samples.t)
+        turned = " (it falls: one that pushes in counts > 0)" if beginnings(forces, other, origin) else ""
+        raise Refused(f"no contact: the force does not rise with the depth{turned}")
     few = Model(forces, samples.means(MOST_PILOT), origin)
     followed = [_followed(few, start) for start in starts]
     best = min((one for one in followed if one), key=lambda one: one[1], default=None)
