@@ -158,6 +158,13 @@ def test_a_curve_that_requires_nothing(command, tmp_path, words, code, said):
     assert done.exit_code == code and said in done.output, done.output
 
 
+def test_a_way_without_a_spring_is_warned_of(command, tmp_path):
+    text = (tmp_path / "curves" / "c2.csv").read_text().replace("Depth [nm]", "z [nm]")
+    (tmp_path / "way.csv").write_text(text)
+    done = command("fit", "way.csv", "--scene", "scene.yaml", "--vary", "material.E", "--output", "way")
+    assert done.exit_code == 0 and "warning: no spring is known" in done.stderr
+
+
 def test_results_and_curves_side_by_side(command, tmp_path):
     write(tmp_path / "pressed.csv", 2, first=0.0)
     assert command("run", "scene.yaml", "--set", "material.E=2 kPa", "--output", "two").exit_code == 0

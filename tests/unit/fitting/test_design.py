@@ -72,6 +72,14 @@ def test_what_is_tied_is_wider_by_as_much_as_is_said():
     assert ratio > 5 and "With the others known material.E would be" in both.words
 
 
+def test_keys_that_no_curve_tells_apart_are_not_identifiable():
+    """The force of a half-space is E/(1 - nu^2) sqrt(R) times a function of the depth."""
+    found = design(scene(HALF_SPACE), ["material.E", "indenter.R"], 0.01, 300)
+    assert not found.identifiable and found.words.startswith("Not identifiable: material.E and indenter.R")
+    assert found.parameters["material.E"].high / found.parameters["material.E"].low > 100
+    assert design(scene(HALF_SPACE), ["material.E"], 0.01, 300).identifiable
+
+
 def test_what_helps_is_solved_with_the_noise_of_the_same_instrument():
     """A deeper curve of a half-space: 2^1.5 times the force, and an interval narrower by as much."""
     found = design(scene(HALF_SPACE), ["material.E"], 0.01, 300)
@@ -100,7 +108,7 @@ def test_the_baseline_is_as_long_as_it_has_to_be():
 
 @pytest.mark.parametrize("keys, problem", [
     (["loading.delta"], "is nothing that a curve tells of"), (["material.Q"], "is no number of the scene"),
-    (["contact.epsilon_n"], "is no number"),
+    (["contact.epsilon_n"], "is no number"), ([""], "is nothing that a curve tells of"),
 ])  # fmt: skip
 def test_keys_that_tell_nothing_are_refused(keys, problem):
     with pytest.raises(ConfigError, match=problem):

@@ -179,6 +179,23 @@ def test_a_contact_of_few_points_is_refused():
         fit(forces, Samples(X, force), Origin())
 
 
+def test_a_force_that_is_counted_the_other_way_is_said_so():
+    forces = SceneForces(scene(), ["material.E"], DEEPEST)
+    force = measured(forces, [0.0], X, drawn(WHITE, N, np.random.default_rng(15)))
+    with pytest.raises(Refused, match=r"does not rise with the depth .it falls"):
+        fit(forces, Samples(X, -force), Origin())
+
+
+def test_a_layer_in_slow_noise_is_named_by_the_power_of_its_depth():
+    """Shape and windows see nothing of a layer of two contact radii in noise of which half is slow."""
+    config, made = scene(HALF_SPACE), SceneForces(scene({"shape": "layer", "height": 0.6}), ["material.E"], DEEPEST)
+    forces = SceneForces(config, ["material.E"], DEEPEST)
+    force = measured(made, [0.0], X, drawn(NOISES["mixed 10"], N, np.random.default_rng(16)))
+    verdict = judged(fit(forces, Samples(X, force), Origin()), config)
+    low, high = verdict.interval(0)
+    assert "thickness" in verdict.cause and low < 0 < high
+
+
 def test_a_modulus_known_to_a_large_factor_is_refused():
     """Modulus and contact point of the first tenth of a contact in noise of half its force."""
     forces = SceneForces(scene(), ["material.E"], DEEPEST)
