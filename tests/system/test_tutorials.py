@@ -36,6 +36,7 @@ def environment(folder: Path) -> dict[str, str]:
 def test_a_tutorial_can_be_followed(page, tmp_path):
     """Python blocks of a page share their names, as the cells of a notebook do."""
     before, printed = environment(tmp_path), ""
+    os.symlink(ROOT / "configs", tmp_path / "configs")
     blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
     python = ""
     for kind, text in blocks:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.inference.estimate import Estimate, averaged_at
+from indent_sim.fitting.inference.estimate import Estimate, deviation
 from indent_sim.fitting.inference.models import Other
 from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
 from indent_sim.fitting.inference.windows import Window
@@ -21,7 +21,7 @@ from indent_sim.fitting.inference.windows import Window
 COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
 NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
 FEWEST_BEFORE_CONTACT, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
-SUSPECT_SHAPE, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 2.5, 1e-3  # where other models are asked
+SUSPECT_SHAPE, SUSPECT_POWER, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 1e-2, 2.5, 1e-3  # where other models are asked
 WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
 NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
 UNKNOWN_FACTOR = 3.0  # an interval beyond it is none
@@ -123,10 +123,24 @@ class Verdict:
         return max(ends[0] / ends[1], ends[1] / ends[2])
 
 
-def is_suspect(windows: Sequence[Window], p_shape: float, p_baseline: float | None) -> bool:
+def is_suspect(estimate: Estimate, windows: Sequence[Window], p_shape: float, p_baseline: float | None) -> bool:
     """Whether other models are worth asking."""
     moves = any(np.any(np.abs(window.z) > SUSPECT_Z) for window in windows)
-    return moves or p_shape < SUSPECT_SHAPE or (p_baseline is not None and p_baseline < SUSPECT_BASELINE)
+    noisy = p_baseline is not None and p_baseline < SUSPECT_BASELINE
+    return moves or noisy or p_shape < SUSPECT_SHAPE or _power_of(estimate) < SUSPECT_POWER
+
+
+def _power_of(estimate: Estimate) -> float:
+    """The probability that another power of the depth gains as much by accident: an F test of the one direction
+    F ln(delta/depth), in which thickness, adhesion and other tips bend a curve alike, where eight waves see nothing.
+    """
+    model, p = estimate.model, estimate.ordinary
+    force = model.contact(p)
+    delta = model.samples.x - p[model.size] - model.forces.experiment.compliance * force
+    bent = force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))
+    J, r = model.jacobian(p)[:, model.free], model.residual(p)
+    beside = averaged(np.column_stack([J, bent]), r).likeliest
+    return gain(J, bent[:, None], r, beside)
 
 
 def shape_of(estimate: Estimate) -> float:
@@ -162,24 +176,10 @@ def baseline_of(estimate: Estimate) -> float | None:
 
 def tied(estimate: Estimate) -> list[float]:
     """Half width of each coordinate over that with all other varied keys known."""
-    ratios = []
-    for k in range(estimate.model.size):
-        held = [j for j in range(estimate.model.size) if j != k]
-        ratios.append(_alone(estimate, k, held))
-    return ratios
-
-
-def _alone(estimate: Estimate, k: int, held: Sequence[int]) -> float:
-    if not held:
-        return 1.0
-    model = estimate.model
-    free = model.free.copy()
-    free[list(held)] = False
-    J, noise = model.jacobian(estimate.p)[:, free], estimate.found.likeliest
-    covariance = estimate.found.s2 * np.linalg.pinv(J.T @ noise.whitened(J)[0])
-    place = int(np.count_nonzero(free[:k]))
-    whole = averaged_at(model, estimate.p, [noise]).sd[k]
-    return float(whole / max(math.sqrt(max(covariance[place, place], 0.0)), 1e-300))
+    size = estimate.model.size
+    others = [[j for j in range(size) if j != k] for k in range(size)]
+    pairs = ((deviation(estimate, k), deviation(estimate, k, known)) for k, known in enumerate(others))
+    return [whole / max(alone, 1e-300) for whole, alone in pairs]
 
 
 def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:
