@@ -36,7 +36,7 @@ def read(path: str | Path) -> Results | Study:
 
 def plan(given: Given, *, error_bars: bool = False) -> Report:
     """What would be modelled, and why; of a study its runs and their cost: the object of `indent-sim plan --json`."""
-    if isinstance(given, Mapping) and is_study(given) or isinstance(given, str | Path) and _holds_study(given):
+    if (isinstance(given, Mapping) and is_study(given)) or (isinstance(given, str | Path) and _holds_study(given)):
         return plan_study(given, error_bars).as_json()
     scene = resolve(config_of(given))
     return (foreseen(scene, error_bars) if error_bars or scene.plan.fineness else scene).plan.as_json()

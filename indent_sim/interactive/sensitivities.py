@@ -88,8 +88,9 @@ class _Body:
         beyond = min(AROUND, (1 + right / a) / 2) if 0 < a < right else 0.0
         edge, new_edge = ([beyond * radius] if beyond else [] for radius in (a, new_a))
         x = np.interp(self.grid.points[:, 0], [left, *edge, right], [new_left, *new_edge, new_right])
-        levels, new_levels = ([low, *sorted(one.interfaces), high] for low, one, high in
-                              ((bottom, own, top), (new_bottom, part, new_top)))
+        levels, new_levels = (
+            [low, *sorted(one.interfaces), high] for low, one, high in ((bottom, own, top), (new_bottom, part, new_top))
+        )
         z = np.interp(self.grid.points[:, 1], levels, new_levels)
         return replace(self.grid, points=np.column_stack([x, z]))
 

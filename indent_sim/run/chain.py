@@ -237,9 +237,7 @@ def body_from_file(config: Config, comm: Comm) -> Piece | None:
     return skin or known
 
 
-def states(
-    scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None
-) -> Iterator[State]:
+def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None) -> Iterator[State]:
     """Walk a scene without writing anything: one State per requested depth, in the user's units; on a mesh of one's own
     where a grid of the scene's part is given.
 
@@ -343,10 +341,13 @@ def mpi() -> Any:
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:
-    from indent_sim.results.pictures import canvas, experiment, forces
+    from indent_sim.results.pictures import canvas, experiment, forces, history
 
     draw = amend(directory, report)
     picture = directory / canvas.FORCE_PICTURE
+    if history.is_of_body(report):
+        draw(canvas.FORCE_PICTURE, lambda: history.draw(read(directory), picture), None)
+        return
     draw(canvas.FORCE_PICTURE, lambda: forces.force_indentation(read(directory), picture), None)
     if (directory / EXPERIMENT).exists() or "time" in report:
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)
