@@ -238,9 +238,7 @@ def body_from_file(config: Config, comm: Comm) -> Piece | None:
     return skin or known
 
 
-def states(
-    scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None
-) -> Iterator[State]:
+def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None) -> Iterator[State]:
     """Walk a scene without writing anything: one State per requested depth, in the user's units; on a mesh of one's own
     where a grid of the scene's part is given.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
-from contextlib import suppress
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
