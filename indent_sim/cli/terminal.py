@@ -199,7 +199,8 @@ def _interpolated(found: Comparison) -> list[str]:
     if found.interpolated is None:
         return []
     path, error = found.interpolated
-    said = [f"{path} interpolated in depth, to {100 * error:.2g} % of the largest force"]
+    along = "time" if found.matched_by == "t" else "depth"
+    said = [f"{path} interpolated in {along}, to {100 * error:.2g} % of the largest force"]
     if apart := found.residual:
         largest, rms = apart["percent_largest"], apart["percent_rms"]
         said.append(f"forces apart by {largest:.3g} % of the largest at most, {rms:.3g} % rms")

@@ -97,6 +97,7 @@ class Conversion:
         kinds = {key_types.core(part) for part in key_types.members(spot.type)}
         if not isinstance(spot.value, str) or not kinds & {float, int}:
             return spot.value
+        unit = unit.units[-1] if isinstance(unit, UnitRow) else unit  # a number instead of rows
         try:
             value = self._number(key_text(spot.path), spot.value, unit)
         except ConfigError as error:

@@ -339,7 +339,7 @@ def _as_fields(document: Document) -> Document:
 def _completed(spot: schema.Spot) -> Any:
     """The value of a place with default tags written out, and one word written out for all walls that it stands for."""
     value = spot.value
-    if isinstance(value, str) and spot.tag is None and spot.kind is not None and key_types.words_of(spot.type):
+    if isinstance(value, str) and spot.tag is None and spot.kind is not None and key_types.common(spot.kind):
         return dict.fromkeys(key_types.field_names(spot.kind), value)
     if isinstance(value, dict):
         value = {part.path[-1]: _completed(part) for part in spot.parts()}

@@ -22,11 +22,23 @@ from indent_sim.config import number_limits
 from indent_sim.config.key_types import chosen, core, default_of, field_names, hints, kinds_of, members, tag_of
 from indent_sim.config.strict_yaml import KeyPath
 from indent_sim.model import body as bodies
-from indent_sim.model.body import Ball, Box, Cap, Cylinder, Endless, HalfSpace, Inclusion, Layer, MeshFromFile, Strip
-from indent_sim.model.contact import AutoContact, Contact
+from indent_sim.model.body import (
+    Ball,
+    Box,
+    Cap,
+    Cylinder,
+    Drainage,
+    Endless,
+    HalfSpace,
+    Inclusion,
+    Layer,
+    MeshFromFile,
+    Strip,
+)
+from indent_sim.model.contact import AutoContact, Contact, Nitsche
 from indent_sim.model.experiment import Experiment, JKRAdhesion
 from indent_sim.model.loading import WAYS, Loading
-from indent_sim.model.materials import Material
+from indent_sim.model.materials import Gel, Material, NeoHookean, Relaxable, Relaxation
 from indent_sim.model.tips import FlatPunch, Indenter, Plate, Profile
 from indent_sim.model.units import LENGTH, Auto, Coordinate, Length, PositiveInt, TaggedBy
 from indent_sim.process.errors import ConfigError, ConfigErrors, printable
@@ -48,6 +60,7 @@ PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iteration
 MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
 GONE = {("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")}
 GONE |= {("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()}
+SAME_SOLVENT = 1e-6  # of kT over the volume of its molecule
 LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
 
@@ -129,6 +142,7 @@ class Config(BaseModel):
     indenter: Annotated[Indenter, TaggedBy("shape")]
     center: Annotated[tuple[Coordinate, ...], LENGTH] | None = None  # in the file: indenter.center
     contact: Annotated[Contact, TaggedBy("method")] = AutoContact()
+    drainage: Drainage | None = None
     loading: Loading
     experiment: Experiment | None = None
     mesh: MeshSettings = MeshSettings()
@@ -142,6 +156,12 @@ class Config(BaseModel):
     def source(self) -> Source:
         """Where the keys were written."""
         return self._source
+
+    @property
+    def first_bath(self) -> float:
+        """The bath when the body is at rest."""
+        in_time = self.loading.in_time
+        return self.drainage.bath_at(in_time.points[0][0] if in_time else 0.0) if self.drainage else 0.0
 
     @property
     def layers(self) -> tuple[Layer, ...]:
@@ -165,7 +185,7 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        of_body, of_tip = (_cap, _layers, _inclusions, _constants), (_contact, _path, _axis, _tip)
+        of_body, of_tip = (_cap, _layers, _inclusions, _constants, _flow), (_contact, _path, _axis, _tip)
         checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
         if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
@@ -299,10 +319,85 @@ def _constants(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(key, "these constants belong to no stable material")
         except ValueError as error:
             yield ConfigError(key, str(error))
-        else:
-            if material.flow:
-                remedy = "leave it out: nu as given is drained, nu: 0.5 undrained"
-                yield ConfigError(f"{key}.flow", "needs a time, and no body is followed in one yet", remedy)
+
+
+def _flow(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with fluid in the pores: what it needs, and what does not go with it."""
+    flows = {f"{key}.flow": material for key, material in config.materials() if material.flow}
+    if config.loading.per_doubling is not None and not any(material.evolves for _, material in config.materials()):
+        problem = "is for a body that takes time, and nothing of this one flows, nor relaxes in shear alone"
+        yield ConfigError("loading.per_doubling", problem, "leave it out")
+    if not flows:
+        if config.drainage and not (_has_own_bath(config) and config.drainage == Drainage(bath=config.drainage.bath)):
+            yield ConfigError("drainage", "no material has a flow", "give material.flow, or leave it out")
+        elif config.drainage and not isinstance(config.drainage.bath, float | int):
+            yield ConfigError("drainage.bath", "changes in time, and no material has a flow", "give material.flow")
+        yield from _gels(config)
+        return
+    key = next(iter(flows))
+    if config.loading.in_time is None:
+        remedy = "give loading.history, or leave it out: nu as given is drained, nu: 0.5 undrained"
+        yield ConfigError(key, "needs a time", remedy)
+    yield from (error for key, material in flows.items() for error in _of_flow(key, material))
+    yield from _gels(config)
+    if isinstance(config.contact, Nitsche):
+        problem = "nitsche takes the body's own stress, and with fluid that is not the whole"
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    if config.contact.adhesion:
+        yield ConfigError("contact.adhesion", "together with flow is not verified", "leave one of the two out")
+    drainage = config.drainage or Drainage()
+    if isinstance(config.body, MeshFromFile) and drainage.sides != "sealed":
+        problem = "of a body from a mesh file are not known: a side without a name has no facets of its own"
+        yield ConfigError("drainage.sides", problem, "use sealed")
+    times = [t for t, _ in drainage.bath] if isinstance(drainage.bath, tuple) else []
+    back = next((k for k, (one, other) in enumerate(pairwise(times), start=1) if other <= one), None)
+    if back is not None:
+        yield ConfigError(f"drainage.bath[{back}]", f"time does not go on from {times[back - 1]:g} to {times[back]:g}")
+
+
+def _has_own_bath(config: Config) -> bool:
+    """Whether the stretch of a gel is that of its bath."""
+    return any(isinstance(material, Gel) and material.stretch == "auto" for _, material in config.materials())
+
+
+def _gels(config: Config) -> Iterator[ConfigError]:
+    """What is wrong with gels, which share the scene's bath and its solvent."""
+    gels = {key: material for key, material in config.materials() if isinstance(material, Gel)}
+    for key, gel in gels.items():
+        try:
+            gel.swollen_in(config.first_bath).canonical()
+        except ValueError as error:
+            yield ConfigError(f"{key}.stretch", str(error))
+        if gel.relaxation:
+            yield ConfigError(f"{key}.relaxation", "of a gel was never verified", "leave it out")
+    for key, material in config.materials():
+        if gels and material.flow and not isinstance(material, Gel):
+            problem = "of another law than a gel's, and the bath is the solvent's chemical potential"
+            yield ConfigError(f"{key}.flow", problem, "leave it out, or use gels alone")
+    ratios = {key: gel.G / gel.n_omega for key, gel in gels.items() if gel.flow}
+    first = next(iter(ratios.values()), 0.0)
+    for key, ratio in ratios.items():
+        if not isclose(ratio, first, rel_tol=SAME_SOLVENT):
+            problem = f"gives G/n_omega = {ratio:g}, and another gel {first:g}: kT over the solvent's molecular volume"
+            yield ConfigError(f"{key}.n_omega", problem, "one ratio for all gels of one solvent")
+
+
+def _of_flow(key: str, material: Material) -> Iterator[ConfigError]:
+    flow = material.flow
+    assert flow
+    if isinstance(material, Gel):
+        if flow.permeability is not None or flow.diffusivity is None:
+            name = "permeability" if flow.permeability is not None else "diffusivity"
+            problem = "of a gel follows from its swelling" if flow.permeability is not None else "is missing"
+            yield ConfigError(f"{key}.{name}", problem, "give diffusivity, that of the solvent")
+        if flow.holmes_mow:
+            yield ConfigError(f"{key}.holmes_mow", "is for other laws: a gel's pores are its solvent", "leave it out")
+    if not material.small_strain and (flow.alpha, flow.storage) != (1.0, 0.0):
+        name = "alpha" if flow.alpha != 1 else "storage"
+        problem = "at finite strain grains and fluid are incompressible"
+        yield ConfigError(f"{key}.{name}", problem, "alpha: 1, storage: 0")
+    if material.small_strain and flow.holmes_mow:
+        yield ConfigError(f"{key}.holmes_mow", "is for finite strain, and this law has none", "leave it out")
 
 
 def _contact(config: Config) -> Iterator[ConfigError]:
@@ -404,7 +499,8 @@ def _history(config: Config) -> Iterator[ConfigError]:
             problem = f"{t:g} lies outside the history" if not moments[0] <= t <= moments[-1] else "does not go on"
             yield ConfigError(f"loading.times[{k}]", problem, f"times from {moments[0]:g} up to {moments[-1]:g}")
             break
-    if found.largest <= 0:
+    swells = any(isinstance(material, Gel) and material.flow for _, material in config.materials())
+    if found.largest <= 0 and not swells:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
     low = min(value for _, value in found.points) if found.control == "force" else 0.0
     if low < 0 and not (config.experiment and config.experiment.adhesion):
@@ -412,19 +508,48 @@ def _history(config: Config) -> Iterator[ConfigError]:
 
 
 def _relaxation(config: Config) -> Iterator[ConfigError]:
-    """What is wrong with how the materials relax, all of them alike."""
+    """What is wrong with how the materials relax."""
     laws = dict(config.materials())
     frequencies, history = config.experiment and config.experiment.frequencies, config.loading.in_time
-    key, given = next(
-        ((f"{key}.relaxation", law.relaxation) for key, law in laws.items() if law.relaxation), ("", None)
-    )
-    if given is None:
+    found = {f"{key}.relaxation": law.relaxation for key, law in laws.items() if law.relaxation}
+    if not found:
         if frequencies:
             yield ConfigError("experiment.frequencies", "needs a body that relaxes", "give material.relaxation")
         return
-    if other := next((other for other, law in laws.items() if law.relaxation != given), None):
-        problem = f"is not that of {other}: what relaxes must do so alike everywhere"
-        yield ConfigError(key, problem, f"the same {other}.relaxation")
+    yield from (error for key, given in found.items() for error in _of_relaxation(config, key, given))
+    key, given = next(iter(found.items()))
+    if any(law.relaxes_in_shear for law in laws.values()):
+        yield from _of_shear(config, laws)
+    elif other := next((other for other, law in laws.items() if law.relaxation != given), None):
+        problem = f"is not that of {other}: what relaxes as a whole must do so alike everywhere"
+        yield ConfigError(key, problem, f"the same {other}.relaxation, or of: shear")
+    if not history and not frequencies:
+        remedy = "give loading.history, loading.force_history or experiment.frequencies"
+        yield ConfigError(key, "needs a time", remedy)
+
+
+def _of_shear(config: Config, laws: Mapping[str, Material]) -> Iterator[ConfigError]:
+    """What a body whose shear alone relaxes, in part of it at least, is not followed with."""
+    for key, law in laws.items():
+        if law.relaxation and law.relaxation.of == "all":
+            problem = "all: is for a body that relaxes alike everywhere, and elsewhere shear relaxes alone"
+            yield ConfigError(f"{key}.relaxation.of", problem, "of: shear")
+        if law.relaxation and not isinstance(law, Relaxable | Gel):
+            like = "mooney_rivlin with C10 = mu/2" if isinstance(law, NeoHookean) else "linear_elastic"
+            yield ConfigError(f"{key}.relaxation.of", f"{law.model} has no shear apart from its volume", f"use {like}")
+    if config.experiment and config.experiment.frequencies:
+        problem = "is made of a curve, and none knows a bulk modulus that stays while shear relaxes"
+        yield ConfigError("experiment.frequencies", problem, "of: all")
+    if isinstance(config.contact, Nitsche):
+        problem = "nitsche takes the body's own stress, which relaxes"
+        yield ConfigError("contact.method", problem, "use augmented_lagrangian")
+    if config.contact.adhesion:
+        problem = "together with relaxation is not verified"
+        yield ConfigError("contact.adhesion", problem, "leave one of the two out")
+
+
+def _of_relaxation(config: Config, key: str, given: Relaxation) -> Iterator[ConfigError]:
+    """What is wrong with a law by itself, and with a history that it cannot bear."""
     if (given.prony is None) == (given.power_law is None):
         yield ConfigError(key, "must be one of two laws", "give prony or power_law")
     for k, (fraction, time) in enumerate(given.prony or ()):
@@ -433,9 +558,7 @@ def _relaxation(config: Config) -> Iterator[ConfigError]:
             yield ConfigError(f"{key}.prony[{k}]", problem, "a fraction from 0 to below 1, a time above 0")
     if (total := sum(fraction for fraction, _ in given.prony or ())) >= 1:
         yield ConfigError(f"{key}.prony", f"the fractions sum to {total:g}: nothing would bear in the end", "below 1")
-    if not history and not frequencies:
-        remedy = "give loading.history, loading.force_history or experiment.frequencies"
-        yield ConfigError(key, "needs a time", remedy)
+    history = config.loading.in_time
     if given.power_law and history and history.jumps:
         problem = "jumps, and the instantaneous modulus of a power law is infinite"
         yield ConfigError(f"loading.{config.loading.given[0]}", problem, "use a ramp")

@@ -170,21 +170,22 @@ class Problem:
 
     def force(self) -> float:
         """Virtual work of pressing deeper, dPi/d(delta), of the whole body."""
-        return self._whole(sum(term.force() for term in self.terms))
+        return self.whole(sum(term.force() for term in self.terms))
 
     def side_force(self, axis: int) -> float:
         """Force on the tip along a horizontal axis, of the whole body; across a mirror plane it is the part's."""
-        return self._whole(sum(term.side_force(axis) for term in self.terms))
+        return self.whole(sum(term.side_force(axis) for term in self.terms))
 
     def dissipation(self) -> float:
         """What is lost on the way to the present state from the last accepted one, in the whole body."""
-        return self._whole(sum(term.dissipation() for term in self.terms))
+        return self.whole(sum(term.dissipation() for term in self.terms))
 
     def energy(self) -> float:
         """Pi of the whole body: strain plus contact energy."""
-        return self._whole(fem.assemble_scalar(self._energy))
+        return self.whole(fem.assemble_scalar(self._energy))
 
-    def _whole(self, mine: float) -> float:
+    def whole(self, mine: float) -> float:
+        """A number of the whole body by this rank's share of the modelled part (collective)."""
         return float(self.scene.physics.part.copies * self.comm.allreduce(mine, op=MPI.SUM))
 
     def reactions(self) -> tuple[float, float]:

@@ -29,6 +29,7 @@ Place = Annotated[tuple[float, ...], Len(3, 3), LENGTH]  # (x, y, z)
 Spans = tuple[tuple[tuple[int, ...], float], ...]  # axes and half-width [length] of each
 UNIT_BALLS = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
 ALL = (0, 1, 2)  # axes
+MOST_POINTS = 10_000  # of a bath
 SAME_PLACE = 2e-11  # of a body: places to 12 digits
 
 
@@ -606,21 +607,33 @@ class Drainage:
     """Where a body with fluid in its pores lets it out, into a bath of the pressure `bath` [pressure].
 
     surface: what the tip may touch, where it does not; tip: where it does; sides auto: drained where they are free.
-    Mirror planes are sealed. bath: a number, or [t, value] points, straight between them.
+    Mirror planes are sealed. bath: a number, or [t, value] points, straight between them; at rest there is none. Of a
+    gel it is the solvent's chemical potential [kT], and at rest that of free swelling.
     """
 
     surface: Drain = "drained"
     tip: Drain | Conductance = "sealed"
     base: Drain | Conductance = "sealed"
     sides: Drain | Auto = "auto"
-    bath: Annotated[float | tuple[BathPoint, ...], UnitRow((TIME, PRESSURE))] = 0.0
+    bath: Annotated[float, PRESSURE] | Annotated[tuple[BathPoint, ...], Len(1, MOST_POINTS)] = 0.0
+
+    def since(self, begin: float) -> Drainage:
+        """The same with the bath's times counted from another one."""
+        if isinstance(self.bath, float | int):
+            return self
+        return replace(self, bath=tuple((t - begin, value) for t, value in self.bath))
 
     def drains_wall(self, support: str) -> bool:
         """Whether a wall with this support lets fluid out."""
         return self.sides == "drained" or (self.sides == "auto" and support == "free")
 
+    @property
+    def baths(self) -> tuple[float, ...]:
+        """Values of the bath, between which all others lie."""
+        return (float(self.bath),) if isinstance(self.bath, float | int) else tuple(value for _, value in self.bath)
+
     def bath_at(self, t: float) -> float:
-        """The bath's pressure [pressure] at a time, before the first point and after the last as there."""
+        """The bath at a time; before the first point, and after the last, as there."""
         if isinstance(self.bath, float | int):
             return float(self.bath)
         times, values = zip(*self.bath, strict=True)

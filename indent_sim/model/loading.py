@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
+from math import inf
 from typing import Annotated, Literal
 
-from annotated_types import Gt, Le, Len
+from annotated_types import Ge, Gt, Le, Len
 
 from indent_sim.model.units import FORCE, LENGTH, TIME, Auto, Coordinate, Length, UnitRow
 
 MOST_STEPS, MOST_POINTS = 100_000, 10_000
 HISTORY_ROWS = 200  # of a history on the elastic curve at least, and at most as many more
+SHORTEST = 1e-9  # of a piece: a last step shorter than that is none
 PIECE_ROWS = 20  # of each piece of a history on the whole body
+PER_PIECE = 5  # times the steps of each length, the least of a piece that moves
 Force = Annotated[float, Gt(0), FORCE]
 Way = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, LENGTH))]
 Pull = Annotated[tuple[float, ...], Len(2, 2), UnitRow((TIME, FORCE))]
 WAYS = ("delta", "deltas", "force", "forces", "history", "force_history")  # to say the path, one of them
+PER_DOUBLING, MOST_PER_DOUBLING = 4, 1000
 STEPPED = ("delta", "force")  # those that have steps
 Control = Literal["depth", "force"]
 
@@ -26,29 +30,51 @@ Control = Literal["depth", "force"]
 @dataclass(frozen=True)
 class LoadPath:
     """What is prescribed, and its values in order: depths [length], or forces of the whole body [force]; in time, the
-    time and the branch of each too, and the values that the tip passes before it, where it turns between two rows."""
+    time and the branch of each too, and the values that the tip passes before it, where it turns between two rows.
+
+    begin: when a body that takes time sets out [time], None of any other; `passed`: the times of its turns."""
 
     control: Control
     values: tuple[float, ...]
     times: tuple[float, ...] = ()
     branches: tuple[str, ...] = ()
     turns: tuple[tuple[float, ...], ...] = ()
+    passed: tuple[tuple[float, ...], ...] = ()
+    begin: float | None = None
 
     def halved(self) -> LoadPath:
         """The same in steps half as long: between each two values the mean of them, two rows for each."""
-        values: list[float] = []
-        turns: list[tuple[float, ...]] = []
-        last = 0.0
+        rows: list[tuple[float, float]] = []
+        turns: list[tuple[tuple[float, float], ...]] = []
+        last = (0.0, 0.0)
         for step in range(1, len(self.values) + 1):
-            fine = [part for a, b in pairwise((last, *self.leg(step))) for part in ((a + b) / 2, b)]
-            values += fine[-2:]
+            fine = [part for a, b in pairwise((last, *self.leg(step))) for part in (_middle(a, b), b)]
+            rows += fine[-2:]
             turns += [tuple(fine[:-2]), ()]
             last = fine[-1]
-        return LoadPath(self.control, tuple(values), turns=tuple(turns) if self.turns else ())
+        values, times = zip(*rows, strict=True)
+        passed = [tuple(zip(*leg, strict=True)) or ((), ()) for leg in turns] if self.turns else []
+        found = LoadPath(self.control, values, turns=tuple(depths for depths, _ in passed))
+        if self.begin is None:
+            return found
+        own = tuple(self.begin + t for t in times)
+        legs = tuple(tuple(self.begin + t for t in leg) for _, leg in passed)
+        return replace(
+            found,
+            times=own,
+            branches=(*chain(*zip(self.branches, self.branches, strict=True)),),
+            passed=legs,
+            begin=self.begin,
+        )
 
-    def leg(self, step: int) -> tuple[float, ...]:
-        """The values on the way to a step [from 1], its own the last."""
-        return (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
+    def leg(self, step: int) -> tuple[tuple[float, float], ...]:
+        """The values on the way to a step [from 1], its own the last, each with the time since the path's begin; no
+        time passes for a body that takes none."""
+        values = (*(self.turns[step - 1] if self.turns else ()), self.values[step - 1])
+        if self.begin is None:
+            return tuple((value, 0.0) for value in values)
+        times = (*(self.passed[step - 1] if self.passed else ()), self.times[step - 1])
+        return tuple((value, t - self.begin) for value, t in zip(values, times, strict=True))
 
     def without_units(self, unit: float) -> LoadPath:
         """The same with values in a unit; times stay."""
@@ -96,6 +122,11 @@ class History:
     def span(self) -> float:
         """From the first point to the last [time]."""
         return self.points[-1][0] - self.points[0][0]
+
+    @property
+    def shortest_piece(self) -> float:
+        """The shortest time between two points that is none [time]."""
+        return min(after - before for (before, _), (after, _) in pairwise(self.points) if after > before)
 
     @property
     def comes_back(self) -> bool:
@@ -149,30 +180,64 @@ class History:
     def path(self) -> LoadPath:
         """Its rows as a path of the whole body: PIECE_ROWS in each piece that moves, the end of a hold, the state after
         a jump; or those at its `times`, and where it turns between them."""
+        return self._followed(lambda span, moves: [k / PIECE_ROWS for k in range(1, PIECE_ROWS)] if moves else [])
+
+    def in_steps(self, first: float, per_doubling: int) -> LoadPath:
+        """The path of a body that takes time, every step a row: in each piece `per_doubling` steps of each length,
+        `first` [time] and twice the one before, and PER_PIECE times as many at least where it moves; or rows as
+        `path`."""
+
+        def parts(span: float, moves: bool) -> list[float]:
+            longest = span / (PER_PIECE * per_doubling) if moves else inf
+            return [t / span for t in ladder(span, first, per_doubling, longest)]
+
+        return replace(self._followed(parts), begin=self.points[0][0])
+
+    def _followed(self, parts: Callable[[float, bool], Sequence[float]]) -> LoadPath:
+        """Its rows at shares of each piece in time, by its span and whether it moves, and at its end."""
         rows = [] if len(self.from_rest) > len(self.points) else [Instant(*self.points[0], "approach")]
         for (t0, v0), (t1, v1) in pairwise(self.from_rest):
-            parts, branch = (PIECE_ROWS if t1 > t0 and v1 != v0 else 1), branch_of(v0, v1)
-            shares = [k / parts for k in range(1, parts)]
+            shares, branch = (parts(t1 - t0, v1 != v0) if t1 > t0 else ()), branch_of(v0, v1)
             rows += [Instant(t0 + (t1 - t0) * share, v0 + (v1 - v0) * share, branch) for share in shares]
             rows.append(Instant(t1, v1, branch))
         if self.times:
             return self._picked(rows)
-        return LoadPath(self.control, *zip(*((row.value, row.t, row.branch) for row in rows), strict=True))
+        values, times, branches = zip(*((row.value, row.t, row.branch) for row in rows), strict=True)
+        return LoadPath(self.control, values, times, branches)
 
     def _picked(self, rows: Sequence[Instant]) -> LoadPath:
         """The rows at its `times`, at a jump the one after it; the others stay, as steps on the way to them."""
         at, known, legs = dict(self.through_its_times.points), [row.t for row in rows], []
         ends = [bisect_right(known, t) for t in self.times]
         for begin, end, t in zip((0, *ends), ends, self.times, strict=False):
-            passed = tuple(row.value for row in rows[begin:end])
+            passed = rows[begin:end]
             legs.append(passed[:-1] if passed and known[end - 1] == t else passed)
         owners = (end - 1 if known[end - 1] == t else end for end, t in zip(ends, self.times, strict=True))
-        branches = tuple(rows[owner].branch for owner in owners)
-        return LoadPath(self.control, tuple(at[t] for t in self.times), self.times, branches, tuple(legs))
+        values, branches = tuple(at[t] for t in self.times), tuple(rows[owner].branch for owner in owners)
+        turns = tuple(tuple(row.value for row in leg) for leg in legs)
+        moments = tuple(tuple(row.t for row in leg) for leg in legs)
+        return LoadPath(self.control, values, self.times, branches, turns, moments)
 
     def without_units(self, unit: float) -> History:
         """The same with values in a unit; times stay."""
         return replace(self, points=tuple((t, value / unit) for t, value in self.points))
+
+
+def ladder(span: float, first: float, per_doubling: int, longest: float = inf) -> list[float]:
+    """Times from 0 to a span, without both: as many steps of each length as `per_doubling`, `first` and then twice the
+    one before, but no longer than `longest` [time]."""
+    found, t, dt = list[float](), 0.0, min(first, longest)
+    while True:
+        for _ in range(per_doubling):
+            t += dt
+            if t >= span * (1 - SHORTEST):
+                return found
+            found.append(t)
+        dt = min(2 * dt, longest)
+
+
+def _middle(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return (a[0] + b[0]) / 2, (a[1] + b[1]) / 2
 
 
 def branch_of(before: float, after: float) -> str:
@@ -185,7 +250,8 @@ class Loading:
     """One of: a final depth `delta` or force `force` reached in `steps` equal steps, the depths `deltas` or the
     forces `forces` one by one, or in time `history`, [t, delta] (with a cantilever or a frame [t, z]), or
     `force_history`, [t, force]: straight between the points, two equal times are a jump, before the first point the
-    body is at rest. `times`: auto: every point and, between them, enough for a curve | the times of the rows.
+    body is at rest. `times`: auto: every point and, between them, enough for a curve | the times of the rows. A body
+    that drains, or whose shear relaxes, takes `per_doubling` steps of each length before that doubles, in every piece.
 
     delta > 0 pushes in; negative values in `deltas` hold the tip clear of the body [length]. Forces are of the whole
     body (per unit length in plane strain); negative ones only under a tip that adheres, and no harder than it pulls
@@ -200,6 +266,7 @@ class Loading:
     history: Annotated[tuple[Way, ...], Len(2, MOST_POINTS)] | None = None
     force_history: Annotated[tuple[Pull, ...], Len(2, MOST_POINTS)] | None = None
     times: Annotated[tuple[float, ...], Len(1, MOST_STEPS), TIME] | Auto = "auto"
+    per_doubling: Annotated[int, Ge(2), Le(MOST_PER_DOUBLING)] | None = None
 
     @property
     def given(self) -> tuple[str, ...]:

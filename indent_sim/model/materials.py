@@ -42,11 +42,13 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class Relaxation:
-    """E(t) at constant nu, the law's own constants being the instantaneous ones: `prony` terms [fraction, time], whose
-    fractions sum below 1, or a power law."""
+    """G(t) of a law whose own constants are the instantaneous ones: `prony` terms [fraction, time], whose fractions sum
+    below 1, or a power law. `of`: all moduli fall alike, nu stays what it is | shear: the bulk modulus stays what it
+    is, and at finite strain too."""
 
     prony: Annotated[tuple[RelaxationTerm, ...], Len(1, MOST_TERMS)] | None = None
     power_law: PowerLaw | None = None
+    of: Literal["all", "shear"] = "all"
 
 
 class Exponentials(NamedTuple):
@@ -115,7 +117,18 @@ class _Law(ABC):
     is_isotropic: ClassVar[bool] = True
     is_conservative: ClassVar[bool] = True  # the stress is the slope of an energy: strains that come back cost no work
     has_memory: ClassVar[bool] = False  # the stress depends on the strains before as well as on the present one
+    relaxation: Relaxation | None
     flow: Flow | None
+
+    @property
+    def relaxes_in_shear(self) -> bool:
+        """Whether its shear relaxes alone."""
+        return self.relaxation is not None and self.relaxation.of == "shear"
+
+    @property
+    def evolves(self) -> bool:
+        """Whether a body of it changes with time other than by one common factor."""
+        return self.flow is not None or self.relaxes_in_shear
 
     @property
     @abstractmethod
@@ -140,6 +153,12 @@ class _Law(ABC):
         return E * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) if nu < 0.5 else math.inf
 
     @property
+    def diffusivity(self) -> float:
+        """Small-strain D = permeability/(storage + alpha^2/M_c) [length^2/time] of its flow, said by permeability."""
+        assert self.flow and self.flow.permeability
+        return self.flow.permeability / (self.flow.storage + self.flow.alpha**2 / self.confined_modulus)
+
+    @property
     def flow_by_permeability(self) -> Flow | None:
         """Its flow, said by the permeability; ValueError where it is not well said."""
         return self.flow and self.flow.canonical(self.confined_modulus)
@@ -160,8 +179,15 @@ class _Law(ABC):
         if self.small_strain:
             return self.flow.permeability * ufl.Identity(3)
         J, inverse = 1 + self.growth(H), ufl.inv(ufl.Identity(3) + H)
-        k = self.flow.permeability * (self.flow.holmes_mow.factor(J) if self.flow.holmes_mow else 1)  # type: ignore[operator]
-        return J * k * inverse * inverse.T
+        return J * self.opening(J) * self.flow.permeability * inverse * inverse.T
+
+    def opening(self, J: Expr) -> Expr:
+        """The permeability of the deformed body over that at rest."""
+        return self.flow.holmes_mow.factor(J) if self.flow and self.flow.holmes_mow else 1
+
+    def bath_pressure(self, bath: Expr) -> Expr:
+        """The pressure [pressure] of a bath above that at rest."""
+        return bath
 
     @property
     @abstractmethod
@@ -596,7 +622,9 @@ class Gel(_Law):
               + G/(n J0) {(J0 - 1)[r(e) - r(a e) + a e (ln(1 + a e) - ln(1 + e))] - (chi/J0) e^2/(1 + e)}.
 
     It is the energy of the drained body: its stress lacks -p J F^-T, p [pressure] the solvent's chemical potential [kT]
-    over that of free swelling, times G/n. At J <= 1/J0 no solvent is left, and psi is not a number.
+    over that of free swelling, times G/n. At J <= 1/J0 no solvent is left, and psi is not a number. stretch: auto: that
+    of free swelling in the first bath. flow.diffusivity [length^2/time] is that of the solvent; without flow the gel
+    is always in equilibrium with the bath in which it swelled freely.
     Source: Hong, Zhao, Zhou & Suo (2008), J. Mech. Phys. Solids 56, 1779.
     """
 
@@ -604,19 +632,25 @@ class Gel(_Law):
     n_omega: Annotated[float, Gt(0)]
     chi: float
     stretch: Annotated[float, Gt(1)] | Auto = "auto"
-    formulation: Formulation = "displacement"
+    formulation: Literal["displacement"] = "displacement"
     relaxation: Relaxation | None = None
+    flow: Flow | None = None
     model: Literal["gel"] = "gel"
 
     def canonical(self) -> Self:
-        """Itself; ValueError where the free swelling is not stable. A stretch that is still "auto" is that of a bath:
-        `swollen_in`."""
-        if self.stretch != "auto" and not (self.stretch > 1 and 3 * self._stiffness_of_swelling > self.n_omega):
+        """The same with its flow said by the permeability at rest; ValueError where the free swelling is not stable. A
+        stretch that is still "auto" is that of a bath: `swollen_in`."""
+        if self.stretch == "auto":
+            return self
+        if not (self.stretch > 1 and 3 * self._stiffness_of_swelling > self.n_omega):
             raise ValueError(
                 f"a gel of chi = {self.chi:g} that has swollen freely by {self.stretch:g} would shrink by itself;"
                 " a smaller stretch, or chi"
             )
-        return self
+        if not (self.flow and self.flow.diffusivity):
+            return self
+        at_rest = self.permeability(1.0, self.flow.diffusivity)
+        return replace(self, flow=replace(self.flow, diffusivity=None, permeability=at_rest))
 
     def swollen_in(self, bath: float) -> Self:
         """The same with the stretch of free swelling in a bath of this chemical potential [kT], where it is "auto"."""
@@ -642,7 +676,7 @@ class Gel(_Law):
     def held_swelling(self, bath_pressure: float) -> HeldSwelling:
         """At rest in a bath of this p_b [pressure] between walls as far apart as it is wide, free along one axis;
         ValueError where there is no such state."""
-        if bath_pressure == 0:
+        if abs(bath_pressure) <= SWELLING_ROUNDING * self.G / self.n_omega:
             return HeldSwelling(1.0, 0.0)
 
         def pull(growth: float) -> float:
@@ -658,6 +692,10 @@ class Gel(_Law):
     def permeability(self, J: Expr, diffusivity: Expr) -> Expr:
         """k = D n (1 - 1/(J0 J))/G [length^2/(pressure time)], D the diffusivity of the solvent [length^2/time]."""
         return diffusivity * self.n_omega / self.G * (1 - 1 / (self._J0 * J))
+
+    def opening(self, J: Expr) -> Expr:
+        """The permeability over that at rest: the solvent's share of the volume, over that at rest."""
+        return (1 - 1 / (self._J0 * J)) / (1 - 1 / self._J0)
 
     @property
     def _l(self) -> Expr:
@@ -714,6 +752,7 @@ class Gel(_Law):
         return self.G / self.n_omega * mixing - self.G * (1 / self._l - 1 / J0) * shrunk
 
 
+SWELLING_ROUNDING = 1e-14  # of G/n, a bath pressure that is 0
 GROWTHS = tuple(10 ** (k / 20) for k in range(-240, 241))  # where a stretch less 1 is looked for
 
 
@@ -736,7 +775,7 @@ def _bisected(function: Callable[[float], float], low: float, high: float) -> fl
     return high
 
 
-Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce
+Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce | Gel
 Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce  # laws that `split`: shear may relax alone
 
 CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is

@@ -11,6 +11,7 @@ from indent_sim.model.units import Scales
 READINGS = ("stiffness", "area", "E_hertz")  # more to read at each row; empty where there is none
 # The last where the tip is off centre
 FRICTION_COLUMNS = ("stick_radius", "dissipation", "side_force_x", "side_force_y")
+FLUID_COLUMNS = ("outflow", "pore_pressure_max")  # with fluid in the pores
 ERROR_COLUMNS = ("force_error", "a_error", "p_max_error", "delta_error", "stick_radius_error", "dissipation_error")
 KRYLOV_COLUMNS = ("krylov_iterations",)  # with an iterative linear solver
 TIME_COLUMNS = ("t", "z", "branch", "calibration_error")  # of a history; t stands after step
@@ -23,7 +24,8 @@ class Surface:
 
     x, y, z [length] (axisymmetric: x = r, y = 0; strip: y = 0; z = 0 on a flat top); u (n, 3) [length]; gap [length]
     >= 0 open; pressure [pressure] >= 0; shear [pressure] the tangential traction on the body, > 0 along x or the
-    radius, in three dimensions its size; None without friction.
+    radius, in three dimensions its size; None without friction. pore_pressure [pressure] of the fluid above the bath's;
+    None without.
     """
 
     x: np.ndarray
@@ -33,12 +35,14 @@ class Surface:
     pressure: np.ndarray
     z: np.ndarray
     shear: np.ndarray | None = None
+    pore_pressure: np.ndarray | None = None
 
     def in_units(self, length: float, pressure: float) -> Surface:
         """The same table with lengths and pressures measured in the user's units."""
         lengths = {name: getattr(self, name) * length for name in ("x", "y", "z", "u", "gap")}
-        shear = None if self.shear is None else self.shear * pressure
-        return Surface(pressure=self.pressure * pressure, shear=shear, **lengths)
+        given = {name: part for name in ("shear", "pore_pressure") if (part := getattr(self, name)) is not None}
+        acting = {name: part * pressure for name, part in given.items()}
+        return Surface(pressure=self.pressure * pressure, **acting, **lengths)
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ class State:
     side_force on the tip [force] across a body that it stands off the middle of. krylov_iterations are those of
     an iterative linear solver. Errors are half-widths of error bars, None where there are none. With a history t
     [time], the way z [length] of a base, branch (approach, hold, retract), and what the instrument's calibration leaves
-    unknown of the force; what the curve does not know is NaN.
+    unknown of the force; what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest,
+    the largest pore pressure above the bath's [pressure], and the fluid that has neither left nor is there [length^3].
     """
 
     step: int
@@ -93,6 +98,9 @@ class State:
     z: float | None = None
     branch: str = ""
     calibration_error: float | None = None
+    outflow: float | None = None
+    pore_pressure_max: float | None = None
+    unbalanced: float = 0.0
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
     def in_units(self, scales: Scales) -> State:
@@ -100,7 +108,8 @@ class State:
         L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy
         units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
         units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
-        units |= dict.fromkeys(("energy", "dissipation"), energy) | dict.fromkeys(("p_max", "E_hertz"), P)
+        units |= dict.fromkeys(("energy", "dissipation"), energy) | dict.fromkeys(("outflow", "unbalanced"), energy / P)
+        units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
         units |= {
             "delta": depth,
             "z": depth,

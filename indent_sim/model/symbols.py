@@ -89,12 +89,16 @@ C30 [pressure] $C_{30}$: coefficient of (I1 - 3)^3 (Yeoh)
 alpha [1] $\alpha_i$: exponents of the stretches (Ogden)
 Jm [1] $J_m$: limit of I1 - 3 (Gent)
 lambda_m [1] $\lambda_m$: limiting chain stretch (Arruda-Boyce)
+G [pressure] $G$: shear modulus N kT of the dry network of N chains per volume (gel)
+n_omega [1] $N\Omega$: chains per volume times the volume of a solvent molecule (gel)
+chi [1] $\chi$: Flory's parameter of network and solvent (gel)
+stretch [1] $\lambda_0$: free swelling of a gel at rest, over the dry network; auto: that in the first bath
 lame_lambda [pressure] $\lambda$: first Lamé constant, kappa - 2 mu / 3
 flow: fluid in the pores of a drained law: at once the body is undrained, at last its own constants hold
 permeability [length^2/(pressure time)] $k$: of the pores over the fluid's viscosity; at finite strain of the deformed
   body
 diffusivity [length^2/time] $D$: with which pressure evens out in the confined body, permeability/(storage +
-  alpha^2/M_c); instead of `permeability`
+  alpha^2/M_c); instead of `permeability`; of a gel that of the solvent
 flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
@@ -102,11 +106,12 @@ holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent e
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
-relaxation: how the modulus falls with time, nu being constant; the law's own constants are the instantaneous ones
+relaxation: how the modulus falls with time; the law's own constants are the instantaneous ones
 prony [1, time] $[g_i, \tau_i]$: terms [fraction of the instantaneous modulus, time]; E(t) = E (1 - sum g_i (1 -
   exp(-t/tau_i)))
 power_law: E(t) = E (t/time)^-exponent
-exponent [1] $b$: of a power law of relaxation, 0 (elastic) to 1 (a liquid); of pores, of their share in the volume
+of: what relaxes: all moduli alike, nu being constant, or shear alone, the bulk modulus being constant
+exponent [1] $b$: of the power law, between 0 (elastic) and 1 (a liquid)
 time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
@@ -142,6 +147,22 @@ forces [force] $F_i$: the forces one by one instead of `force`, unloading too; 0
 history [time, length]: the way of the tip in time, [t, delta] each; with a cantilever or a frame [t, z]
 force_history [time, force]: the force in time, [t, force] each
 times [time] $t_i$: of the rows of a history; auto: every point and, between them, enough for a curve
+per_doubling [1]: of a body that drains, or whose shear relaxes: steps of each length before that doubles, in every
+  piece of the history; 4
+
+## Drainage
+drainage: where fluid leaves the pores, and into what
+drainage.surface: what the tip may touch, where it does not: drained or sealed
+drainage.tip: where it does: drained, sealed, or a conductance
+drainage.base: of the lower face, as `tip`
+drainage.sides: of the walls; auto: drained where they are free
+bath [time, pressure] $p_b$: pressure of the fluid around the body, or [t, value] points; at rest there is none; of a
+  gel the solvent's chemical potential over kT, 0 for the pure solvent
+conductance [length/(pressure time)] $X$: flux out over the fluid's pressure above the bath's
+pore_pressure [pressure] $p$: of the fluid in the pores, above the bath's
+outflow [length^3]: fluid that has left the whole body since rest; < 0 what it has taken up
+pore_pressure_max [pressure]: largest pressure of the fluid, above the bath's
+unbalanced [length^3]: fluid that has neither left nor is there; zero
 
 ## Experiment
 adhesion: attraction of tip and body: of a contact over a range, of an experiment without

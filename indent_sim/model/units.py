@@ -108,7 +108,8 @@ def unit_of(hint: Any) -> Unit | UnitRow | None:
     if get_origin(hint) is Annotated:
         marks = [mark for mark in hint.__metadata__ if isinstance(mark, Unit | UnitRow)]
         return marks[0] if marks else unit_of(hint.__origin__)
-    return next((unit for unit in map(unit_of, get_args(hint)) if unit), None)
+    found = [unit for unit in map(unit_of, get_args(hint)) if unit]
+    return next((unit for unit in found if isinstance(unit, UnitRow)), found[0] if found else None)
 
 
 @cache

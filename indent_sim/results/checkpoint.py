@@ -18,7 +18,7 @@ import numpy as np
 from indent_sim.results.folder import Report, content, write_atomically
 
 CHECKPOINT = "checkpoint.h5"
-Points = Sequence[tuple[float, Sequence[np.ndarray]]]  # depth, and the vectors that make the state there
+Points = Sequence[tuple[float, float, Sequence[np.ndarray]]]  # depth, time, and the vectors that make the state there
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ def write(path: Path, saved: Checkpoint, identity: Report) -> None:
     image, owner = io.BytesIO(), json.dumps(identity, sort_keys=True)
     with h5py.File(image, "w") as file:
         file.attrs.update(step=saved.step, identity=owner, checksum=_checksum(saved.points))
-        for n, (depth, vectors) in enumerate(saved.points):
+        for n, (depth, t, vectors) in enumerate(saved.points):
             group = file.create_group(f"point/{n}")
-            group.attrs["delta"] = depth
+            group.attrs.update(delta=depth, t=t)
             for k, vector in enumerate(vectors):
                 group[str(k)] = vector
     write_atomically(path, image.getvalue(), sync=False)
@@ -51,10 +51,13 @@ def read(path: Path, identity: Report) -> Checkpoint:
     try:
         with h5py.File(io.BytesIO(content(path)), "r") as file:
             groups = [file[f"point/{n}"] for n in range(len(file["point"]))]
-            points = [(float(g.attrs["delta"]), [g[str(k)][()] for k in range(len(g))]) for g in groups]
+            places = [(float(g.attrs["delta"]), float(g.attrs["t"])) for g in groups]
+            vectors = [[g[str(k)][()] for k in range(len(g))] for g in groups]
+            points = [(*place, own) for place, own in zip(places, vectors, strict=True)]
             owner = json.dumps(identity, sort_keys=True)
             intact = int(file.attrs["checksum"]) == _checksum(points) and file.attrs["identity"] == owner
-            intact = intact and all(np.isfinite(part).all() for depth, vectors in points for part in (depth, *vectors))
+            parts = (part for *place, vectors in points for part in (*place, *vectors))
+            intact = intact and all(np.isfinite(part).all() for part in parts)
             return Checkpoint(int(file.attrs["step"]), points) if intact else Checkpoint()
     except Exception:  # HDF5 has an error for every way of being damaged
         return Checkpoint()
@@ -62,7 +65,7 @@ def read(path: Path, identity: Report) -> Checkpoint:
 
 def _checksum(points: Points) -> int:
     total = 0
-    for depth, vectors in points:
-        for values in (np.array([depth]), *vectors):
+    for *place, vectors in points:
+        for values in (np.array(place), *vectors):
             total = zlib.crc32(np.ascontiguousarray(values).tobytes(), total)
     return total

@@ -91,15 +91,17 @@ def compare(
     contact is a zero. An empty cell agrees with an empty cell alone. Where rtol says nothing of a column it is 1e-6.
     Rows belong together by step; where a file has no steps by depth, the k-th of a depth with the k-th. Where depths
     differ the curve with more rows is interpolated in depth, approach and retraction apart: a result by power laws
-    through two neighbours, a measured curve by chords. Either misses something of the order h^2: a quarter of what it
-    misses at rows that are left out. Measured curves are taken in the units of the other.
+    through two neighbours, a measured curve by chords. Of two histories whose times differ the one with more rows is
+    taken at the times of the other: its row of that time, at a jump the one on the same side, else by chords. All miss
+    something of the order h^2: a quarter of what they miss at rows that are left out. Measured curves are taken in the
+    units of the other. A history that an earlier version wrote to experiment.csv is compared with one of today.
     Rows of two experiment.csv or dynamic.csv belong together by their number, and all their columns are compared, words
     too. Of two results these tables, where both have them, are compared as well. UsageError for a column that no two
     tables have.
     """
     paths = (Path(first), Path(second))
     beside = [name for name in (EXPERIMENT, DYNAMIC) if all((path / name).exists() for path in paths)]
-    tables = {TABLE: _both(*paths)}
+    tables = {TABLE: _histories(paths, *_both(*paths))}
     tables |= {name: _both(paths[0] / name, paths[1] / name) for name in beside}
     if isinstance(rtol, Mapping) and (named := rtol.keys() & set(WORD_COLUMNS)):
         raise UsageError(f"--rtol names {named.pop()}, a column of words: they are the same or not")
@@ -128,7 +130,12 @@ def _compared(
     alone = [(paths[0], A[key][i]) for name, i in in_A.items() if name not in in_B]
     alone += [(paths[1], B[key][i]) for name, i in in_B.items() if name not in in_A]
     keys, differences = A[key][of_A], [f"{key} {value:.10g} is in {path} alone" for path, value in alone]
-    if key != "row" and not _is_matched(A, B, of_A, of_B, tolerances) and (found := _by_depth(paths, A, B, tolerances)):
+    in_time = key == "step" and all("t" in table and (np.diff(table["t"]) >= 0).all() for table in (A, B))
+    along = "t" if in_time else "delta"
+    near = {"delta": max(tolerances.get("delta", 0.0), NEAR), "t": NEAR}[along]
+    otherwise = _by_time if in_time else _by_depth
+    is_matched = key == "row" or _is_matched(A, B, of_A, of_B, along, near)
+    if not is_matched and (found := otherwise(paths, A, B, tolerances)):
         return found
     if not len(keys):
         differences.append(f"the two have no {key} in common")
@@ -155,20 +162,59 @@ def _judged(
     return worst, told
 
 
-def _is_matched(A: Table, B: Table, of_A: np.ndarray, of_B: np.ndarray, tolerances: dict[str, float]) -> bool:
-    """Whether rows that belong together by name are at the same depths, or too few for anything else.
+def _is_matched(A: Table, B: Table, of_A: np.ndarray, of_B: np.ndarray, along: str, rtol: float) -> bool:
+    """Whether rows that belong together by name are at the same depths, or times, or too few for anything else.
 
     Where forces are prescribed depths are found, and differ a little: then, too, steps belong together.
     """
-    if min(len(A["delta"]), len(B["delta"])) < 1 or max(len(A["delta"]), len(B["delta"])) < FEWEST:
+    if min(len(A[along]), len(B[along])) < 1 or max(len(A[along]), len(B[along])) < FEWEST:
         return True
     if not len(of_A):
         return False
-    a, b = A["delta"][of_A], B["delta"][of_B]
-    near = np.isclose(a, b, rtol=max(tolerances.get("delta", 0.0), NEAR), atol=0.0, equal_nan=True)
+    a, b = A[along][of_A], B[along][of_B]
+    near = np.isclose(a, b, rtol=rtol, atol=0.0, equal_nan=True)
     if "step" in A and "step" in B:
         return bool(near.mean() >= MATCHED)
-    return len(of_A) >= MATCHED * min(len(A["delta"]), len(B["delta"]))
+    return len(of_A) >= MATCHED * min(len(A[along]), len(B[along]))
+
+
+def _by_time(paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]) -> Comparison | None:
+    """The history with more rows at the times of the other; None where the two have no time in common."""
+    first = len(A["t"]) >= len(B["t"])
+    (dense, sparse), (curve, other) = ((A, B), paths) if first else ((B, A), paths[::-1])
+    t = sparse["t"]
+    inside = (t >= dense["t"][0]) & (t <= dense["t"][-1])
+    if not inside.any():
+        return None
+    limits = {name: rtol for name, rtol in tolerances.items() if name not in WORD_COLUMNS}
+    values, is_chord = _at_times(dense, t, tuple(limits))
+    sides = {name: (values[name][inside], sparse[name][inside]) for name in limits}
+    pairs = {name: np.column_stack(pair if first else pair[::-1]) for name, pair in sides.items()}
+    differences = [f"t {value:.10g} is in {other} alone" for value in t[~inside]]
+    worst, told = _judged("t", t[inside], pairs, limits)
+    interpolated = (curve, _between_times(dense)) if is_chord[inside].any() else None
+    found = tuple(t[inside]), "t", pairs, limits, worst, (*differences, *told)
+    return Comparison(*found, interpolated=interpolated)
+
+
+def _at_times(dense: Table, t: np.ndarray, names: Sequence[str]) -> tuple[Table, np.ndarray]:
+    """The columns of a history at times, and where they are of no row but of a chord."""
+    back = slice(None, None, -1)  # at a jump the last row of a time is the one after it, whether that before is there
+    rows, wanted = _numbered(dense["t"][back]), _numbered(t[back])
+    same = {len(t) - 1 - k: len(dense["t"]) - 1 - rows[time] for time, k in wanted.items() if time in rows}
+    columns = {name: np.interp(t, dense["t"], dense[name]) for name in names}
+    for name, column in columns.items():
+        column[list(same)] = dense[name][list(same.values())]
+    return columns, ~np.isin(np.arange(len(t)), list(same))
+
+
+def _between_times(history: Table) -> float:
+    """What chords of a history miss of its force, relative to the largest one: between its jumps and corners."""
+    t, force = history["t"], history["force"]
+    corners = history["branch"][1:] != history["branch"][:-1] if "branch" in history else False
+    pieces = np.split(np.arange(len(t)), np.flatnonzero((np.diff(t) == 0) | corners) + 1)
+    largest = float(np.nanmax(np.abs(force), initial=0.0)) or 1.0
+    return max(_left_out(t[piece], force[piece], is_smooth=False) for piece in pieces) / largest
 
 
 def _by_depth(paths: tuple[Path, Path], A: Table, B: Table, tolerances: dict[str, float]) -> Comparison | None:
@@ -240,6 +286,19 @@ def _left_out(x: np.ndarray, y: np.ndarray, is_smooth: bool) -> float:
         found = _between(out[inside], kept, y[first::2], is_smooth)
         off = max(off, float(np.nanmax(np.abs(found - y[1 - first :: 2][inside]), initial=0.0)))
     return 0.25 * off
+
+
+def _histories(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Table]:
+    """The two force tables; where one alone has times, the other's history from experiment.csv, if it is there."""
+    if ("t" in A) == ("t" in B):
+        return A, B
+    old = paths["t" in A] / EXPERIMENT
+    found = read_table(old, ("force",), ("t", "delta", "a"), WORD_COLUMNS) if old.is_file() else {}
+    if not found or not np.isfinite(found["t"]).all():
+        return A, B
+    found = {name: column for name, column in found.items() if name != "force_error"}  # the instrument's, it was
+    found |= {"step": np.arange(1.0, len(found["t"]) + 1)}
+    return (A, found) if "t" in A else (found, B)
 
 
 def _both(first: Path, second: Path) -> tuple[Table, Table]:

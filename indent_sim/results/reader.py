@@ -22,6 +22,7 @@ from indent_sim.config.schema import GONE
 from indent_sim.config.strict_yaml import inline, key_text, leaves, parse
 from indent_sim.model.state import (
     ERROR_COLUMNS,
+    FLUID_COLUMNS,
     FRICTION_COLUMNS,
     KRYLOV_COLUMNS,
     READINGS,
@@ -52,6 +53,7 @@ MEASURED = "measured"  # entry of the report of a curve that nobody simulated
 BEYOND_STATE = (
     *READINGS,
     *FRICTION_COLUMNS,
+    *FLUID_COLUMNS,
     *KRYLOV_COLUMNS,
     *ERROR_COLUMNS,
     *TIME_COLUMNS,

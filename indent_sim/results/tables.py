@@ -30,7 +30,8 @@ MAY_BE_EMPTY = {"p_max", *READINGS, *ERROR_COLUMNS}
 # Theory does not say u_x, under a sharp apex or edge p is infinite, and beside the end of a tip there is no gap
 SURFACE_MAY_BE_EMPTY = ("u_x", "pressure", "gap")
 SURFACE_COLUMNS = ("step", "x", "y", "u_x", "u_y", "u_z", "gap", "pressure")  # of every version
-SURFACE_HEADER = (*SURFACE_COLUMNS, "z")  # and shear with friction
+SURFACE_HEADER = (*SURFACE_COLUMNS, "z")
+MORE_OF_SURFACE = ("shear", "pore_pressure")  # with friction, with fluid in the pores
 
 
 def row(state: State, columns: tuple[str, ...]) -> bytes:
@@ -90,8 +91,8 @@ def whole(cell: str) -> int:
 
 def surface_block(step: int, surface: Surface) -> bytes:
     """The lines of a state in the surface table; what is not a number is empty."""
-    shear = () if surface.shear is None else (surface.shear,)
-    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *shear])
+    more = [values for name in MORE_OF_SURFACE if (values := getattr(surface, name)) is not None]
+    table = np.column_stack([surface.x, surface.y, surface.u, surface.gap, surface.pressure, surface.z, *more])
     text = io.BytesIO()
     np.savetxt(text, table, fmt=f"{step:d}," + ",".join(["%.17g"] * table.shape[1]))
     return text.getvalue().replace(b"nan", b"")
@@ -99,7 +100,8 @@ def surface_block(step: int, surface: Surface) -> bytes:
 
 def surface_header(surface: Surface) -> bytes:
     """The first line of the surface table."""
-    return (",".join((*SURFACE_HEADER, *(() if surface.shear is None else ("shear",)))) + "\n").encode()
+    more = [name for name in MORE_OF_SURFACE if getattr(surface, name) is not None]
+    return (",".join((*SURFACE_HEADER, *more)) + "\n").encode()
 
 
 def table_of(items: Sequence[Any]) -> bytes:

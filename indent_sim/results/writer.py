@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import FRICTION_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -24,7 +24,7 @@ from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, SHEAR_ARRAYS, FieldWriter
+from indent_sim.results.xdmf import ARRAYS, FLUID_ARRAYS, SHEAR_ARRAYS, FieldWriter
 
 OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
@@ -57,6 +57,7 @@ class ResultFolder:
         self._target, self._config_yaml, self._mesh, self._surface = Path(target), config_yaml, mesh, surface
         self._columns = tables.in_order((*STATE_COLUMNS, *READINGS, *columns))
         self._arrays = ARRAYS | (SHEAR_ARRAYS if FRICTION_COLUMNS[0] in columns else {})
+        self._arrays |= FLUID_ARRAYS if FLUID_COLUMNS[0] in columns else {}
         self.earlier: Earlier | None = None
         self._resume, self._file = resume, "" if resume else file
         self._fields: FieldWriter | None = None

@@ -29,6 +29,7 @@ ARRAYS = OF_TIP | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tenso
 ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
 ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
 SHEAR_ARRAYS: Kinds = {"shear": ("Node", "Scalar", ())}  # where the tip drags on the surface
+FLUID_ARRAYS: Kinds = {"pore_pressure": ("Node", "Scalar", ())}  # where there is fluid in the pores
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
 GRID = re.compile(r'<Grid Name="step (?P<step>\d{1,9})".*?Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n', re.DOTALL)
@@ -172,7 +173,8 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
     try:
         found = _arrays(folder / FIELDS_FOLDER / MESH) | _arrays(folder / FIELDS_FOLDER / _file(step))
         counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
-        kinds = ARRAYS | LASTING_ARRAYS | {name: kind for name, kind in SHEAR_ARRAYS.items() if name in found}
+        some = {name: kind for name, kind in (SHEAR_ARRAYS | FLUID_ARRAYS).items() if name in found}
+        kinds = ARRAYS | LASTING_ARRAYS | some
         if all(found[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
             return found
         raise ValueError("its arrays do not belong together")

@@ -120,11 +120,16 @@ def _finer(
         helps = f"{from_rest:.2g} at the first row, which is one step from rest however many there are"
         helps = "more of them may help" if from_rest < fineness.target else helps
         return None, f"the steps of the path alone cost {error * worst.path / worst.total:.2g}: {helps}"
+    if worst.time >= allowed:
+        return (
+            None,
+            f"the steps in time alone cost {error * worst.time / worst.total:.2g}: a larger loading.per_doubling",
+        )
     if worst.truncation >= allowed:
         return None, "the finite body that stands for the half-space, or flat facets for a curved surface, cost more"
     if attempts >= ATTEMPTS:
         return None, f"{attempts} attempts were not enough"
-    other = worst.truncation + worst.path
+    other = worst.truncation + worst.path + worst.time
     room = (allowed - other) / (worst.total - other)
     factor = 2.0 if fineness.refinements else min(max(AIM * room ** (-1 / RATE), LEAST_REFINEMENT), GREATEST)
     if fineness.n * factor > MOST_ELEMENTS:

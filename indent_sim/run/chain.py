@@ -176,7 +176,7 @@ class Run:
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
         if physics.path.times:
             why = next(choice.why for choice in plan.choices if choice.key == "time")
-            said["time"] = {"way": "steps", "method": "equilibria", "why": why}
+            said["time"] = {"way": "steps", "method": _method(scene), "why": why}
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
@@ -216,6 +216,13 @@ class Run:
         ended."""
         elastic = replace(scene, history=None)
         return self._beside("a run beside this one", lambda: list(states(elastic, self.comm, with_surface=False)), [])
+
+
+def _method(scene: Scene) -> str:
+    """By what a body followed row by row goes from one row to the next."""
+    if scene.physics.permeable:
+        return "SDIRK2"
+    return "exponentials" if scene.physics.relaxing else "equilibria"
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:

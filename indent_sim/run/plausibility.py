@@ -5,6 +5,7 @@ and is the derivative of the energy Pi, so 0 <= Pi <= force delta. The surface s
 is not looked for. The force is theory's where theory is exact, and of one order with it where it is nearly so. None of
 this says how accurate a row is.
 A tip that adheres may pull, and where it lets go or snaps in the force is no derivative: there only the rest is asked.
+Where fluid flows, or shear relaxes, depth and force are of a time: rules that compare them are left out.
 A rough surface gives back less than was put in: its forces are compared while the tip goes in, never on the way back.
 
 Each rule is a function of the scene, a converged state and the states before it (in the user's units) to a sentence, or
@@ -52,13 +53,15 @@ def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str |
     The states are in the user's units.
     """
     rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + WHEN_PRESSED
-    hold = [rule for rule in rules if not (rule in OF_TIPS_THAT_PUSH and scene.physics.contact.may_snap)]
+    evolves, snaps = scene.physics.evolves, scene.physics.contact.may_snap
+    unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}
+    hold = [rule for rule in rules if rule not in unknown]
     return next((said for rule in hold if (said := rule(scene, state, earlier))), None)
 
 
 def _is_no_number(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp tip."""
-    names = ("delta", "force", "a", *(("energy",) if scene.is_meshed else ()))
+    names = ("delta", "force", "a", *(("energy",) if scene.is_meshed and not scene.physics.relaxing else ()))
     wrong = [name for name in names if not isfinite(getattr(state, name))]
     return f"{', '.join(wrong)} is not a number" if wrong else None
 
@@ -178,6 +181,8 @@ def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str
 ALWAYS: Rules = (_is_no_number, _overlaps, _pulls, _pushes_from_afar, _is_wider_than_tip, _falls, _stands_on_a_side)
 WHEN_PRESSED: Rules = (_touches_nothing, _is_inside_the_skin, _stands_still, _energy_is_not_its_work, _is_not_theorys)
 OF_TIPS_THAT_PUSH: Rules = (_pulls, _falls, _energy_is_not_its_work, _is_not_theorys)
+# What takes time lets a force fall in a hold, and what was pressed in may not have come back yet, or swells
+OF_ELASTIC_BODIES: Rules = (_pushes_from_afar, _falls, _touches_nothing, _energy_is_not_its_work, _is_not_theorys)
 
 
 def _is_first_touch(scene: Scene, state: State) -> bool:

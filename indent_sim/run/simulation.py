@@ -35,6 +35,8 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 # 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up to 1e-12 of them at most
 AUDIT_FLOOR = 1e-4
 
+SWOLLEN = 100.0  # of E height^2, what supports hold of a body that swells, as Newton takes it
+
 Progress = Callable[[State, int, int], None]
 
 
@@ -52,6 +54,7 @@ class Simulation:
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
+        self._walked_to = len(self.states)  # the row at which the walk stands
         self._assemble()
 
     def _assemble(self) -> None:
@@ -110,12 +113,17 @@ class Simulation:
         if done in (0, len(physics.deltas)) or self.scene.history:
             return
         saved = self.record.read_checkpoint(self._identity)
-        passed = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
-        depths = tuple(depth for leg in passed for depth in leg)
-        if physics.path.control != "depth":
-            depths = tuple(state.delta / physics.scales.depth for state in self.states[saved.step :])
+        if physics.path.times:  # the rows since then are walked again, as they were
+            with self.clock.stage("resume"):
+                self._walk.resume(saved.points, [])
+            self._walked_to = saved.step
+            return
+        legs = [physics.path.leg(step) for step in range(saved.step + 1, done + 1)]  # with the rows that are there
+        passed = [place for leg in legs for place in leg]
+        if physics.path.control != "depth":  # every step is a row
+            passed = [(state.delta / physics.scales.depth, 0.0) for state in self.states[saved.step :]]
         with self.clock.stage("resume"):
-            if not self._walk.resume(saved.points, depths):
+            if not self._walk.resume(saved.points, passed):
                 depth = f"delta = {self.states[-1].delta:.6g}"
                 raise NotConverged(f"the last row's {depth} was not reached again: {self._walk.failure}")
 
@@ -141,10 +149,12 @@ class Simulation:
                     self._walk.solve(self.bars)
             if progress is not None and self.states:
                 progress(self.states[-1], done, self._total)
-            walked = self._walk.states(self.scene.physics.path, self._wants_surface, done)
+            walked = self._walk.states(self.scene.physics.path, self._wants_surface, min(self._walked_to, done))
             while state := self._next(walked):
                 if not state.converged:
                     raise NotConverged(f"step {state.step} of {self._total}: {state.reason}")
+                if state.step <= done:
+                    continue
                 self._keep(state.in_units(self.scene.physics.scales))
                 if progress is not None:
                     progress(self.states[-1], state.step, self._total)
@@ -227,7 +237,8 @@ class Simulation:
         physics, a = self.scene.physics, self.scene.plan.prediction["a"]
         attraction = physics.scales.unscaled(physics.contact).adhesion
         pull = attraction.work * a if attraction else 0.0  # about; the force may be less, where as much pushes
-        largest = max([abs(state.force), *(abs(earlier.force) for earlier in self.states)])
+        swollen = SWOLLEN * physics.scales.force if physics.swells else 0.0  # with or without a tip
+        largest = max([swollen, abs(state.force), *(abs(earlier.force) for earlier in self.states)])
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
         stray = state.stray_reaction / size if size > 0 else 0.0
@@ -235,6 +246,16 @@ class Simulation:
         if not max(difference, stray) <= AUDIT_TOLERANCE:
             said = f"contact force {state.force:.10g}, reaction of the supports {state.reaction:.10g}, largest reaction"
             said += f" of the rigid-mode pins {state.stray_reaction:.3g}; they must agree to {AUDIT_TOLERANCE:g}"
+            raise VerificationError(f"step {state.step} failed its audit: {said}")
+        self._audit_fluid(state)
+
+    def _audit_fluid(self, state: State) -> None:
+        """What has left the body and what is missing in it must be one, beside the most that ever left."""
+        largest = max(abs(one.outflow or 0.0) for one in (*self.states, state))
+        unbalanced = state.unbalanced / largest if largest > 0 else 0.0
+        self._worst_audit = max(self._worst_audit, unbalanced)
+        if not unbalanced <= AUDIT_TOLERANCE:
+            said = f"{state.unbalanced:.3g} of the fluid has neither left nor is there, of {largest:.3g} that left"
             raise VerificationError(f"step {state.step} failed its audit: {said}")
 
     def _write_fields(self, state: State) -> None:

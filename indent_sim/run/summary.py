@@ -33,13 +33,13 @@ def summary(
     """The closing entries of run.json: theory, audit, timings (wall and CPU) [s] and peak memory [MB]."""
     krylov = [state.krylov_iterations for state in states if state.krylov_iterations is not None]
     expected = scene.plan.adhesion
-    balance = None if expected else energy_balance(states)  # what snaps loses some
+    in_time = scene.history is not None or scene.physics.evolves  # what is said of equilibria is not of these
+    balance = None if expected or in_time else energy_balance(states)  # what snaps, relaxes or drains loses some
     audit = {"force_against_reaction": worst_audit, "energy_by_trapezoid": balance}
     audit["newton_iterations"] = sum(state.newton_iterations for state in states)
     if krylov:
         audit["krylov_iterations"] = sum(krylov)
     audit["substeps"] = sum(state.substeps for state in states)
-    in_time = scene.history is not None  # what is said of equilibria is not of a body that relaxes or adheres
     entries = {"theory": None if in_time else beside("theory", lambda: theory_comparison(scene, states, beside), None)}
     if expected:
         entries["adhesion"] = beside("adhesion", lambda: adhesion(expected, states), {})

@@ -22,7 +22,7 @@ from indent_sim.scene.cost import DENSE, MOST_CANDIDATES, Cost
 from indent_sim.scene.doubts import FREE, NEGLIGIBLE_ERROR, STIFFEST, penalty_loss
 from indent_sim.scene.expected import NEARLY_STICK, ExpectedAdhesion, infinite_pressure, pulling_rim
 from indent_sim.scene.fineness import Fineness, target_of
-from indent_sim.scene.given import Given, Physics
+from indent_sim.scene.given import Durations, Given, Physics, first_step
 from indent_sim.scene.theories import NO_INCLUSIONS, first_of, layer_theory, shape_of
 from indent_sim.theory.solution import UNSOLVED
 
@@ -258,6 +258,8 @@ def solver(config: Config, given: Given, physics: Physics, nodes: float) -> Choi
         (not physics.small_strain, "the material is not linear"),
         (physics.gap == "current", "the gap at the deformed point makes the problem nonlinear"),
         (bool(law.uncondensed), law.uncondensed),
+        (bool(physics.permeable), "the fluid's pressure lives inside the body"),
+        (bool(physics.relaxing), "its shear relaxes, and its bulk modulus does not"),
         (config.solver.linear == "iterative", FOR_WHOLE),
         (isinstance(law, Penalty) and physics.has_friction, "a penalty with friction is solved on the whole body"),
         (nodes > MOST_CANDIDATES, f"about {size} (at most {MOST_CANDIDATES} nodes are condensed to)"),
@@ -280,6 +282,8 @@ def against_iterative(config: Config, physics: Physics, sizes: Sizes) -> str:
         (physics.part.dim == 2, "axisymmetric and plane bodies are factored"),
         (bool(law.friction), "friction has a tangent that is not symmetric"),
         (law.adhesion is not None, "adhesion has a tangent that may be indefinite"),
+        (bool(physics.permeable), "its preconditioner does not know the pressure of the fluid"),
+        (bool(physics.relaxing), "a body whose shear relaxes is factored, each length of a step anew"),
         (law.multiplier in ("stress", "nodal"), f"{law.method} has a tangent that is not symmetric"),
         (locked > NEARLY_LOCKED, f"formulation: displacement at nu = {locked:g} needs too many iterations"),
         (rigid > RIGID, f"a contact of {rigid:.2g} E*/h_contact needs too many iterations"),
@@ -343,6 +347,8 @@ def unlike_theory(config: Config) -> str:
     return first_of(
         (isinstance(config.body, MeshFromFile), "theory does not know a body meshed elsewhere"),
         (not all(material.small_strain for material in materials), "the material is not linear"),
+        (any(material.flow for _, material in config.materials()), "theory knows no fluid in the pores"),
+        (any(material.relaxes_in_shear for _, material in config.materials()), "theory knows no shear that relaxes"),
         (bool(config.body.inclusions), NO_INCLUSIONS),
         (not config.indenter.of_revolution, f"a {config.indenter.shape} is no tip of revolution"),
         (law.gap == "current", "theory tests the gap at the undeformed point"),
@@ -413,6 +419,24 @@ def follows_whole(config: Config, given: Given, solver: Choice) -> bool:
     return given.history is not None and (rough or solver.value == "newton")
 
 
+def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
+    """How long what flows and relaxes takes, and in which steps it is followed; nothing where the body is elastic."""
+    if not physics.evolves or given.history is None:
+        return []
+    why = []
+    if physics.permeable:
+        times = Durations.of(given, physics, sizes.h_contact)
+        why.append(f"fluid takes {times.contact:.3g} through the contact, {times.height:.3g} through the body")
+    if relaxing := [t for region in physics.part.regions if region.relaxing for t in region.relaxing.times]:
+        why.append(f"shear relaxes in {min(relaxing):.3g} to {max(relaxing):.3g}")
+    method = "SDIRK2" if physics.permeable else "the exponentials' own"
+    why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
+    first = first_step(given, physics, sizes.h_contact)
+    if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
+        why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
+    return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]
+
+
 def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = False) -> Choices:
     """How what is computed from the elastic curve is, an experiment, a history, or why a history is not; ConfigError
     where a curve does not determine what is asked for."""
@@ -432,12 +456,9 @@ def curve(config: Config, given: Given, solver: Choice, follows_whole: bool = Fa
 
 def _refuse_in_time(config: Config, given: Given, why: str) -> None:
     """ConfigError for what is made of a curve."""
-    if config.loading.force_history and config.loading.times != "auto":
-        problem = "of forces on a body that is followed row by row are the program's"  # what is passed is a row
-        raise ConfigError("loading.times", problem, "leave it out, or loading.history")
     if given.relaxation:
-        remedy = "leave material.relaxation out, or what stands against the curve"
-        raise ConfigError("material.relaxation", f"is for the curve of a linear, frictionless body: {why}", remedy)
+        problem = f"all: is for the curve of a linear, frictionless body: {why}"
+        raise ConfigError("material.relaxation.of", problem, "of: shear, or leave out what stands against the curve")
     if made := next((name for name, part in vars(given.experiment or Experiment()).items() if part), None):
         problem = f"is made of a curve, and this body is followed row by row: {why}"
         raise ConfigError(f"experiment.{made}", problem, "leave one of the two out")

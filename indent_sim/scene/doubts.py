@@ -17,7 +17,7 @@ from indent_sim.model.algebra import cos, tan
 from indent_sim.model.contact import ContactLaw, Nitsche, Penalty
 from indent_sim.model.materials import LOCKING, Material
 from indent_sim.model.tips import STEM, Cone, FlatPunch, Indenter, Paraboloid, Profile, RegularPyramid, Sphere, reach
-from indent_sim.scene.given import ATTRACTION_REACH, Given, unused_material
+from indent_sim.scene.given import ATTRACTION_REACH, DRAINS_ELEMENT, Durations, Given, Physics, unused_material
 from indent_sim.scene.theories import half_space_force
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.theory import Theory
@@ -38,6 +38,8 @@ MOST_SUNK = 1.5  # mean pressures over epsilon_n that a penalty takes from the d
 # Power of the share of the thickness that is left: how a penalty sinks further at finite strain, measured
 SINKING_POWER = 1.5
 JKR_RIGHT = 0.01  # of the pull-off force: by so much Maugis' may differ where the JKR limit is said to be right
+DRAINED_LOCKING, LOCKED_ERROR = 0.495, 0.01  # nu of a drained gel, and of the force what it costs without a pressure
+SEALING_ELEMENTS = 10.0  # in the contact, under a tip that seals
 LOST = 0.05  # of what friction adds to the force: a smaller share is not worth a warning
 FREE = 0.3  # friction up to which the edge slips: steps of a tenth of the path need no second pass (0.01 %, measured)
 STEEPEST_FORCE = 3.0  # d ln F/d ln delta at most: a paraboloid on a thin incompressible layer
@@ -73,6 +75,30 @@ def of_theory(given: Given, gap: str = "reference") -> tuple[Doubt, ...]:
     if given.deepest <= 0:
         return tuple(_of_reach(given)) if given.attraction else (NO_CONTACT,)
     return (*_of_model(given), *_of_tip(given, gap), *_of_reach(given), *_of_adhesion(given))
+
+
+def of_fluid(given: Given, physics: Physics, sizes: Sizes) -> Iterator[Doubt]:
+    """All that speaks against how fluid leaves the body, and how that is resolved."""
+    if not physics.permeable or given.history is None:
+        return
+    drainage, durations = physics.drainage, Durations.of(given, physics, sizes.h_contact)
+    if {drainage.surface, drainage.tip, drainage.base} == {"sealed"} and not physics.drained_walls:
+        yield Doubt("sealed", "every surface is sealed: no fluid leaves the body, it only flows inside")
+    elements = given.a / sizes.h_contact
+    if drainage.surface == "drained" and drainage.tip == "sealed" and elements < 0.99 * SEALING_ELEMENTS:
+        problem = f"the tip seals {elements:.2g} elements, and where that ends is known to one"
+        remedy = f"from {SEALING_ELEMENTS:g} on that is 2 % of what relaxes; use a smaller mesh.h_contact"
+        yield Doubt("sealing", f"{problem}: {remedy}")
+    stiffest = max((one.material.constants.nu for one in physics.permeable if one.formulation != "mixed"), default=0.0)
+    if stiffest > DRAINED_LOCKING:
+        problem = f"nu = {stiffest:g} of the drained gel: elements without a pressure of its network"
+        yield Doubt("locking", f"{problem} are 1 % too stiff at 0.4999", LOCKED_ERROR)
+    if given.is_half_space and given.history.span > durations.wall:
+        yield Doubt("diffusion", "fluid feels the walls of the finite body that stands for the half-space")
+    begin, drains = given.history.points[0][0], durations.element / DRAINS_ELEMENT
+    early = [t for t in physics.path.times if 0 < t - begin < drains * (1 - 1e-9)]
+    if early and given.history.jumps:
+        yield Doubt("early", f"rows up to t = {max(early):.3g} are up to 1.4 % low: an element takes {drains:.3g}")
 
 
 def of_material(config: Config, given: Given) -> tuple[Doubt, ...]:
@@ -223,7 +249,7 @@ def _of_mesh(given: Given, sizes: Sizes) -> Iterator[Doubt]:
         yield Doubt("corners", words, sizes.corner_error)
     nu, a = given.physics.material.constants.nu, given.a
     likely, at_last = _deepest_and_last(given, lambda delta, a: force_doubt(sizes, a, nu))
-    shallowest = _radius(given, min(delta for delta in given.physics.deltas if delta > 0))
+    shallowest = _radius(given, min((delta for delta in given.physics.deltas if delta > 0), default=given.deepest))
     words = ""
     if sizes.edge is not None and sizes.h_edge is not None and likely >= NEGLIGIBLE_ERROR:
         low = f"the force may be too low by {in_words(likely)}; {_remedy(sizes, 'give a smaller h_contact or h_edge')}"

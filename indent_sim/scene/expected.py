@@ -37,6 +37,8 @@ def prediction_of(given: Given) -> dict[str, float]:
     scales, theory, largest, E_star = physics.scales, given.theory, physics.largest_force, physics.material.E_star
     asked, unit = ("force", scales.force) if largest is None else ("delta", scales.depth)
     found: dict[str, float | None] = {}
+    if given.swelling:  # no elastic body at that depth has the force of a gel that rises against its tip
+        return {"a": given.a * scales.length}
     if given.attraction:
         with suppress(*UNSOLVED):
             contact = given.jkr and given.jkr.stable(*((delta,) if largest is None else (largest, inf)))
@@ -89,7 +91,8 @@ def stick(given: Given, physics: Physics, linear: str = "direct") -> Stick | Non
     At finite strain, or with the gap at the deformed point, there is no number, and only a sentence where the like of
     it at small strain tells. physics, linear: the scene's own, and how error bars would solve its linear systems.
     """
-    found = None if physics.contact.has_memory or given.deepest <= 0 else _at_small_strain(given)
+    takes_path = physics.contact.has_memory or physics.evolves
+    found = None if takes_path or given.deepest <= 0 else _at_small_strain(given)
     if found is None or physics.is_linear:
         return found
     is_solvable = not physics.part.pins and linear != "iterative"

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
-from math import inf, isfinite, log2
+from math import ceil, inf, isfinite, log2, sqrt
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -31,13 +31,14 @@ from indent_sim.model.body import (
 )
 from indent_sim.model.contact import ActiveSet, Adhesion, Anchor, ContactLaw
 from indent_sim.model.experiment import Experiment, JKRAdhesion
-from indent_sim.model.loading import History, Loading, LoadPath
-from indent_sim.model.materials import LOCKING, Exponentials, Material, Relaxation
-from indent_sim.model.state import FRICTION_COLUMNS
+from indent_sim.model.loading import PER_DOUBLING, History, Loading, LoadPath
+from indent_sim.model.materials import LOCKING, Exponentials, Gel, Material, Relaxation
+from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS
 from indent_sim.model.tips import FlatPunch, Indenter
 from indent_sim.model.units import Scales, rounded
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.cost import Work
+from indent_sim.scene.fineness import target_of
 from indent_sim.scene.reduction import reduce
 from indent_sim.scene.theories import adhesive_radii, half_space_force, relative_tip, theory_of
 from indent_sim.scene.truncation import Truncation, expected_depth, truncate
@@ -54,6 +55,15 @@ MOST_FORCES = 3  # at which theory is asked for a depth: the largest sizes the m
 D = TypeVar("D")
 Layers = tuple[Layer, ...]
 Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
+# Of the time that fluid takes through the contact, and of that through an element: the first step of a piece. In less
+# than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
+FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
+RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
+FOLLOWED_TO = 0.004  # of the force, with PER_DOUBLING steps of each length; of second order in them
+PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
+# Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
+# sum of exponentials down to there
+SHORTEST_STEP, BEFORE_STEP = 1e-3, 1e-2
 HALVINGS = 40  # of the way of a spring's base, until the depth is known
 ATTRACTION_REACH = 7.0  # ranges of gap up to which an attraction counts: beyond, a thousandth of its work is left
 AT_RIM = 1e-9  # of a contact surface, from the tip's axis to its rim: less is none
@@ -81,6 +91,7 @@ class Physics:
     wall_stiffness: float = 0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
+    bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
 
     @property
     def has_friction(self) -> bool:
@@ -119,13 +130,36 @@ class Physics:
         """The regions in whose pores fluid flows."""
         return tuple(region for region in self.part.regions if region.material.flow)
 
+    def bath_pressure(self, region: Region, t: float) -> float:
+        """p_b [pressure] of the bath that a permeable region sees, at a time since rest; 0 until then."""
+        if t <= 0:
+            return 0.0
+        bath: float = region.material.bath_pressure(self.drainage.bath_at(t))
+        return bath * min(1.0, t / self.bath_ramp) if self.bath_ramp else bath
+
+    @property
+    def swells(self) -> bool:
+        """Whether a bath lifts its surface."""
+        return any(one.material.bath_pressure(bath) > 0 for one in self.permeable for bath in self.drainage.baths)
+
+    @property
+    def relaxing(self) -> tuple[Region, ...]:
+        """The regions whose shear stress relaxes."""
+        return tuple(region for region in self.part.regions if region.material.relaxation)
+
+    @property
+    def evolves(self) -> bool:
+        """Whether the body changes while the tip stands still."""
+        return any(region.material.evolves for region in self.part.regions)
+
     @property
     def columns(self) -> tuple[str, ...]:
         """Columns of the force table that only some scenes have, in order."""
+        fluid = FLUID_COLUMNS if self.permeable else ()
         if not self.has_friction:
-            return ()
+            return fluid
         across = [f"side_force_{axis}" for axis in self.sideways]
-        return tuple(name for name in FRICTION_COLUMNS if not name.startswith("side") or name in across)
+        return (*(name for name in FRICTION_COLUMNS if not name.startswith("side") or name in across), *fluid)
 
     @property
     def material(self) -> Material:
@@ -139,8 +173,8 @@ class Physics:
 
     @property
     def most_locked(self) -> float:
-        """The largest Poisson's ratio of displacement elements."""
-        regions = [region for region in self.part.regions if region.formulation == "displacement"]
+        """The largest Poisson's ratio of displacement elements without fluid, whose pressure bears what would lock."""
+        regions = [one for one in self.part.regions if one.formulation == "displacement" and not one.material.flow]
         return max((region.material.constants.nu for region in regions), default=0.0)
 
     @property
@@ -151,9 +185,32 @@ class Physics:
     def work(self, method: str, linear: str) -> Work:
         """What a solver of this kind has to do for it."""
         a_row = (1 if self.largest_force is None else FORCE_SEARCH_FACTOR) * (2 if self.anchor == "mid" else 1)
-        mixed = any(region.formulation == "mixed" for region in self.part.regions)
-        is_nonlinear = self.contact.has_memory or not self.is_linear
-        return Work(method, linear, mixed, a_row * len(self.deltas), is_nonlinear, self.has_friction)
+        mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
+        stages = 2 if self.permeable else 1
+        is_nonlinear = self.contact.has_memory or not self.is_linear or self.evolves
+        return Work(method, linear, mixed, stages * a_row * len(self.deltas), is_nonlinear, self.has_friction)
+
+
+@dataclass(frozen=True)
+class Durations:
+    """How long the fluid takes [time] through the contact, an element, the body's height and half of the way to its
+    wall. The first step of a piece is a thousandth of the contact's, but none in which an element cannot drain."""
+
+    contact: float
+    element: float
+    height: float
+    wall: float
+
+    @staticmethod
+    def of(given: Given, physics: Physics, h_contact: float) -> Durations:
+        """Those of a scene's fastest region; h_contact [length]."""
+        D = max(region.material.diffusivity for region in physics.permeable)
+        lengths = (given.a, h_contact, physics.body.height, physics.body.rim_distance(physics.center) / 2)
+        return Durations(*(length**2 / D for length in lengths))
+
+    def first(self, shortest: float) -> float:
+        """Of the steps of a piece, beside what takes a `shortest` one [time]."""
+        return max(min(FIRST_STEP * self.contact, shortest), self.element / DRAINS_ELEMENT)
 
 
 @dataclass(frozen=True)
@@ -170,7 +227,9 @@ class Given:
     history: History | None  # without units; `physics.path` goes to the largest depth that it may come to
     relaxation: Relaxation | None
     is_stepped: bool  # whether a relaxing body is followed step by step
+    per_doubling: int  # steps of each length, where fluid flows
     attraction: Adhesion | None  # of the contact
+    swelling: float  # how far a gel's surface rises at most, where nothing is above it [length]
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
 
     @property
@@ -181,8 +240,8 @@ class Given:
 
     @property
     def deepest(self) -> float:
-        """The largest depth [length]."""
-        return max(self.physics.deltas)
+        """The largest depth [length], in what has swollen by then."""
+        return max(self.physics.deltas) + self.swelling
 
     @property
     def a(self) -> float:
@@ -248,9 +307,10 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     material = _material_of(layers[0])
     center = whole.center if truncation else config.center or whole.center
     pieces = whole.pieces if isinstance(whole, Dome) else 1
-    history, relaxation = config.loading.in_time, next((law.relaxation for _, law in config.materials()), None)
+    history, laws = config.loading.in_time, [law.relaxation for _, law in config.materials() if law.relaxation]
+    relaxation = next((law for law in laws if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
-    softest = remaining(relaxation, history)
+    softest = min((remaining(law, history) for law in laws), default=1.0)
     path = deepest_path(history, softest, compliance, config.indenter, layers) if history else config.loading.path()
     _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
     scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
@@ -268,13 +328,49 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     theory, relative = theory_of(whole, layers, tip, center), relative_tip(tip, body)
     deltas = depths_of(path, theory, relative, material, body.height, scales)
-    physics, attraction = Physics(scales, body, part, tip, center, path, deltas), scales.scaled(config.contact).adhesion
+    drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
+    has_gel = any(isinstance(material, Gel) for _, material in config.materials())  # its bath has no units
+    scaled = scales.scaled(drainage)
+    drainage = replace(scaled, bath=drainage.bath if has_gel else scaled.bath)
+    if has_gel and any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
+        problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
+        raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
+    physics = Physics(scales, body, part, tip, center, path, deltas, drainage=drainage)
+    attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.along(deltas)
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
-    found = (relative, part_why, theory, experiment, history, relaxation, stepped, attraction, radius)
-    return Given(physics, truncation, layers, *found)
+    finer = ceil(sqrt(FOLLOWED_TO / (target_of(config.accuracy) or FOLLOWED_TO)))
+    steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
+    found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction)
+    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius)
+
+
+def _swelling(drainage: Drainage, layers: Layers) -> float:
+    """How far the surface of gels rises above that at rest, held sideways, in the bath in which they swell most
+    [length]; ConfigError for a bath in which they are not at rest, or rise without end."""
+
+    def rise(bath: float) -> float:
+        found = 0.0
+        for layer in layers:
+            law = _material_of(layer)
+            if isinstance(law, Gel) and law.flow and (stretch := _held_stretch(law, bath)) != 1:
+                found += (stretch - 1) * layer.thickness if layer.thickness else inf
+        return found
+
+    found = max(0.0, *(rise(bath) for bath in drainage.baths))
+    if not isfinite(found):
+        problem = "lets a gel without end swell, whose surface rises without end"
+        raise ConfigError("drainage.bath", problem, "use a layer or a cylinder, or stretch: auto and one bath")
+    return found
+
+
+def _held_stretch(law: Gel, bath: float) -> float:
+    try:
+        return law.held_swelling(law.bath_pressure(bath)).stretch
+    except ValueError as error:
+        raise ConfigError("drainage.bath", str(error), "nearer to that of free swelling") from None
 
 
 def depths_of(
@@ -304,14 +400,39 @@ def depths_of(
     return depths
 
 
-def in_time(given: Given, physics: Physics) -> Physics:
-    """Physics whose path is the rows of the history, in place of the way to its deepest one."""
+def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
+    """Physics whose path is the rows of the history, in place of the way to its deepest one; h_contact [length]."""
     assert given.history is not None
     path = given.history.path
+    if physics.evolves:
+        physics = replace(physics, part=_relaxing(physics, given.history))
+        first = first_step(given, physics, h_contact)
+        physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
+        path = given.history.in_steps(first, given.per_doubling)
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
     )
+
+
+def first_step(given: Given, physics: Physics, h_contact: float) -> float:
+    """The first step of a piece of the history [time]: what flows and what relaxes is followed by it; h_contact
+    [length]."""
+    assert given.history is not None
+    times = [t for region in physics.part.regions if region.relaxing for t in region.relaxing.times]
+    shortest = max(min(times, default=inf) / PER_TIME, SHORTEST_STEP * given.history.shortest_piece)
+    return Durations.of(given, physics, h_contact).first(shortest) if physics.permeable else shortest
+
+
+def _relaxing(physics: Physics, history: History) -> Part:
+    """The modelled part, its laws of relaxation as sums of exponentials."""
+
+    def followed(region: Region) -> Region:
+        law = region.material.relaxation
+        shortest = BEFORE_STEP * SHORTEST_STEP * history.shortest_piece
+        return replace(region, relaxing=exponentials(law, shortest, history.span)) if law else region
+
+    return replace(physics.part, regions=tuple(map(followed, physics.part.regions)))
 
 
 def deepest_path(
@@ -379,14 +500,17 @@ def _unit_of_length(body: Body, layers: Sequence[Layer], tip: Indenter, path: Lo
 
 def _layers(config: Config) -> Layers:
     """The layers from the top, each with its thickness (a half-space's last: infinite) and its material's constants."""
-    own = [_elastic(_material_of(layer)) for layer in config.layers]
+    own = [_elastic(config, _material_of(layer)) for layer in config.layers]
     layers = zip(config.layers, own, strict=True)
     return tuple(replace(layer, thickness=layer.thickness or inf, material=material) for layer, material in layers)
 
 
-def _elastic(material: Material) -> Material:
-    """The law of the instantaneous constants: what relaxes is made of its elastic curve."""
-    return replace(material.canonical(), relaxation=None)
+def _elastic(config: Config, material: Material) -> Material:
+    """The law of the instantaneous constants: what relaxes as a whole is made of its elastic curve. A gel has swollen
+    in the scene's first bath where it does not say by how much."""
+    if isinstance(material, Gel):
+        return material.swollen_in(config.first_bath).canonical()
+    return replace(material.canonical(), relaxation=material.relaxation if material.relaxes_in_shear else None)
 
 
 def _material_of(layer: Layer) -> Material:
@@ -406,7 +530,7 @@ def _regions(config: Config, layers: Layers) -> tuple[Region, ...]:
 
 def _inclusions(config: Config, body: Drawn | Endless, scales: Scales) -> Iterator[Region]:
     """The regions of inclusions, lengths rounded likewise."""
-    own = [_elastic(inclusion.material) for inclusion in config.body.inclusions or ()]
+    own = [_elastic(config, inclusion.material) for inclusion in config.body.inclusions or ()]
     for k, (inclusion, material) in enumerate(zip(body.inclusions or (), own, strict=True)):
         matter, name = scales.scaled(material), f"inclusions[{k}]"
         yield Region(name, matter, _formulation(f"body.{name}.material", matter), inclusion=_to_digits(inclusion))
@@ -454,7 +578,7 @@ def _materials(piece: Piece, config: Config) -> list[tuple[str, Material]]:
     regions = getattr(config.body, "regions", None) or {}
     own = {name: (f"body.regions.{name}", material) for name, material in regions.items()}
     found = [own.get(name, ("material", config.material)) for name in piece.names]
-    return [(key, _elastic(material)) for key, material in found if material is not None]
+    return [(key, _elastic(config, material)) for key, material in found if material is not None]
 
 
 def unused_material(config: Config, part: Part) -> str:

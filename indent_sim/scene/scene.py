@@ -18,7 +18,7 @@ from indent_sim.scene import choices, sizing
 from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY_SECONDS, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
-from indent_sim.scene.doubts import Doubt, doubts, of_material, of_theory, of_whole_contact
+from indent_sim.scene.doubts import Doubt, doubts, of_fluid, of_material, of_theory, of_whole_contact
 from indent_sim.scene.expected import ExpectedAdhesion, Stick, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, Physics, given_by, in_time, on_finite_body
@@ -133,6 +133,8 @@ class Scene:
         parts = (
             (not physics.small_strain, "strain is finite, theory's small"),
             (physics.has_friction, FRICTION_WHY),
+            (bool(physics.permeable), "fluid flows in the pores, theory's body has none"),
+            (bool(physics.relaxing), "its shear relaxes, theory's body is elastic"),
             (physics.contact.may_snap, "the attraction has a range, theory's none"),
             (physics.gap == "current", "the gap is tested at the deformed point, theory's at the undeformed one"),
             (theory is not None and not theory.exact, theory.why if theory else ""),
@@ -192,18 +194,19 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     physics = replace(given.physics, wall_stiffness=wall, indenter=tip, contact=law, gap=gap, anchor=anchor)
     solver, linear, cost = _solver(config, given, physics, sizes)
     if is_in_time := choices.follows_whole(config, given, solver):
-        physics = in_time(given, physics)
+        physics = in_time(given, physics, sizes.h_contact)
         solver, linear, cost = _solver(config, given, physics, sizes)
     if cost.memory > machine_memory():
         work = physics.work(str(solver.value), str(linear.value))
         raise _unaffordable(config, physics, sizes, work, fineness)
-    doubted = (*of_material(config, given), *doubts(given, law, gap, sizes))
+    doubted = (*of_material(config, given), *doubts(given, law, gap, sizes), *of_fluid(given, physics, sizes))
     of_body = (*choices.quantities(config), *choices.model(given), *choices.formulations(given))
     of_contact = (gap_choice, law_choice, *friction_choice, *adhesion_choice, *tip_choice, *wall_choice)
     no_peak = peakless(physics, sizes, given.a if given.deepest > 0 else 0.0)
     of_peak = [Choice("p_max", "empty", no_peak)] if no_peak else []
     of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
-    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_curve)
+    of_time = (*of_curve, *choices.steps(given, physics, sizes))
+    chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_time)
     predicted = _prediction(given, doubted, cost)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)
     known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr)

@@ -105,4 +105,13 @@ def of_runs(folder: Path, runs: Sequence[Row], keys: Sequence[str]) -> Families:
 
 
 def _family(found: Sequence[Curve], keys: Sequence[str]) -> Families:
-    return Families(tuple(found), tuple(study_table.telling([curve.values for curve in found], keys)))
+    rows = [curve.values for curve in found]
+    told = study_table.telling(rows, keys)
+    words = [key for key in keys if any(row.get(key) is not None and amount(row[key])[1] is None for row in rows)]
+
+    def has_words_alone(key: str) -> bool:
+        """Whether a run would have no word without it: a section that others lack."""
+        others = [other for other in told if other in words]
+        return any(row.get(key) is not None and all(row.get(other) is None for other in others) for row in rows)
+
+    return Families(tuple(found), (*told, *(key for key in words if key not in told and has_words_alone(key))))

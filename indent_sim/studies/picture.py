@@ -1,6 +1,7 @@
 """Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
 
-curves.png: force over depth of every run, and the last force over each varied number. study.png: force error against
+curves.png: force over depth of every run, and the last force over each varied number; of histories with a hold what is
+left of the force's fall over the time, and when half of it is over. study.png: force error against
 CPU seconds, and against the varied number if there is one.
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 from indent_sim.config.strict_yaml import short
 from indent_sim.model.symbols import lookup
 from indent_sim.results.folder import Report
+from indent_sim.results.hold import Hold, first_hold
 from indent_sim.results.pictures import canvas
 from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of
 from indent_sim.results.pictures.canvas import THEORY_STYLE, Axes, Figure, Look
@@ -95,9 +97,10 @@ def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
             colours = _colours_of(axes["names"], families, numbers[0])
         else:
             colours = [curve_look(i, count)["color"] for i in range(count)]
-        _curves(axes["curves"], families, colours)
+        holds = [first_hold(curve.results) for curve in families.curves]
+        _curves(axes["curves"], families, colours, holds)
         for key in numbers:
-            _over(axes[key], families, key, groups[key])
+            _over(axes[key], families, key, groups[key], holds)
             canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"], columns)
@@ -174,9 +177,18 @@ def _label(families: Families, key: str) -> str:
     return Axis(in_picture(name), unit=unit).label
 
 
-def _curves(axes: Axes, families: Families, colours: Sequence[Colour]) -> None:
-    """Force over depth of every run."""
+Holds = Sequence[Hold | None]
+
+
+def _curves(axes: Axes, families: Families, colours: Sequence[Colour], holds: Holds) -> None:
+    """Force over depth of every run; where all hold, what is left of the fall in the hold over the time."""
     runs = [curve.results for curve in families.curves]
+    if held := _all_held(holds):
+        for hold, name, colour in zip(held, families.apart(), colours, strict=True):
+            axes.plot(hold.t[1:], hold.share[1:], color=colour, lw=1.5, label=in_picture(name, MOST_LEGEND_LETTERS))
+        axes.set(xscale="log", xlabel=f"time in the hold t{_seconds(families)}", ylabel="left of the fall of the force")
+        axes.axhline(0.5, color=canvas.GREY, lw=0.6, ls=":", zorder=0)
+        return
     depth, force = axis("delta", runs), axis("force", runs)
     for run, name, colour in zip(runs, families.apart(), colours, strict=True):
         look = {"color": colour, "marker": ""}
@@ -201,20 +213,39 @@ def _formula_of_all(runs: Sequence[Results]) -> Report | None:
     return deepest if is_one else None
 
 
-def _over(axes: Axes, families: Families, key: str, groups: dict[str, list[Curve]]) -> None:
-    """The last force of every run over a varied number, a line for each group of those that differ in it alone."""
-    force = axis("force", [curve.results for curve in families.curves])
+def _seconds(families: Families) -> str:
+    """The unit of times, of scenes that have units."""
+    return " [s]" if any((curve.results.report.get("units") or {}).get("length") for curve in families.curves) else ""
+
+
+def _all_held(holds: Holds) -> list[Hold]:
+    """The holds where every run has one in which its force falls; none else."""
+    held = [hold for hold in holds if hold and hold.half_time == hold.half_time]
+    return held if len(held) == len(holds) else []
+
+
+def _over(axes: Axes, families: Families, key: str, groups: dict[str, list[Curve]], holds: Holds) -> None:
+    """The last force of every run over a varied number, or when half of its fall in a hold is over; a line for each
+    group of those that differ in it alone."""
+    force, held = axis("force", [curve.results for curve in families.curves]), _all_held(holds)
+    halves = {id(curve): hold.half_time for curve, hold in zip(families.curves, held, strict=False)}
     for i, (name, curves) in enumerate(groups.items()):
         along = sorted(curves, key=lambda curve: amount(curve.values[key])[0])
         x = [amount(curve.values[key])[0] for curve in along]
-        y = force([curve.results["force"][-1] for curve in along])
+        y = [halves[id(one)] for one in along] if held else force([one.results["force"][-1] for one in along])
         look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
         label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
         axes.plot(x, y, lw=1.0, ms=5, color=look["color"], marker=look["marker"] or ".", label=label)
     values = families.numbers(key)
-    if min(values) > 0 and max(values) > LOG_SPAN * min(values):
+    if min(values) > 0 and (held or max(values) > LOG_SPAN * min(values)):
         axes.set_xscale("log")
-    axes.set(xlabel=_label(families, key), ylabel=f"last {force.label}")
+    axes.set(
+        xlabel=_label(families, key),
+        ylabel=f"half of the fall is over at t{_seconds(families)}" if held else f"last {force.label}",
+    )
+    if held:
+        axes.set_yscale("log")
+        _tick_few_decades(axes, max(values) / min(values))
 
 
 def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:
@@ -314,17 +345,22 @@ def _mark(i: int) -> Look:
     return {"color": colour, "marker": canvas.MARKERS[i % 7], "ms": 6, "mec": "white", "mew": 0.6, "zorder": 3}
 
 
-def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
-    """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
+def _tick_few_decades(axes: Axes, ratio: float) -> None:
+    """Plain numbers on a logarithmic axis of x whose largest number is less than 100 times the smallest."""
     from matplotlib.ticker import LogLocator
 
+    if ratio < 100:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
+
+
+def _log_axes(axes: Axes, x: str, values: Sequence[float], span: float = SPAN) -> None:
+    """|error| on a logarithmic axis, and the other logarithmic where its numbers span enough."""
     axes.set(yscale="log", xlabel=x, ylabel="|relative error of the force|")
     if min(values) > 0 and max(values) > span * min(values):
         axes.set_xscale("log")
-        if (ratio := max(values) / min(values)) < 100:
-            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if ratio > 5 else (1, 1.5, 2, 3, 4, 5, 6, 8)))
-            axes.xaxis.set_major_formatter("{x:g}")
-            axes.xaxis.set_minor_formatter("")
+        _tick_few_decades(axes, max(values) / min(values))
     axes.axhline(ONE_PERCENT, color=canvas.GREY, lw=0.6, ls=":", zorder=1)
     at_right: Look = {"xycoords": ("axes fraction", "data"), "ha": "right", "va": "bottom", "fontsize": 8}
     axes.annotate("1 %", (1, ONE_PERCENT), color=canvas.GREY, **at_right)

@@ -73,7 +73,7 @@ def test_half_steps_pass_the_same_turns() -> None:
     assert fine.values[1::2] == path.values
 
     def length(path: LoadPath) -> float:
-        values = [0.0, *(value for step in range(1, len(path.values) + 1) for value in path.leg(step))]
+        values = [0.0, *(value for step in range(1, len(path.values) + 1) for value, _ in path.leg(step))]
         return float(np.abs(np.diff(values)).sum())
 
     assert length(fine) == pytest.approx(length(path), rel=1e-12) == pytest.approx(0.025, rel=1e-12)

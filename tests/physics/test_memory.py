@@ -161,7 +161,7 @@ def test_a_resumed_run_remembers_the_same(name: str, origin: str) -> None:
     before = walked(stopped, path, until=STOPPED)
     goes_on = solver.Walk(fresh(name))
     kept = stopped.points if origin == "checkpoint" else []  # of a condensed body there are none
-    assert goes_on.resume(kept, () if kept else path[:STOPPED])
+    assert goes_on.resume(kept, [] if kept else [(depth, 0.0) for depth in path[:STOPPED]])
     assert_same([*before, *walked(goes_on, path, done=STOPPED)], undisturbed(name))
 
 

@@ -318,7 +318,7 @@ class TestDamaged:
     def test_a_checkpoint_without_numbers_is_none(self, tmp_path, value):
         identity = {"mesh": "x"}
         for number, points in ((1.0, 1), (value, 0)):
-            saved = checkpoint.Checkpoint(1, [(0.1, [np.array([number])])])
+            saved = checkpoint.Checkpoint(1, [(0.1, 0.0, [np.array([number])])])
             checkpoint.write(tmp_path / "checkpoint.h5", saved, identity)
             assert len(checkpoint.read(tmp_path / "checkpoint.h5", identity).points) == points
 

@@ -250,11 +250,11 @@ for name, mapping in json.loads(sys.argv[1]).items():
         pass
     points = comm.bcast(walk.points)
     body = walk.equilibrium
-    depth, arrays = points[-1]
-    body.restore(body.unpack(0.0, points[0][1]))
+    depth, _, arrays = points[-1]
+    body.restore(body.unpack(0.0, points[0][2]))
     body.restore(body.unpack(depth, arrays))
     back = abs(body.force / state.force - 1)
-    found[name] = {"points": [[values.tolist() for values in arrays] for _, arrays in points], "back": back}
+    found[name] = {"points": [[values.tolist() for values in arrays] for _, _, arrays in points], "back": back}
 if comm.rank == 0:
     print("RESULT" + json.dumps(found))
 """

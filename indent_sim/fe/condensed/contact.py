@@ -338,7 +338,7 @@ class CondensedState:
 
     def __init__(self, contact: CondensedContact):
         self.contact, self.scene, self.comm = contact, contact.scene, MPI.COMM_SELF
-        self.trace, self.friction = contact.compliance.trace, contact.friction
+        self.trace, self.friction, self.fluid = contact.compliance.trace, contact.friction, None
 
     @property
     def depth(self) -> float:

@@ -18,11 +18,11 @@ class WholeBody:
     """A whole body at the present state, whose fields can be read off.
     strains: of each region stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank."""
 
-    def __init__(self, body: Any, strains: Sequence[Any], friction: Any):
+    def __init__(self, body: Any, strains: Sequence[Any], friction: Any, fluid: Any = None):
         self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
         self.mesh, self.unknowns, self.strains, self.friction = body.mesh, body.unknowns, strains, friction
         self.nodal_displacement, self.local_array = body.nodal_displacement, body.local_array
-        self.dofs = body.active_dofs
+        self.dofs, self.fluid = body.active_dofs, fluid
 
     def crushed(self) -> Any:
         """Where the body is compressed most, see `terms.strain.Crushed` (collective); None at small strain."""
@@ -34,9 +34,10 @@ class Fields:
     """The fields of a solution by name.
 
     At the vertices displacement (points, dim) [length], pressure and with friction shear (points,), the mean of the
-    facets that meet, as in the surface table. At the cells' centroids stress (cells, 3, 3) (Cauchy), von_mises,
-    principal_stresses (cells, 3) from the largest, energy_density per undeformed volume [pressure], and
-    J = det(I + grad u). A quadratic displacement is shown by its values at the vertices."""
+    facets that meet, as in the surface table, and with fluid its pore_pressure. At the cells' centroids stress (cells,
+    3, 3) (Cauchy, of the drained law), von_mises, principal_stresses (cells, 3) from the largest, energy_density per
+    undeformed volume [pressure], and J = det(I + grad u). A quadratic displacement is shown by its values at the
+    vertices."""
 
     def __init__(self, body: Any):
         self.body = body
@@ -52,17 +53,19 @@ class Fields:
         """The fields on rank 0, None on the others."""
         mesh = self.body.mesh
         nodes, cells = mesh.geometry.input_global_indices, mesh.topology.original_cell_index
-        mine = (nodes, self._displacement(), *self._tractions(), cells, self._in_cells())
+        mine = (nodes, self._at_vertices(), *self._tractions(), cells, self._in_cells())
         parts: Any = self.body.comm.gather(mine, root=0)
         if parts is None:
             return None
         nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
         stress, J, psi = np.split(_in_order(cells, inside), [9, 10], axis=1)
-        displacement = _in_order(nodes, u)[: mesh.topology.index_map(0).size_global]  # those of curved cells are last
+        dim, last = self.body.body_mesh.dim, mesh.topology.index_map(0).size_global  # those of curved cells are last
+        displacement, fluid = np.split(_in_order(nodes, u)[:last], [dim], axis=1)
         tractions = [_means(touched, column, len(displacement)) for column in acting.T]
         return {
             "displacement": displacement,
             **dict(zip(("pressure", "shear"), tractions, strict=False)),
+            **dict(zip(("pore_pressure",), fluid.T, strict=False)),
             **_stresses(stress.reshape(-1, 3, 3)),
             "J": J[:, 0],
             "energy_density": psi[:, 0],
@@ -74,10 +77,14 @@ class Fields:
         dofs = compat.cell_dofs(self.body.unknowns.own_space("u").dofmap)
         return dofs[:, : self.body.body_mesh.dim + 1]  # vertices come first in a cell
 
-    def _displacement(self) -> np.ndarray:
-        body = self.body
-        values = np.zeros((len(body.mesh.geometry.x), body.body_mesh.dim))
-        values[compat.geometry_dofs(body.mesh)] = body.local_array()[body.unknowns.displacement_places(self._vertices)]
+    def _at_vertices(self) -> np.ndarray:
+        """The displacement and, where there is fluid, its pressure (points, dim or dim + 1)."""
+        body, corners = self.body, compat.geometry_dofs(self.body.mesh)
+        values = np.zeros((len(body.mesh.geometry.x), body.body_mesh.dim + (body.fluid is not None)))
+        dim = body.body_mesh.dim
+        values[corners, :dim] = body.local_array()[body.unknowns.displacement_places(self._vertices)]
+        if body.fluid is not None:
+            values[corners, dim] = body.fluid.at_corners()
         return values
 
     def _tractions(self) -> tuple[np.ndarray, np.ndarray]:

@@ -24,6 +24,7 @@ class Observed(Protocol):
     # None without; `room_at` points: friction p - |t_hat| (facets, points) [pressure], >= 0 where the surface sticks;
     # `shear_at` points: tau (facets, points, axes) [pressure]
     friction: Any
+    fluid: Any  # None without; `pressure_at` points: p (facets, points) [pressure], from the bath's
 
     @property
     def depth(self) -> float:
@@ -96,11 +97,30 @@ def gap(body: Observed, points: np.ndarray) -> np.ndarray:
     return _gap(body, X, u)
 
 
+def smallest_gap(body: Observed) -> float:
+    """The least height [length] of the tip above the body, where contact is looked for (collective)."""
+    physics, trace = body.scene.physics, body.trace
+    points = np.vstack([contact_quadrature(trace.dim)[0], trace.node_points()])
+    X, u = body.trace.positions(points), body.trace.values(body.nodal_displacement(), points)
+    over = np.moveaxis(X if physics.gap == "reference" else X + u, -1, 0)
+    height = physics.indenter.height(*physics.part.kinematics.horizontal(over, physics.center))
+    g = height - body.depth - (X[..., -1] + u[..., -1])
+    return float(body.comm.allreduce(float(g.min(initial=np.inf)), op=MPI.MIN))
+
+
 def _gap(body: Observed, X: np.ndarray, u: np.ndarray) -> np.ndarray:
     physics = body.scene.physics
     x, gap = (X, gap_reference) if physics.gap == "reference" else (X + u, gap_current)
     horizontal = physics.part.kinematics.horizontal(np.moveaxis(x, -1, 0), physics.center)
     return gap(physics.indenter, *horizontal, X[..., -1] + u[..., -1], body.depth)
+
+
+def _may_touch_above(body: Observed, pressure: np.ndarray) -> bool:
+    """Whether there may be contact at no depth (collective): by attraction, or with a body that has swollen."""
+    physics = body.scene.physics
+    if not physics.evolves:
+        return physics.contact.may_snap
+    return bool(body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX) > TOUCHING * physics.material.E_star)
 
 
 def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -126,17 +146,17 @@ def contact(body: Observed) -> dict[str, float]:
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
-    projected on the horizontal plane; 0 for delta <= 0 without adhesion. The peak is over the contact quadrature points
-    and the nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration the largest <-g> over the
-    contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which the gap
-    function may know nothing; 0 with a reference gap."""
+    projected on the horizontal plane; 0 for delta <= 0, unless the tip adheres or the body swells. The peak is over the
+    contact quadrature points and the nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration
+    the largest <-g> over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own
+    shape, of which the gap function may know nothing; 0 with a reference gap."""
     dim = body.trace.dim
     grid, inner, nodes = lattice(dim)[0], contact_quadrature(dim)[0], body.trace.node_points()
     s = sample(body, np.vstack([grid, inner, nodes]))
     begin, end = len(grid), len(grid) + len(inner)
     x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
     size = _region(body, s.X[:, :begin, :-1], x[:, :begin, :-1], s.p_hat[:, :begin])
-    if body.depth <= 0 and not body.scene.physics.contact.may_snap:  # what is there is round-off
+    if body.depth <= 0 and not _may_touch_above(body, s.pressure):  # what is there is round-off
         size = 0.0
     a = body.scene.physics.part.kinematics.contact_radius(size)
     peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
@@ -241,7 +261,8 @@ def surface(body: Observed) -> Surface | None:
     s = sample(body, body.trace.node_points())
     dim = body.trace.dim
     traction = tractions(body, s, body.trace.node_points())
-    columns = np.concatenate([s.X, s.u, s.gap[..., None], traction], axis=-1)
+    pores = [] if body.fluid is None else [body.fluid.pressure_at(body.trace.node_points())[..., None]]
+    columns = np.concatenate([s.X, s.u, s.gap[..., None], *pores, traction], axis=-1)
     parts: Any = body.comm.gather(columns.reshape(-1, columns.shape[-1]), root=0)
     if parts is None:
         return None
@@ -251,14 +272,16 @@ def surface(body: Observed) -> Surface | None:
     _, first, place, count = np.unique(keys, axis=0, return_index=True, return_inverse=True, return_counts=True)
     place = place.ravel()
     X, u, gap = np.split(table[first, : 2 * dim + 1], [dim, 2 * dim], axis=1)
+    fluid = {"pore_pressure": table[first, 2 * dim + 1]} if pores else {}
     X[np.abs(X) < 1e-12] = 0.0  # the axis is at 0, not at 1e-18 of the body's height
     gap = below(body.scene.physics.indenter, gap[:, 0])
     # the deformed area has a kink between facets: take the mean
-    pressure, *shear = (np.bincount(place, column) / count for column in table[:, 2 * dim + 1 :].T)
+    pressure, *shear = (np.bincount(place, column) / count for column in table[:, 2 * dim + 1 + len(pores) :].T)
     zero = np.zeros(len(first))
     if dim == 2:
-        return Surface(X[:, 0], zero, np.column_stack([u[:, 0], zero, u[:, 1]]), gap, pressure, X[:, 1], *shear)
-    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear)
+        spatial = np.column_stack([u[:, 0], zero, u[:, 1]])
+        return Surface(X[:, 0], zero, spatial, gap, pressure, X[:, 1], *shear, **fluid)
+    return Surface(X[:, 0], X[:, 1], u, gap, pressure, X[:, 2], *shear, **fluid)
 
 
 def tractions(body: Observed, s: Sample, points: np.ndarray) -> np.ndarray:

@@ -47,7 +47,13 @@ class Equilibrium(Protocol):
         """Force of the whole body on the tip [force]."""
 
     def sharpen(self) -> float:
-        """Converge as far as round-off lets, and say how well a force can be met then, relative."""
+        """Converge as far as round-off lets, and say how well a force can be met then, relative. What jumps with the
+        depth stands still from here on, until `is_settled` is asked."""
+
+    def is_settled(self) -> bool:
+        """Whether what stood still while a force was searched for fits the state that was found; else it does from
+        here on, and the force is to be searched for again."""
+        return True
 
     def predict(self, depth: float, earlier: Sequence[Any]) -> None:
         """Take the unknowns that earlier snapshots lead to expect at a depth as the present ones."""

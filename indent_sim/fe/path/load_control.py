@@ -5,6 +5,9 @@ the depth is found by inverse interpolation in (log force, log delta), where a p
 known of the curve: the rows before, and the depths tried for this one. A bracket keeps every try between those that
 pushed less and those that pushed more.
 
+Where time passes the curve is another one at every row, and begins where the body has risen or sunk to: there the depth
+is found by secants, from that of the row before.
+
 A tip that adheres pulls where it first touches, at delta = 0. Forces are counted from there: that curve begins with no
 force, too, and grows with the depth.
 """
@@ -34,12 +37,42 @@ class LoadControl:
         self._deepest, self._from_row = deepest, from_row
         self.tolerance = 1e-10  # of the force, relative
         self._curve: list[Pair] = []  # in order of the force
+        self._slope = 0.0  # of the curve as it was last, 0: not known
         self._pull: float | None = None  # of a tip that adheres, at delta = 0
 
     def begin(self) -> None:
         """Find out how a tip that adheres pulls where it first touches."""
         self._pull = max(-self._reach(0.0)[0], 0.0)
         self._curve = []
+
+    def renew(self, force: float, delta: float, slope: float) -> bool:
+        """Stand at the depth of a force > 0 on a curve that is another one now, near `delta`, where it rises by about
+        `slope` if nothing better is known; by secants, and by halves of the bracket where these leave it."""
+        tried, low, high = list[Pair](), -math.inf, math.inf
+        slope = self._slope or slope
+        for _ in range(TRIES):
+            found, reached = self._reach(delta)
+            if reached != delta:  # it stands where it set out from, at another time
+                self.failure = ""
+                return False
+            if abs(found - force) <= self.tolerance * force:
+                self._curve = []
+                self.know(found, reached)
+                return True
+            tried = [*tried[-1:], (found, reached)]
+            low, high = (max(low, reached), high) if found < force else (low, min(high, reached))
+            if math.isfinite(high - low) and high - low <= 4e-16 * max(abs(high), abs(low)):
+                self.failure = "the force jumps over it"
+                return abs(found - force) <= FORCE_SLACK * force
+            if len(tried) > 1 and (rise := tried[1][0] - tried[0][0]) * (run := tried[1][1] - tried[0][1]) > 0:
+                slope = self._slope = rise / run
+            elif not found:
+                slope /= 2  # out of contact: it may be further away
+            delta = reached + (force - found) / slope
+            if not low < delta < high:
+                delta = (low + high) / 2
+        self.failure = f"{TRIES} depths gave other forces"
+        return False
 
     def know(self, force: float, delta: float) -> None:
         """A point of the curve, from which others are predicted."""

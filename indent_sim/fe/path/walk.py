@@ -23,6 +23,10 @@ PARABOLA_STEP = 0.13  # of the depth: up to this the contact edge moves smoothly
 # step; and the longest one over which it may snap in or let go. Over a longer one Newton may end in the other of two
 # stable states: measured at Maugis' lambda 2, it let go too early in a step of five ranges.
 OUTSET_RANGES, LONG, JUMP = 12.0, 4.0, 0.25
+# Of the body's height, by which a tip is lifted, and twice as much, to see how far it is; and that is left below one
+# that just touches. It is clear of the body where that rises by less than a fifth of it
+LIFT, MOST_LIFTS, AIR, CLEAR = 1e-3, 12, 1e-9, 5.0
+MOST_SEARCHES = 6  # for a force, each with the surface sealed where the one before has found contact
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,8 @@ class Walk:
         self._found: Point | None = None  # and not accepted yet
         self._steps = self._step_rule()
         self._substeps = 0  # so far
+        self._t = 0.0  # at which a force is searched for
+        self._rise = 0.0  # of a tip that just touches, in the step before
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
 
     def _step_rule(self, way: Way | None = None) -> StepRule:
@@ -87,23 +93,28 @@ class Walk:
         self._points = [*before, found]
 
     @property
-    def points(self) -> list[tuple[float, list[np.ndarray]]]:
-        """The last equilibria, for `resume`: depth and arrays; with memory that of the last row, on its own path."""
+    def points(self) -> list[tuple[float, float, list[np.ndarray]]]:
+        """The last equilibria, for `resume`: depth, time and arrays; with memory that of the last row, on its own
+        path."""
         points = [self._row] if self._has_memory and not self._range else self._points
-        packed = [(point.delta, self.equilibrium.pack(point.state)) for point in points]
-        return [(delta, arrays) for delta, arrays in packed if arrays]
+        packed = [(point.delta, point.place.t, self.equilibrium.pack(point.state)) for point in points]
+        return [(delta, t, arrays) for delta, t, arrays in packed if arrays]
 
-    def resume(self, points: Sequence[tuple[float, Sequence[np.ndarray]]], deltas: tuple[float, ...]) -> bool:
-        """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths passed since.
-        An equilibrium without memory does not depend on the path, so the way is straight to the last three depths, from
+    def resume(
+        self, points: Sequence[tuple[float, float, Sequence[np.ndarray]]], passed: Sequence[tuple[float, float]]
+    ) -> bool:
+        """Stand where an earlier walk stood: at its `points` (or at rest), then at the last of the depths and times
+        passed since.
+        An equilibrium without memory does not depend on the path, so the way is straight to the last three, from
         which the next one is predicted; or that of the earlier walk where it has to be. False when it is lost."""
-        unpacked = [(delta, self.equilibrium.unpack(delta, arrays)) for delta, arrays in points]
-        kept = [Point(Place(delta), state) for delta, state in unpacked if state is not None]
+        unpacked = [(Place(delta, t), self.equilibrium.unpack(delta, arrays, t)) for delta, t, arrays in points]
+        kept = [Point(place, state) for place, state in unpacked if state is not None]
+        places = [Place(*at) for at in passed]
         self._points = kept if kept and self._range else [*self._points, *kept][-3:]
         self.return_to_last()
         self._points[-1] = replace(self._last, touches=self._touches)
         self._control.know(*self._pair)
-        start, places = self._points, [Place(delta) for delta in deltas]
+        start = self._points
         if not self._has_memory and all(self._reach(place) for place in places[-3:]):
             return True
         self._points, self._steps = start, self._step_rule()
@@ -127,8 +138,8 @@ class Walk:
                 self._control.begin()
         for step, value in enumerate(path.values[done:], start=done + 1):
             before, substeps = body.effort, 0
-            for passed in path.leg(step):
-                more = self._reach(Place(passed)) if path.control == "depth" else self._press(passed, step)
+            for passed, t in path.leg(step):
+                more = self._reach(Place(passed, t)) if path.control == "depth" else self._press(passed, t, step)
                 substeps = more and substeps + more
                 if not more:
                     break
@@ -148,18 +159,48 @@ class Walk:
                 numbers |= {"t": path.times[step - 1], "branch": path.branches[step - 1]}
             yield State(step=step, delta=self._last.delta, surface=surface, **numbers)
 
-    def _press(self, force: float, step: int) -> int:
+    def _press(self, force: float, t: float, step: int) -> int:
+        """Stand at the depth of a force, at a time; the number of steps there, 0 where there is no such depth."""
         self._accept()
         self._before, substeps = self._points, self._substeps
-        expected = self.equilibrium.scene.physics.deltas[step - 1] or self._range
-        return self._substeps - substeps if self._control.press(force, expected) else 0
+        physics = self.equilibrium.scene.physics
+        expected, self._t = physics.deltas[step - 1] or self._range, t
+        if t == self._last.place.t and not (physics.evolves and force == 0):
+            return self._substeps - substeps if self._control.press(force, expected) else 0
+        if force == 0:
+            return self._substeps - substeps if self._touch() else 0
+        radius = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
+        for _ in range(MOST_SEARCHES):
+            if not self._control.renew(force, self._last.delta or expected, 2 * physics.material.E_star * radius):
+                return 0
+            if self.equilibrium.is_settled():
+                break
+        return self._substeps - substeps
+
+    def _touch(self) -> bool:
+        """Stand where the tip just touches the body that has evolved; False where that is not found. Time passes with
+        the tip so far away that it does not touch on its way either."""
+        height, before = self.equilibrium.scene.physics.body.height, self._before[-1].delta
+        up = max(CLEAR * self._rise, LIFT * height)
+        for _ in range(MOST_LIFTS):
+            away, reached = before - up, self._go(before - up)[1]
+            if reached != away:
+                return False
+            gap = measure.smallest_gap(self.equilibrium.observed)
+            if gap > 0 and gap >= up * (1 - 1 / CLEAR):
+                touch = Place(away + gap - AIR * height, self._t)
+                self._rise, there = abs(touch.delta - before), self._reach(touch)
+                self._substeps += there
+                return bool(there)
+            up *= 2
+        return False
 
     def _go(self, delta: float) -> Pair:
         """Stand at a depth, or as near to it as there is an equilibrium; with memory on the way from the last row."""
         if self._has_memory:
             self._points, self._found = self._before, None
             self.return_to_last()
-        self._substeps += self._reach(Place(delta))
+        self._substeps += self._reach(Place(delta, self._t))
         return self._pair
 
     @property

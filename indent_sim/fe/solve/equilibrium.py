@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -67,9 +68,17 @@ class BodyEquilibrium:
         return self.newton.stiffness()
 
     def sharpen(self) -> float:
-        """Converge as far as round-off lets, and say how well a force can be met then, relative."""
+        """Converge as far as round-off lets, and say how well a force can be met then, relative. The vertices that the
+        tip seals stand still from here on, until `is_settled` is asked: with them the force would jump."""
+        if self.matter.valve:
+            self.matter.valve.hold()
         self.newton.rtol = min(self.newton.rtol, finest(self.problem))
         return 10 * finest(self.problem)
+
+    def is_settled(self) -> bool:
+        """Whether the tip seals the surface where it touches it; else it does from here on."""
+        valve = self.matter.valve
+        return valve is None or not valve.look(measure.touching(self.observed))
 
     def accept(self) -> float:
         """Take the present equilibrium as the one that the next step sets out from; what was lost in this [energy]."""
@@ -96,10 +105,10 @@ class BodyEquilibrium:
             return algorithm
 
         def find() -> bool:
-            for _ in range(MOST_SETS - 1):
+            for _ in range(0 if valve.is_held else MOST_SETS - 1):
                 if not algorithm():
                     return False
-                if not valve.look(measure.touching(self.observed)):
+                if self.is_settled():
                     return True
             return algorithm()
 
@@ -197,19 +206,30 @@ class BodyEquilibrium:
 
     def numbers(self) -> dict[str, Any]:
         """Force, contact, energy and reactions of the present equilibrium."""
-        numbers: dict[str, Any] = {"force": self.force, "energy": self.problem.energy()}
+        energy = nan if self.scene.physics.relaxing else self.problem.energy()  # what relaxes has stored none
+        numbers: dict[str, Any] = {"force": self.force, "energy": energy}
         numbers["reaction"], numbers["stray_reaction"] = self.problem.reactions()
         for name, axis in self.scene.physics.sideways.items():
             numbers[f"side_force_{name}"] = self.problem.side_force(axis)
         numbers["intrusion"] = measure.intrusion(self.observed, self.problem.body.skin)
+        numbers |= self._of_fluid()
         return numbers | measure.contact(self.observed)
+
+    def _of_fluid(self) -> dict[str, float]:
+        """What has left the whole body, how much of it is neither there nor gone, and the largest pressure."""
+        flow, valve, comm = self.matter.flow, self.matter.valve, self.problem.comm
+        if flow is None or valve is None:
+            return {}
+        left, kept = (self.problem.whole(mine) for mine in (valve.outflow(), flow.content()))
+        largest = comm.allreduce(float(flow.at_corners().max(initial=-np.inf)), op=MPI.MAX)
+        return {"outflow": left, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
 
 
 class SolvedBody(WholeBody):
     """The whole body at the present solution, for measurements, the surface table and the fields."""
 
     def __init__(self, body: Body, matter: Matter, touch: Touch):
-        super().__init__(body, matter.strains, touch.friction)
+        super().__init__(body, matter.strains, touch.friction, matter.flow)
         self.multiplier_at, self.pressure_at = touch.pressure.multiplier_at, touch.pressure.pressure_at
         self._delta = body.now.delta
 

@@ -23,7 +23,9 @@ SOFT = 0.1  # E*/h_contact: from here every contact has been found
 STIFF = 1e5  # E*/h_contact: from here the first step, not the depth, may turn cells inside out
 FIRST_STIFFNESS = 3.0  # E*/h_contact: up to here a contact is found in a few iterations
 STAGNANT = 20  # iterations without half the residual: a shorter step costs less, though some would end well
-FLUID_REACTION = 100.0  # E height^2: a body that swells has no reactions to measure against; 1e-12 of this will do
+# E times the square of the height of a body that swells, and has no reactions to measure against; of the contact radius
+# of one that only drains. 1e-12 of it will do
+FLUID_REACTION = 100.0
 KEPT_REDUCTION = 0.05  # of the residual by an old factor: with less a new one is worth its time
 REACTION_ROUNDOFF = 1e-14  # of the largest reaction ever met: below this a residual is noise
 FINE_TOLERANCE = 1e-11  # Newton's where small changes are to be seen: in Uzawa's loop, in the search for a force
@@ -280,7 +282,9 @@ def _least_reaction(problem: Problem) -> float:
     """What counts as the largest reaction before there was one [force]; more than nothing only where fluid flows."""
     physics = problem.scene.physics
     E = max(region.material.constants.E for region in physics.part.regions)
-    return FLUID_REACTION * E * physics.part.height ** (physics.body.dim - 1) if problem.flows else 0.0
+    a = problem.scene.plan.prediction["a"] / physics.scales.length
+    size = physics.part.height if physics.swells else min(a, physics.part.height)
+    return FLUID_REACTION * E * size ** (physics.body.dim - 1) if problem.flows else 0.0
 
 
 def finest(problem: Problem) -> float:

@@ -24,7 +24,7 @@ from ufl.core.expr import Expr
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import Body, Field, Moment, symbolic
-from indent_sim.fe.observe.surface import facet_nodes
+from indent_sim.fe.observe.surface import barycentric, facet_nodes
 from indent_sim.fe.terms.contact.multiplier import sums
 from indent_sim.fe.terms.term import Stage, Term
 from indent_sim.mesh.modelled_part import Region
@@ -53,15 +53,20 @@ class Flow(Term):
     flows = True
 
     def __init__(self, body: Body):
-        self.body, self._drainage = body, body.scene.physics.drainage
+        self.body = body
         self._laws = {region: symbolic(region.material, body.mesh) for region in body.scene.physics.permeable}
-        self._bath, self._bath_before = fem.Constant(body.mesh, 0.0), fem.Constant(body.mesh, 0.0)
+        self._bath, self._bath_before = (
+            {region: fem.Constant(body.mesh, 0.0) for region in self._laws} for _ in range(2)
+        )
         self.is_constant = body.scene.physics.small_strain
-        p, now = body.now.fields[NAME] + self._bath, body.now
-        self.energy = sum(body.over_region(law.flow.storage * p**2 / 2, region) for region, law in self._laws.items())
+        p, now = body.now.fields[NAME], body.now
+        self.energy = sum(
+            body.over_region(law.flow.storage * (p + self._bath[region]) ** 2 / 2, region)
+            for region, law in self._laws.items()
+        )
         self._content, self._content_before = (
-            fem.form(self._over_vertices(moment, bath))
-            for moment, bath in ((now, self._bath), (body.before, self._bath_before))
+            fem.form(self._over_vertices(moment, baths))
+            for moment, baths in ((now, self._bath), (body.before, self._bath_before))
         )
         self._vector = compat.create_vector(self._content, body.unknowns.space)
         self._begin = self._start = self._one = np.zeros(body.unknowns.owned)  # int zeta of each vertex's function
@@ -69,11 +74,11 @@ class Flow(Term):
     def _gradient(self, region: Region, moment: Moment) -> Expr:
         return self.body.scene.physics.part.kinematics.gradient(moment.fields["u"], self.body.X)
 
-    def _over_vertices(self, moment: Moment, bath: fem.Constant) -> ufl.Form:
+    def _over_vertices(self, moment: Moment, baths: dict[Region, fem.Constant]) -> ufl.Form:
         """int zeta of each vertex's function [length^3], a UFL form."""
         test, total = self.body.unknowns.of(self.body.now.test)[NAME], 0
         for region, law in self._laws.items():
-            zeta = law.content(self._gradient(region, moment), moment.fields[NAME] + bath)
+            zeta = law.content(self._gradient(region, moment), moment.fields[NAME] + baths[region])
             total += self.body.over_region(zeta * test, region)
         return total
 
@@ -81,7 +86,7 @@ class Flow(Term):
         """The share of a stage in the potential, but for p zeta*."""
         total, slope = 0, self.body.scene.physics.part.kinematics.in_space(ufl.grad(now.fields[NAME]))
         for region, law in self._laws.items():
-            H, p = self._gradient(region, now), now.fields[NAME] + self._bath
+            H, p = self._gradient(region, now), now.fields[NAME] + self._bath[region]
             flux = ufl.dot(law.mobility(self._gradient(region, before)), slope)
             density = -law.flow.alpha * p * law.growth(H) - law.flow.storage * p**2 / 2 - dt / 2 * ufl.dot(slope, flux)
             total += self.body.over_region(density, region)
@@ -97,11 +102,15 @@ class Flow(Term):
 
     def begin(self, stage: Stage) -> None:
         """Set out from the content of the last accepted state, and beyond it by what the first stage has changed."""
-        self._bath.value = self._drainage.bath_at(float(self.body.now.t.value))
+        self._take_baths(self._bath, self.body.now)
         if not stage.share:
-            self._bath_before.value = self._drainage.bath_at(float(self.body.before.t.value))
+            self._take_baths(self._bath_before, self.body.before)
             self._begin = self._one = self._assembled(self._content_before)
         self._start = self._begin + stage.share * (self._one - self._begin)
+
+    def _take_baths(self, baths: dict[Region, fem.Constant], moment: Moment) -> None:
+        for region, bath in baths.items():
+            bath.value = self.body.scene.physics.bath_pressure(region, float(moment.t.value))
 
     def end(self, stage: Stage) -> None:
         """Keep the content of the stage's equilibrium."""
@@ -113,6 +122,17 @@ class Flow(Term):
         fem_petsc.assemble_vector(self._vector, form)
         self._vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return np.array(self._vector.array_r)
+
+    def pressure_at(self, points: np.ndarray) -> np.ndarray:
+        """p (facets, points) at reference-facet points of the contact surface [pressure], from the bath's."""
+        space = self.body.unknowns.own_space(NAME)
+        nodes = facet_nodes(self.body.mesh, space, self.body.body_mesh.surfaces["top"])
+        return self.body.local_array()[self.body.unknowns.places(NAME)[nodes]] @ barycentric(points).T
+
+    def at_corners(self) -> np.ndarray:
+        """p (cells, corners) of this rank's cells [pressure], from the bath's."""
+        dofs = compat.cell_dofs(self.body.unknowns.own_space(NAME).dofmap)
+        return self.body.local_array()[self.body.unknowns.places(NAME)[dofs]]
 
     def content(self) -> float:
         """Fluid in the pores beyond that at rest in a bath without pressure [length^3], this rank's share."""
@@ -143,6 +163,7 @@ class Valve(Term):
         self.history = (self._in_contact, self._left)
         self._touches, self._visited = np.zeros(len(top), dtype=bool), set[bytes]()
         self._leaves = np.zeros(self._owned)  # in the step to the present state [length^3]
+        self.is_held = self._is_tried = False
         self.setting = 0
 
     def _diagonal(self) -> np.ndarray:
@@ -198,11 +219,18 @@ class Valve(Term):
             place = self._places[i : i + 1].astype(np.int32)
             A.setValuesLocal(place, place, np.array([-dt * values[i]]), addv=PETSc.InsertMode.ADD)
 
+    def hold(self) -> None:
+        """From here on all stages of a step, and all tries of it, have one contact: that of the last accepted state
+        until `look` is told another."""
+        self.is_held = True
+
     def begin(self, stage: Stage) -> None:
         """A step begins with the contact of the last accepted state."""
+        if self._is_tried:
+            return
         if not stage.share:
             self._take(self._in_contact.x.array > 0.5)
-        self._visited = {self._touches.tobytes()}
+        self._visited, self._is_tried = {self._touches.tobytes()}, self.is_held
 
     def look(self, touching: np.ndarray) -> bool:
         """Take the corners (facets, corners) of the contact surface that touch the tip now; whether another equilibrium
@@ -228,7 +256,7 @@ class Valve(Term):
     def accept(self) -> None:
         """The step is done: what has left and what touches is remembered."""
         self._left.x.array[: self._owned] += self._leaves
-        self._in_contact.x.array[:] = self._touches
+        self._in_contact.x.array[:], self._is_tried = self._touches, False
 
     def outflow(self) -> float:
         """What has left the body since rest [length^3], this rank's share."""

@@ -14,7 +14,7 @@ from indent_sim.model.body import Ball, Box, Cap, Cylinder, HalfSpace, InfiniteL
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import Loading
-from indent_sim.model.materials import LinearElastic
+from indent_sim.model.materials import Gel, LinearElastic
 from indent_sim.model.tips import Cone, Indenter, RegularPyramid
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, NotConverged
 from indent_sim.run.chain import condense, states
@@ -46,6 +46,15 @@ class Bench:
         if self.delta <= 0:
             problem = "never presses the tip into the body: no force depends on anything"
             raise ConfigError("loading", problem, "give a depth > 0")
+        if scene.physics.permeable:
+            problem = "is no effect that can be told from the others yet"
+            raise ConfigError("material.flow", problem, "leave it out: nu as given is drained, nu: 0.5 undrained")
+        if any(isinstance(material, Gel) for _, material in config.materials()):
+            problem = "gel: is no effect that can be told from the others yet"
+            raise ConfigError("material.model", problem, "use a neo_hookean law of its shear modulus and Poisson ratio")
+        if scene.physics.relaxing:
+            problem = "shear: is no effect that can be told from the others yet"
+            raise ConfigError("material.relaxation.of", problem, "of: all, on a linear body without friction")
         tip: Any = config.indenter
         is_aside = isinstance(config.body, Cylinder) and any(config.center or ())
         self.is_stood_for = isinstance(config.body, Box) or is_aside  # by a cylinder up to its nearest side

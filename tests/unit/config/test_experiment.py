@@ -34,6 +34,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ({"force_history": [[0, 1e-3], [1, -1e-3]]}, {}, "loading.force_history", "nothing holds on"),
         ({"relaxation": SLOW}, {}, "material.relaxation", "needs a time"),
         ({"relaxation": {}, "history": RAMP}, {}, "material.relaxation", "one of two laws"),
+        ({"relaxation": SLOW | {"of": "bulk"}, "history": RAMP}, {}, "material.relaxation.of", "all"),
         ({"relaxation": {"prony": [[0.6, 1], [0.4, 2]]}, "history": RAMP}, {}, "material.relaxation.prony", "sum to"),
         ({"relaxation": {"prony": [[0.6, 0]]}, "history": RAMP}, {}, r"material.relaxation.prony\[0\]", "no term"),
         (
@@ -78,7 +79,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         ),
         ({"adhesion": {"work": -1.0}}, {}, "experiment.adhesion.work", "> 0"),
         ({"cantilever": {"k": 1.0}}, {}, "experiment.cantilever.k", "unknown key"),
-        ({"history": RAMP, "relaxation": SLOW}, {"material": HYPERELASTIC}, "material.relaxation", "not linear"),
+        ({"history": RAMP, "relaxation": SLOW}, {"material": HYPERELASTIC}, "material.relaxation.of", "not linear"),
         (
             {"history": RAMP, "cantilever": {"stiffness": 1.0}},
             {"contact": {"method": "nitsche"}},
@@ -88,7 +89,7 @@ HYPERELASTIC = {"model": "neo_hookean", "E": 1.0, "nu": 0.3}
         (
             {"history": RAMP, "relaxation": SLOW},
             {"contact": {"friction": 0.3}},
-            "material.relaxation",
+            "material.relaxation.of",
             "friction, or adhesion over a range",
         ),
         ({"history": RAMP}, {"output": {"fields": "all"}}, "output.fields", "no fields"),
@@ -182,11 +183,10 @@ def test_times_are_those_of_the_history(times: list[float], words: str) -> None:
         from_mapping(SCENE | {"loading": {"delta": 0.01, "times": [1.0]}})
 
 
-def test_times_of_forces_on_a_whole_body_are_the_programs() -> None:
+def test_times_of_forces_on_a_whole_body_pass_the_other_steps() -> None:
     given = SCENE | {"material": HYPERELASTIC, "loading": {"force_history": [[0, 0], [1, 1e-3]], "times": [0.5]}}
-    with pytest.raises(ConfigError, match="are the program's") as refused:
-        resolve(from_mapping(given))
-    assert refused.value.key == "loading.times"
+    path = resolve(from_mapping(given)).physics.path
+    assert path.control == "force" and path.times == (0.5,) and len(path.leg(1)) > 5
 
 
 def test_a_soft_spring_keeps_the_tip_back() -> None:

@@ -74,9 +74,9 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (CYLINDER | {"layers": [1.0]}, "body.layers[0]", "must be a section of keys, got 1.0"),
     (CYLINDER | {"layers": [{"thickness": 1.0, "matter": "gel"}]}, "body.layers[0].matter", "unknown key"),
     (
-        CYLINDER | {"layers": [{"thickness": 1.0, "material": {"model": "gel"}}]},
+        CYLINDER | {"layers": [{"thickness": 1.0, "material": {"model": "jelly"}}]},
         "body.layers[0].material.model",
-        "there is no material 'gel'",
+        "there is no material 'jelly'",
     ),
     (CYLINDER | layers(1e-7, 1 - 1e-7), "body.layers[0].thickness", "too small beside"),
     (HALF_SPACE | layers(0.4, 1.0), "body.layers[1].thickness", "its substrate, which has no thickness"),

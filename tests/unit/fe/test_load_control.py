@@ -107,3 +107,20 @@ def test_a_curve_that_begins_with_a_pull_is_searched_from_there() -> None:
     control = LoadControl(reach, 100.0)
     control.begin()
     assert control.press(0.0, 1.0) and reached[-1] == pytest.approx(4.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("sunk", [-0.3, 0.0, 0.05])
+def test_a_curve_that_has_moved_is_found_again(sunk: float) -> None:
+    """A paraboloid's, on a surface that has risen or sunk since: by secants, wherever it begins."""
+    body = Curve(lambda delta: 3.0 * max(delta - sunk, 0.0) ** 1.5)
+    control = LoadControl(body, deepest=1.0)
+    for slope in (0.5, 2.0, 0.0):
+        assert control.renew(0.01, 0.1, slope or 50.0)
+        assert body.delta == pytest.approx(sunk + (0.01 / 3.0) ** (2 / 3), abs=1e-11)
+    assert body.asked < 90
+
+
+def test_a_body_that_stays_where_it_was_has_not_come_to_its_force() -> None:
+    """It has the force that it held before, at another time: that is no answer."""
+    control = LoadControl(lambda delta: (0.01, 0.2), deepest=1.0)
+    assert not control.renew(0.01, 0.1, 1.0)

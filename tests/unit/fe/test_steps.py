@@ -98,6 +98,7 @@ class Spring:
             gap="reference",
             columns=(),
             contact=SimpleNamespace(reach=0.0),
+            evolves=False,
         )
         self.scene, self.has_memory = SimpleNamespace(physics=physics), memory
         self.depth, self.worn, self.solves, self.failure = 0.0, 0.0, 0, "too far"
@@ -171,7 +172,8 @@ def test_with_memory_no_try_of_a_force_wears_the_body_out() -> None:
 def test_a_resumed_walk_with_memory_goes_the_whole_way() -> None:
     straight, whole = Spring(), Spring(memory=True)
     deltas = (1.0, 3.0, 2.0, 2.5, 2.75)
-    assert Walk(straight).resume([], deltas) and Walk(whole).resume([], deltas)  # type: ignore[arg-type]
+    passed = [(delta, 0.0) for delta in deltas]
+    assert Walk(straight).resume([], passed) and Walk(whole).resume([], passed)  # type: ignore[arg-type]
     assert straight.solves == 3 and whole.solves == 5
     assert whole.worn == 1.0  # from 3 to 2, as when it was not interrupted
 

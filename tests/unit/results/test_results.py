@@ -674,6 +674,44 @@ class TestCompare:
             return head + "\n" + "".join(f"{d:.15g},{d**1.5:.15g}\n" for d in depths)
         return head + "\n" + "".join(f"{k},{d:.15g},{d**1.5:.15g},{d**0.5:.15g}\n" for k, d in enumerate(depths, 1))
 
+    HISTORY = "step,t,delta,force,a,branch\n1,0,0,0,0,approach\n2,1,0.1,1,0.3,approach\n3,2,0.2,2,0.4,approach\n"
+    HISTORY += "4,2,0.1,0.8,0.3,retract\n5,3,0.1,0.6,0.3,hold\n"
+
+    def test_histories_of_other_times_are_matched_by_time(self, tmp_path):
+        """At the rows of one time, at a jump by the row after it; between rows by chords; beyond the other: alone."""
+        A, B = tmp_path / "A", tmp_path / "B"
+        A.write_text(self.HISTORY)
+        B.write_text("step,t,delta,force,a,branch\n1,0.5,0.05,0.5,0.15,approach\n2,2,0.1,0.8,0.3,retract\n")
+        for one, other in ((A, B), (B, A)):
+            found = compare(one, other)
+            found.check()
+            assert found.matched_by == "t" and found.steps == (0.5, 2.0) and found.interpolated[0] == A
+        B.write_text("step,t,delta,force,a,branch\n1,1,0.1,1,0.3,approach\n2,2,0.1,0.9,0.3,retract\n3,4,0,0,0,hold\n")
+        found = compare(A, B)
+        assert found.interpolated is None  # every time is a row's
+        assert [text.split(" differ")[0] for text in found.differences] == [
+            f"t 4 is in {B} alone",
+            "t 2: force 0.8 and 0.9",
+        ]
+        B.write_text(self.HISTORY)
+        assert compare(A, B).matched_by == "step"  # of the same times, as ever
+
+    def test_a_history_of_an_earlier_version_is_compared_with_one_of_today(self, tmp_path):
+        """It stands in experiment.csv, beside the rows of its elastic curve."""
+        new, old = tmp_path / "new", tmp_path / "old"
+        for result in (new, old):
+            result.mkdir()
+        (new / "force_indentation.csv").write_text(self.HISTORY)
+        (old / "force_indentation.csv").write_text(self.HEADER + "1,0.1,1,0.3\n2,0.2,2,0.4\n")
+        rows = [line.split(",")[1:] for line in self.HISTORY.splitlines()]
+        (old / "experiment.csv").write_text("\n".join(",".join(row) for row in rows) + "\n")
+        for pair in ((new, old), (old, new)):
+            found = compare(*pair)
+            found.check()
+            assert found.matched_by == "step" and len(found.steps) == 5
+        (old / "experiment.csv").write_text("\n".join(",".join(row) for row in rows).replace("0.6", "0.5") + "\n")
+        assert compare(new, old).differences == ("step 5: force 0.6 and 0.5 differ by 0.17",)
+
     def test_rows_at_other_depths_are_interpolated(self, tmp_path):
         """Power laws come back exactly; a depth beyond the other's range is alone."""
         A, B = tmp_path / "A", tmp_path / "B"

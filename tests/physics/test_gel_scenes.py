@@ -1,0 +1,89 @@
+"""Gels in scene files: swelling against closed forms, a resting tip, weights, and what is left when nothing flows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+from scenes import scene
+
+from indent_sim.model.materials import Gel
+from indent_sim.model.state import State
+from indent_sim.run import chain
+from indent_sim.scene.scene import Scene
+
+STRETCH = 1.4
+GEL = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": STRETCH}
+WET = GEL | {"flow": {"diffusivity": 1.0}}
+LAYER = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "base": "fixed", "sides": "roller"}
+FREE = LAYER | {"base": "roller", "sides": "free"}
+SPHERE = {"shape": "sphere", "R": 1.0}
+COARSE = {"h_contact": 0.06}
+DIFFUSION = 31.05  # H^2/D_c of this gel, D_c = M_c k
+
+
+def gel(body: dict[str, Any] = LAYER, **sections: Any) -> Scene:
+    return scene(body, **{"material": WET, "indenter": SPHERE, "mesh": COARSE, "drainage": {"bath": 0.0}} | sections)
+
+
+def rows(base: Scene) -> list[State]:
+    found = list(chain.states(base, with_surface=False))
+    assert len(found) == len(base.physics.deltas) and all(row.converged for row in found), found[-1].reason
+    return found
+
+
+def at(times: Sequence[float], *, key: str = "history", value: float = 0.0, **sections: Any) -> list[State]:
+    """Rows at times in units of DIFFUSION of a tip that stands, or is pressed, from the beginning on."""
+    end = DIFFUSION * times[-1]
+    loading = {key: [[0, value], [end, value]], "times": [DIFFUSION * t for t in times], "per_doubling": 2}
+    return rows(gel(loading=loading, **sections))
+
+
+def test_a_gel_swells_against_a_resting_sphere() -> None:
+    """Forces over G height^2 of this design at h = 0.06 to 0.03: what they differ by, and the time steps, beside it."""
+    found = at([0.1, 1.0, 10.0, 1000.0])
+    assert [row.force for row in found[:2]] == pytest.approx([0.0780, 0.587], rel=3e-2)
+    assert found[2].force == pytest.approx(1.480, rel=6e-3) and found[3].force == pytest.approx(1.5055, rel=2e-3)
+    assert 0 < found[0].a < found[1].a < found[2].a < 1
+
+
+@pytest.mark.verify
+def test_a_tip_that_drains_lets_it_swell_sooner() -> None:
+    sealed, drained = (at([1.0, 1000.0], drainage={"bath": 0.0, "tip": tip}) for tip in ("sealed", "drained"))
+    assert drained[0].force > 1.08 * sealed[0].force
+    assert drained[1].force == pytest.approx(sealed[1].force, rel=2e-3)
+
+
+@pytest.mark.parametrize("body", [LAYER, FREE], ids=["held", "free"])
+def test_a_resting_tip_is_lifted_by_all_that_a_gel_swells(body: dict[str, Any]) -> None:
+    """At rest in the pure solvent: by mu(l) = 0, or between walls by P_z = 0."""
+    law = Gel(G=1.0, n_omega=1e-3, chi=0.6, stretch=STRETCH)
+    free = law.free_stretch(0.0) / STRETCH
+    swollen = free if body is FREE else law.held_swelling(law.bath_pressure(0.0)).stretch
+    coarse = {"h_contact": 0.25, "h_far": 0.5}
+    early, late = at([0.1, 1e3], key="force_history", body=body, mesh=coarse)
+    assert early.force == 0 and late.force == 0 and early.a == 0
+    assert -late.delta == pytest.approx(swollen - 1, rel=1e-6)  # the tip is 1e-9 of the height above
+    assert 0 < -early.delta < 0.5 * (swollen - 1)
+
+
+def test_a_weight_sinks_in_and_is_lifted() -> None:
+    """At once as deep as in an incompressible body of the same shear modulus, held up; then lifted."""
+    coarse = {"h_contact": 0.1}
+    found = at([0.0, 0.02, 0.1], key="force_history", value=0.3, mesh=coarse)
+    assert [row.force for row in found] == pytest.approx([0.3] * 3, rel=1e-8)
+    assert found[0].delta > found[1].delta > found[2].delta
+    rubber = {"model": "neo_hookean", "mu": 1.0 / STRETCH, "nu": 0.5}
+    (solid,) = rows(gel(material=rubber, drainage=None, loading={"force": 0.3, "steps": 1}, mesh=coarse))
+    assert found[0].delta == pytest.approx(solid.delta, rel=2e-3)
+
+
+def test_without_flow_it_is_at_rest_in_its_bath() -> None:
+    """What a gel with flow comes to; of free swelling in the bath where no stretch is given."""
+    bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)
+    (dry,) = rows(gel(material=GEL, drainage=None, loading={"deltas": [0.1]}))
+    (auto,) = rows(gel(material=GEL | {"stretch": "auto"}, drainage={"bath": bath}, loading={"deltas": [0.1]}))
+    (last,) = at([1e4], value=0.1, drainage={"bath": bath})
+    assert auto.force == pytest.approx(dry.force, rel=1e-9)
+    assert last.force == pytest.approx(dry.force, rel=1e-6)

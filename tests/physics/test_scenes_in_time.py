@@ -1,0 +1,117 @@
+"""Scenes in time drawn at random: every one ends, no force rises in a hold without cause, bars hold the finer answer.
+
+Truth is the same scene on a mesh of half the sizes in steps a quarter as long (half, with friction).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from time_scenes import KINDS, time_scenes
+
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.model.state import State
+from indent_sim.process.errors import NotConverged
+from indent_sim.run.chain import simulate, states
+from indent_sim.run.error_bars import coarser, in_half_steps
+from indent_sim.scene.scene import Scene, resolve
+
+NAMES = ("force", "delta", "a", "p_max")
+
+
+def truth(base: Scene) -> list[State]:
+    fine, halvings = coarser(base, 0.5), 1 if base.physics.has_friction else 2
+    for _ in range(halvings):
+        once = in_half_steps(fine)
+        assert once is not None
+        fine = once
+    rows = list(states(fine, with_surface=False))
+    return rows[2**halvings - 1 :: 2**halvings]
+
+
+def over(mapping: dict[str, Any], folder: Path) -> dict[str, list[float]]:
+    """Bar over error of every row, number by number; forces that are prescribed have none."""
+    config = from_mapping(mapping)
+    found = simulate(config, directory=folder, error_bars=True).states
+    base = resolve(config)
+    own = {"force", "a", "p_max"} if base.physics.path.control == "depth" else {"delta", "a", "p_max"}
+    ratios: dict[str, list[float]] = {name: [] for name in NAMES}
+    for row, right in zip(found, truth(base), strict=True):
+        for name in own:
+            value, bar, exact = (getattr(one, key) for one, key in ((row, name), (row, f"{name}_error"), (right, name)))
+            if bar is not None and value == value and exact == exact and right.force > 0:
+                ratios[name].append(bar / max(abs(value - exact), 1e-12 * abs(exact)))
+    return ratios
+
+
+@pytest.mark.parametrize("kind", ["draining", pytest.param("relaxing", marks=pytest.mark.verify)])
+def test_rows_of_one_scene_are_inside_their_bars(kind: str, tmp_path: Path) -> None:
+    (mapping,) = time_scenes(1, 5, (kind,))
+    mapping["loading"]["times"] = mapping["loading"]["times"][2::3]
+    found = over(mapping, tmp_path)
+    assert min(found["force"]) >= 1 and min(found["a"]) >= 1
+
+
+def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
+    """Of half as many steps it is more, and the bar with it."""
+    (mapping,) = time_scenes(1, 5, ("draining",))
+    loading = mapping["loading"] | {"times": mapping["loading"]["times"][2::3]}
+    parts = []
+    for per_doubling in (2, 4):
+        given = mapping | {"loading": loading | {"per_doubling": per_doubling}}
+        report = simulate(from_mapping(given), directory=tmp_path / str(per_doubling), error_bars=True).report
+        budget = report["error_budget"]
+        assert all(part.path == 0 for part in budget)
+        parts.append([part.time for part in budget])
+    assert all(coarse > fine > 0 for coarse, fine in zip(*parts, strict=True))
+
+
+@pytest.mark.verify
+def test_rows_drawn_at_random_are_inside_their_bars(tmp_path: Path) -> None:
+    """42 scenes of all kinds, some 300 rows."""
+    ratios: dict[str, list[float]] = {name: [] for name in NAMES}
+    for k, mapping in enumerate(time_scenes(42, 12)):
+        if "times" not in mapping["loading"]:  # a tip that is lifted has no force to judge
+            continue
+        for name, found in over(mapping, tmp_path / str(k)).items():
+            ratios[name] += found
+    for name, found in ratios.items():
+        print(f"{name}: {np.mean(np.array(found) >= 1):.3f} of {len(found)} rows, {np.median(found):.2g}")
+    assert np.mean(np.array(ratios["force"] + ratios["delta"]) >= 1) >= 0.95
+    assert np.mean(np.array(ratios["a"]) >= 1) >= 0.95
+
+
+@pytest.mark.verify
+def test_an_accuracy_is_met_in_time(tmp_path: Path) -> None:
+    """20 scenes asked for 1 %: every force of every row is right to that."""
+    for k, mapping in enumerate(time_scenes(20, 31, KINDS[:5])):
+        if "force_history" in mapping["loading"]:
+            continue
+        given = {name: part for name, part in mapping.items() if name != "mesh"} | {"accuracy": 0.01}
+        rows = simulate(from_mapping(given), directory=tmp_path / str(k)).states
+        exact = truth(resolve(from_mapping(given)))
+        worst = max(
+            abs(row.force - one.force) / one.force for row, one in zip(rows, exact, strict=True) if one.force > 0
+        )
+        assert worst <= 0.01, mapping
+
+
+@pytest.mark.verify
+def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
+    """200 scenes: all rows, or an end that says why; a force falls in a hold, to what the solver leaves."""
+    lost = []
+    for k, mapping in enumerate(time_scenes(200, 2)):
+        config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
+        try:
+            rows = simulate(config, directory=tmp_path / str(k)).states  # audited: contents, supports, plausible rows
+        except NotConverged:
+            lost.append(k)
+            continue
+        held = [row.force for row in rows if row.branch == "hold"]
+        if "force_history" not in mapping["loading"] and mapping["material"]["model"] != "gel":
+            largest = max(row.force for row in rows)
+            assert np.diff(held).max(initial=-1) < 3e-6 * largest, mapping
+    assert len(lost) <= 6, lost

@@ -1,0 +1,119 @@
+"""Gels in a scene file: what is refused, with its key and what would be right, and what they become."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.scene_file import from_mapping, loads, to_yaml
+from indent_sim.model.materials import Gel
+from indent_sim.process.errors import ConfigError
+from indent_sim.run.requirements.cheapest import require
+from indent_sim.scene.scene import Scene, resolve
+
+GEL: dict[str, Any] = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4}
+WET = GEL | {"flow": {"diffusivity": 1.0}}
+OTHER = {"model": "neo_hookean", "E": 1.0, "nu": 0.2, "flow": {"permeability": 1.0}}
+BODY = {"shape": "cylinder", "radius": 2.0, "height": 1.0, "sides": "roller"}
+SCENE: dict[str, Any] = {
+    "body": BODY,
+    "material": WET,
+    "drainage": {"bath": 0.0},
+    "indenter": {"shape": "sphere", "R": 1.0},
+    "loading": {"history": [[0, 0], [310, 0]]},
+    "mesh": {"h_contact": 0.06},
+}
+
+
+def layers(*materials: dict[str, Any]) -> dict[str, Any]:
+    return {"body": BODY | {"layers": [{"thickness": 1.0 / len(materials), "material": one} for one in materials]}}
+
+
+@pytest.mark.parametrize(
+    ("sections", "key", "words"),
+    [
+        (
+            {"material": GEL | {"flow": {"permeability": 1.0}}},
+            "material.flow.permeability",
+            "follows from its swelling",
+        ),
+        ({"material": GEL | {"flow": {"diffusivity": 1.0, "alpha": 0.9}}}, "material.flow.alpha", "incompressible"),
+        (
+            {"material": GEL | {"flow": {"diffusivity": 1.0, "holmes_mow": {"phi0": 0.2}}}},
+            "material.flow.holmes_mow",
+            "its solvent",
+        ),
+        ({"material": WET | {"stretch": 1.0}}, "material.stretch", "must be > 1"),
+        ({"material": WET | {"stretch": "auto"}, "drainage": {"bath": 5.0}}, "material.stretch", "no free swelling"),
+        ({"material": WET | {"relaxation": {"prony": [[0.5, 1.0]]}}}, "material.relaxation", "never verified"),
+        ({"material": WET | {"formulation": "mixed"}}, "material.formulation", "displacement"),
+        (layers(WET, OTHER), "body.layers[1].material.flow", "chemical potential"),
+        (layers(WET, WET | {"n_omega": 2e-3}), "body.layers[1].material.n_omega", "one ratio for all gels"),
+        ({"material": GEL, "drainage": {"bath": 0.0}}, "drainage", "no material has a flow"),
+        (
+            {"material": GEL | {"stretch": "auto"}, "drainage": {"bath": [[0, 0], [1, 0]]}},
+            "drainage.bath",
+            "changes in time",
+        ),
+        ({"body": {"shape": "half_space"}}, "drainage.bath", "rises without end"),
+        ({"solver": {"method": "condensed"}}, "solver.method", "not linear"),
+        ({"contact": {"method": "nitsche"}}, "contact.method", "own stress"),
+    ],
+)
+def test_what_does_not_go_with_a_gel_is_refused(sections: dict[str, Any], key: str, words: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        resolve(from_mapping(SCENE | sections))
+    assert key in str(error.value) and words in str(error.value)
+
+
+def test_a_bath_of_a_gel_has_no_unit() -> None:
+    text = to_yaml(from_mapping(SCENE | {"units": {"length": "mm", "force": "mN"}}))
+    with pytest.raises(ConfigError, match="over kT"):
+        resolve(loads(text.replace("bath: 0.0", "bath: 5 kPa")))
+
+
+def test_requirements_of_a_gel_are_refused() -> None:
+    dry = {key: value for key, value in SCENE.items() if key != "drainage"}
+    with pytest.raises(ConfigError, match="no effect that can be told"):
+        require(from_mapping(dry | {"material": GEL, "loading": {"delta": 0.1}}))
+
+
+def test_a_scene_comes_back_from_its_own_text() -> None:
+    config = from_mapping(SCENE)
+    assert loads(to_yaml(config)) == config
+
+
+def found(**sections: Any) -> Scene:
+    return resolve(from_mapping(SCENE | sections))
+
+
+def test_stretch_of_the_first_bath() -> None:
+    law = Gel(G=1.0, n_omega=1e-3, chi=0.6)
+    baths = [[0, law.free_potential(1.4)], [10, 0.0]]
+    scene = found(material=WET | {"stretch": "auto"}, drainage={"bath": baths})
+    (region,) = scene.physics.part.regions
+    assert isinstance(region.material, Gel)
+    assert region.material.stretch == pytest.approx(1.4, rel=1e-9)
+    assert abs(scene.physics.bath_pressure(region, 1e-9)) < 1e-9 and scene.physics.swells
+
+
+def test_a_bath_comes_within_some_steps() -> None:
+    physics = found().physics
+    (region,) = physics.part.regions
+    whole = region.material.bath_pressure(0.0)
+    ramp = physics.bath_ramp
+    assert whole == pytest.approx(8.7678581 / physics.scales.pressure, rel=1e-6)  # of this gel, by the closed form
+    assert [physics.bath_pressure(region, share * ramp) / whole for share in (0, 0.5, 1, 2)] == pytest.approx(
+        [0, 0.5, 1, 1], rel=1e-12
+    )
+    assert physics.path.times[1] == pytest.approx(ramp / 8, rel=1e-12)
+
+
+def test_contact_is_expected_where_the_gel_has_swollen() -> None:
+    """Held sideways it rises by 0.3788 of its height: as a tip that deep."""
+    swollen = found().plan.prediction["a"]
+    rubber = {"model": "neo_hookean", "mu": 1 / 1.4, "nu": 0.49285}
+    pressed = resolve(from_mapping({k: v for k, v in SCENE.items() if k != "drainage"} | {
+        "material": rubber, "loading": {"delta": 0.3788}})).plan.prediction["a"]  # fmt: skip
+    assert swollen == pytest.approx(pressed, rel=1e-3)

@@ -1,0 +1,40 @@
+"""The hold of a history, against exponentials and kinks that are known."""
+
+from __future__ import annotations
+
+from math import isnan, log
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from indent_sim.results.hold import first_hold
+from indent_sim.results.reader import Results
+
+
+def history(t: np.ndarray, force: np.ndarray, branch: list[str]) -> Results:
+    return Results(
+        Path("run"), {"step": np.arange(1.0, len(t) + 1), "t": t, "force": force, "branch": np.array(branch)}
+    )
+
+
+def test_half_of_an_exponential_is_over_after_its_time_times_ln_2() -> None:
+    """A ramp to t = 1, then a fall from 3 to 1 with tau = 0.2, then a retraction: rows 0.002 apart."""
+    held = np.linspace(0, 4, 2001)[1:]
+    t = np.concatenate([[0, 1], 1 + held, [5.5, 6]])
+    force = np.concatenate([[0, 3], 1 + 2 * np.exp(-held / 0.2), [0.5, 0]])
+    hold = first_hold(history(t, force, ["approach"] * 2 + ["hold"] * 2000 + ["retract"] * 2))
+    assert hold is not None and hold.t[0] == 0 and hold.t[-1] == pytest.approx(4.0)
+    assert hold.half_time == pytest.approx(0.2 * log(2), rel=1e-4)
+    assert hold.share[0] == 1 and hold.share[-1] == 0
+
+
+def test_a_force_that_rises_has_no_half() -> None:
+    hold = first_hold(history(np.arange(7.0), np.arange(7.0), ["approach"] * 2 + ["hold"] * 5))
+    assert hold is not None and isnan(hold.half_time)
+
+
+@pytest.mark.parametrize("branch", [["approach"] * 6, ["hold"] * 6, ["approach", *["hold"] * 3, "retract", "retract"]])
+def test_without_a_hold_there_is_none(branch: list[str]) -> None:
+    assert first_hold(history(np.arange(6.0), np.ones(6), branch)) is None
+    assert first_hold(Results(Path("run"), {"step": np.ones(1), "force": np.ones(1)})) is None
