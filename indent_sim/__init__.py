@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from indent_sim.cli.calls import compare, plan, plot, read, require, sensitivities, study
     from indent_sim.config.scene_file import load
     from indent_sim.fitting.notebook import fit
-    from indent_sim.interactive.calls import compare, plan, plot, read, require, sensitivities, study
     from indent_sim.process.version import VERSION as __version__
     from indent_sim.run.chain import condense, simulate, states
     from indent_sim.scene.scene import resolve
@@ -59,7 +59,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(chain, name)
     if name in __all__:
-        from indent_sim.interactive import calls
+        from indent_sim.cli import calls
 
         return getattr(calls, name)
     raise AttributeError(f"module 'indent_sim' has no name {name!r}")

@@ -208,6 +208,38 @@ def _pairs(ctx: click.Context, option: click.Parameter, text: str | None) -> dic
     return {name.strip(): value.strip() for name, _, value in pairs}
 
 
+def _layout(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[int, int] | None:
+    """ROWSxCOLUMNS as two numbers."""
+    if text is None:
+        return None
+    rows, x, columns = text.lower().partition("x")
+    if not (x and rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
+        raise click.BadParameter(f"'{text}' is not ROWSxCOLUMNS, for example 1x3")
+    return int(rows), int(columns)
+
+
+def _limits(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    """A:B as two numbers."""
+    if text is None:
+        return None
+    try:
+        low, high = map(float, text.split(":"))
+    except ValueError:
+        raise click.BadParameter(f"'{text}' is not A:B, for example 0:250") from None
+    return low, high
+
+
+def _zoom(ctx: click.Context, option: click.Parameter, text: str | None) -> float | None:
+    """Contact radii around the tip, infinitely many for `all`."""
+    try:
+        radii = None if text is None else float("inf") if text == "all" else float(text)
+    except ValueError:
+        radii = -1.0
+    if radii is not None and not radii > 0:
+        raise click.BadParameter(f"'{text}' is neither a number > 0 nor all")
+    return radii
+
+
 def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, float]:
     """X for all columns, under "", and COLUMN=X for one."""
     found: dict[str, float] = {}
@@ -488,6 +520,11 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
 @click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
+@click.option("--layout", callback=_layout, metavar="ROWSxCOLUMNS", help="All panels in rows and columns, e.g. 1x3.")
+@click.option("--letters", flag_value="a", default="", help="Name the panels (a), (b), ...")
+@click.option("--dpi", type=Number(20, 2400), metavar="N", help="Points to the inch [160; of a PDF 300].")
+@click.option("--limits", callback=_limits, metavar="A:B", help="Ends of the colours of a field, in the unit shown.")
+@click.option("--zoom", callback=_zoom, metavar="X|all", help="Contact radii around the tip, or the whole body.")
 @click.option("--font-size", "font", type=Number(4, 40), metavar="PT", help="Font size in points [10].")
 @click.option("--output", type=PATH, help="Picture to write: .png, .svg or .pdf; or the force curve: .tab.")
 def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:

@@ -47,10 +47,8 @@ class Shown:
         if count <= MOST_LINES:
             return [[cell(value) for value in row] for row in self.rows]
         half = MOST_LINES // 2
-        first, last = (
-            [[cell(value) for value in row] for row in part] for part in (self.rows[:half], self.rows[-half:])
-        )
-        return [*first, [LEFT_OUT] * len(self.head), *last]
+        shown = [[cell(value) for value in row] for row in (*self.rows[:half], *self.rows[-half:])]
+        return [*shown[:half], [LEFT_OUT] * len(self.head), *shown[half:]]
 
 
 def cell(value: Any) -> str:

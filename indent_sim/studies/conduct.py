@@ -107,7 +107,8 @@ def carry_out(
     jobs: int = 1,
     tell: Tell = lambda line: None,
 ) -> Study:
-    """Do the study of a file, or of mappings shaped like one. `shard` (i, n): do every n-th run from the i-th on, and write no table.
+    """Do the study of a file, or of mappings shaped like one. `shard` (i, n): do every n-th run from the i-th on, and
+    write no table.
 
     `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row. Raises UsageError,
     ConfigError (before any run), BackendError; NotConverged when no run at all gave a result.
@@ -155,7 +156,8 @@ def carry_out(
 
 def read_back(folder: Path) -> Study:
     """The study of a folder, as it was carried out; UsageError when it holds none, or one without its table."""
-    record, table, board = read_report(folder, study_folder.RECORD), folder / study_folder.STUDY_TABLE, ()
+    record, table = read_report(folder, study_folder.RECORD), folder / study_folder.STUDY_TABLE
+    board: list[Row] = []
     try:
         rows = study_table.read(content(table).decode("utf-8"))
         if (folder / study_folder.SCOREBOARD).exists():

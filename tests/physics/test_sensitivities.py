@@ -79,8 +79,8 @@ def test_of_an_incompressible_body_goes_backward() -> None:
 
 
 def test_at_finite_strain_dimensions_bind_the_derivatives() -> None:
-    """F(E, R, height, radius, delta) is E length^2 times a function of ratios: E dF/dE = F. 1e-4: the law's epsilon_n stays as
-    it is, which at the edge of the contact is felt by 5e-6."""
+    """F is E length^2 times a function of ratios of lengths: E dF/dE = F. 1e-4: the law's epsilon_n stays
+    as it is, which at the edge of the contact is felt by 5e-6."""
     found = indent_sim.sensitivities(RUBBER, "material.E")["material.E"]["value"]
     *_, last = indent_sim.states(indent_sim.resolve(indent_sim.load(RUBBER)))
     assert found[-1] == pytest.approx(last.force, rel=1e-4)

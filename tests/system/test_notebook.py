@@ -42,7 +42,7 @@ def test_a_dictionary_is_a_scene_as_its_file(tmp_path: Path) -> None:
     config = indent_sim.load(SCENE, ["material.nu=0.4"])
     (tmp_path / "scene.json").write_text(json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}}))
     assert config == indent_sim.load(tmp_path / "scene.json", ["material.nu=0.4"])
-    with pytest.raises(ConfigError, match="body.hight: unknown key, did you mean 'height'"):
+    with pytest.raises(ConfigError, match=r"body\.hight: unknown key, did you mean 'height'"):
         indent_sim.load(SCENE | {"body": {"shape": "layer", "hight": 1}})
 
 

@@ -183,22 +183,22 @@ def _touch(along: Any) -> bool:
     return any(after[0] - before[1] < TICK_LABEL_GAP for before, after in pairwise(ends))
 
 
-def save(figure: Figure, path: Path | str) -> None:
-    """Write PNG, SVG or PDF after the suffix, all at once."""
+def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
+    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by point."""
     path = Path(path)
     kind = format_of(path)
     with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         keep_ticks_apart(figure)
-        _write(figure, path, kind)
+        _write(figure, path, kind, dpi or DPI[kind])
 
 
-def _write(figure: Figure, path: Path, kind: str) -> None:
+def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
     metadata: Look = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     descriptor, temporary = tempfile.mkstemp(f".{kind}", f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
     try:
         with open(descriptor, "wb") as file:
-            figure.savefig(file, format=kind, dpi=DPI[kind], metadata=metadata[kind])
+            figure.savefig(file, format=kind, dpi=dpi, metadata=metadata[kind])
             os.umask(mask := os.umask(0o077))  # what new files do not get; there is no other way to ask
             os.fchmod(file.fileno(), 0o666 & ~mask)
         os.replace(temporary, path)

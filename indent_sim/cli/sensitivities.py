@@ -35,8 +35,8 @@ def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> De
     """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}} in the user's units per unit of the key.
 
     By differences over relative steps h and 2 h, D = (4 D_h - D_2h)/3, central where the scene may go both ways, else
-    backward; error: what the two differ by, |D_h - D_2h|/3, and F/key times the relative error of the forces, that of the
-    mesh MESH_ERROR where no accuracy is asked for. Depths and their number stay.
+    backward; error: what the two differ by, |D_h - D_2h|/3, and F/key times the relative error of the forces, that of
+    a mesh MESH_ERROR where no accuracy is asked for. Depths and their number stay.
     ConfigError for a key that is no number of the scene, or a scene that prescribes forces; NotConverged.
     """
     base = resolve(config)

@@ -7,21 +7,27 @@ import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from indent_sim.cli import sensitivities as derivatives
 from indent_sim.config.scene_file import is_study, load
 from indent_sim.config.schema import Config
-from indent_sim.interactive import sensitivities as derivatives
+from indent_sim.process.errors import UsageError
 from indent_sim.results import compare as comparisons
 from indent_sim.results import folder, reader
 from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.run.accuracy import foreseen
 from indent_sim.scene.scene import Scene, resolve
-from indent_sim.studies import conduct
+from indent_sim.studies import conduct, curve_table
 from indent_sim.studies import plan as plan_study
 from indent_sim.studies.conduct import Study
+from indent_sim.studies.picture import curves_pictured
 
+if TYPE_CHECKING:
+    from indent_sim.results.pictures.canvas import Figure
+
+OPTIONS = ("fields", "steps", "units", "width", "font", "layout", "letters", "limits", "zoom")  # of `plot`
 Given = Config | Mapping[str, Any] | str | Path  # a scene, or the file or dictionary that says it
 Result = Results | str | Path
 
@@ -58,8 +64,8 @@ def compare(
 ) -> Report:
     """Two results or measured curves row by row: the object of `indent-sim compare --json`; `differences` is empty
     where they agree."""
-    paths = (one.path if isinstance(one, Results) else one for one in (first, second))
-    return comparisons.compare(*paths, rtol, columns).as_json()
+    A, B = (one.path if isinstance(one, Results) else one for one in (first, second))
+    return comparisons.compare(A, B, rtol, columns).as_json()
 
 
 def study(
@@ -69,23 +75,57 @@ def study(
 
     UsageError, ConfigError (before any run), NotConverged when no run at all gave a result.
     """
-    place = Path(directory) if directory is not None else None
-    temporary = place is None and isinstance(given, Mapping) and not (given.get("output") or {}).get("directory")
-    if temporary:
-        place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
+    if directory is not None or not isinstance(given, Mapping) or (given.get("output") or {}).get("directory"):
+        return conduct.carry_out(given, output=Path(directory) if directory else None, jobs=jobs, resume=resume)
+    place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
     try:
-        found = conduct.carry_out(given, output=place, jobs=jobs, resume=resume)
+        found = conduct.carry_out(given, output=place, jobs=jobs)
     except BaseException:
-        if temporary and place is not None:
-            shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(place, ignore_errors=True)
         raise
-    if temporary:
-        weakref.finalize(found, shutil.rmtree, place, ignore_errors=True)
+    weakref.finalize(found, shutil.rmtree, place, ignore_errors=True)
     return found
 
 
+def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: Any) -> Figure:
+    """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
+
+    what: panels with commas between them: force, pressure, profile, fields; others as `indent-sim plot` has them:
+    fields, steps, units, width [mm], font [points], layout (rows, columns), letters "a", limits (low, high), zoom.
+    UsageError for what the results do not have. Of a study its curves.
+    """
+    from indent_sim.results.pictures import canvas, panels
+
+    if isinstance(shown, Study):
+        if wish or what != "force":
+            raise UsageError("a study is drawn as its curves: give one of its runs for other panels")
+        families = curve_table.of_runs(shown.directory / folder.RUNS, shown.rows, shown.keys)
+        if not families.curves:
+            raise UsageError(f"{shown.directory} has no run that is done")
+        pictured = curves_pictured(families, shown.title)
+    else:
+        several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
+        runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
+        pictured = panels.pictured(runs, panels.wish({"what": _words(what)} | _listed(wish)))
+    with pictured as figure:
+        canvas.keep_ticks_apart(figure)
+        return figure
+
+
+def _listed(wish: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a picture as a command line gives them; UsageError for one that there is none of."""
+    if unknown := [name for name in wish if name not in OPTIONS]:
+        raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(OPTIONS)}")
+    said = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
+    return {name: _words(value) if name in ("fields", "steps") else wish[name] for name, value in said.items()}
+
+
+def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
+    return tuple(word.strip() for word in given.split(",")) if isinstance(given, str) else tuple(map(str, given))
+
+
 def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
-    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `interactive.sensitivities`."""
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `cli.sensitivities`."""
     return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
 
 

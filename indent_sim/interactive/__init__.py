@@ -1,1 +1,0 @@
-"""What a notebook calls: the commands as functions that take dictionaries and return numbers and figures."""
