@@ -20,7 +20,7 @@ from indent_sim.fitting.inference import models
 from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, far_level, fit, refuse_hopeless
 from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.profile_likelihood import profiled
-from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
+from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
 from indent_sim.fitting.scene_forces import SceneForces, Tables
@@ -190,12 +190,12 @@ def _depth_of(estimate: Estimate) -> float:
 
 def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) -> Verdict:
     forces = estimate.model.forces
-    seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
+    seen, bends, baseline = windows(estimate), bends_of(estimate), baseline_of(estimate)
     found: list[Other] = []
-    if wanted == "all" or is_suspect(estimate, seen, shape, baseline):
+    if wanted == "all" or is_suspect(seen, bends, baseline):
         found = models.others(estimate, config, tables)
     uncertain = half_widths(estimate, forces.error, relative_calibration(config, forces))
-    return Verdict(estimate, seen, shape, baseline, found, uncertain)
+    return Verdict(estimate, seen, bends.shape, baseline, found, uncertain)
 
 
 def relative_calibration(config: Config, forces: SceneForces) -> float:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.inference.estimate import Estimate, deviation
+from indent_sim.fitting.inference.estimate import Estimate, Model, deviation
 from indent_sim.fitting.inference.models import Other
 from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
 from indent_sim.fitting.inference.windows import Window
@@ -123,30 +123,27 @@ class Verdict:
         return max(ends[0] / ends[1], ends[1] / ends[2])
 
 
-def is_suspect(estimate: Estimate, windows: Sequence[Window], p_shape: float, p_baseline: float | None) -> bool:
+@dataclass(frozen=True)
+class Bends:
+    """Probabilities that the residuals bend so by accident: in any shape, and along another power of the depth."""
+
+    shape: float
+    power: float
+
+
+def is_suspect(windows: Sequence[Window], bends: Bends, p_baseline: float | None) -> bool:
     """Whether other models are worth asking."""
     moves = any(np.any(np.abs(window.z) > SUSPECT_Z) for window in windows)
     noisy = p_baseline is not None and p_baseline < SUSPECT_BASELINE
-    return moves or noisy or p_shape < SUSPECT_SHAPE or _power_of(estimate) < SUSPECT_POWER
+    return moves or noisy or bends.shape < SUSPECT_SHAPE or bends.power < SUSPECT_POWER
 
 
-def _power_of(estimate: Estimate) -> float:
-    """The probability that another power of the depth gains as much by accident: an F test of the one direction
-    F ln(delta/depth), in which thickness, adhesion and other tips bend a curve alike, where eight waves see nothing.
-    """
-    model, p = estimate.model, estimate.ordinary
-    force = model.contact(p)
-    delta = model.samples.x - p[model.size] - model.forces.experiment.compliance * force
-    bent = force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))
-    J, r = model.jacobian(p)[:, model.free], model.residual(p)
-    beside = averaged(np.column_stack([J, bent]), r).likeliest
-    return gain(J, bent[:, None], r, beside)
+def bends_of(estimate: Estimate) -> Bends:
+    """F tests of eight cosines in the contact, and of the one direction F ln(delta/depth), in which thickness, adhesion
+    and other tips bend a curve, where eight waves may see nothing.
 
-
-def shape_of(estimate: Estimate) -> float:
-    """The probability that the residuals look so wavy by accident: an F test of eight cosines in the contact.
-
-    The noise is found with and without them; the larger probability counts, since either may take one for the other.
+    The noise is found with and without the cosines; of the shape the larger probability counts, since either may take
+    one for the other. The power is tested beside them: it only asks.
     """
     model, p = estimate.model, estimate.ordinary
     J, r = model.jacobian(p)[:, model.free], model.residual(p)
@@ -154,8 +151,16 @@ def shape_of(estimate: Estimate) -> float:
     begin, end = c - BEFORE * estimate.depth, float(x.max())
     u = np.clip((x - begin) / (end - begin), 0.0, 1.0)
     waves = np.column_stack([np.where(x >= begin, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINES + 1)])
-    with_them = averaged(np.column_stack([J, waves]), r).likeliest
-    return max(gain(J, waves, r, noise) for noise in {with_them, estimate.found.likeliest})
+    beside = averaged(np.column_stack([J, waves]), r).likeliest
+    shape = max(gain(J, waves, r, noise) for noise in {beside, estimate.found.likeliest})
+    return Bends(shape, gain(J, _along_power(model, p)[:, None], r, beside))
+
+
+def _along_power(model: Model, p: np.ndarray) -> np.ndarray:
+    """F ln(delta/depth): by which a force changes with the exponent of the depth."""
+    force = model.contact(p)
+    delta = model.samples.x - p[model.size] - model.forces.experiment.compliance * force
+    return force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))  # type: ignore[no-any-return]
 
 
 def baseline_of(estimate: Estimate) -> float | None:
