@@ -10,7 +10,6 @@ from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import ladder
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.requirements.cheapest import require
 from indent_sim.scene.scene import resolve
 
 FLOW = {"permeability": 0.9}
@@ -62,11 +61,6 @@ def test_what_does_not_go_with_fluid_is_refused(sections: dict[str, Any], key: s
     with pytest.raises(ConfigError, match=words) as error:
         resolve(from_mapping(SCENE | sections))
     assert key.replace("\\", "") in str(error.value)
-
-
-def test_requirements_of_fluid_are_refused() -> None:
-    with pytest.raises(ConfigError, match="no effect that can be told"):
-        require(from_mapping(SCENE))
 
 
 def test_a_scene_comes_back_from_its_own_text() -> None:
