@@ -112,6 +112,7 @@ INSTEAD = {  # the same with fewer runs
     "set: {loading.steps: 5}": "set: {loading.steps: 2}",
     "base: ../../hertz.yaml": "base: configs/hertz.yaml",
     "indent-sim fit curves/ --scene scene.yaml --vary material.E": "indent-sim fit --help",  # tests/system/test_fit.py
+    "indent-sim require scene.yaml --curve measured.csv": "indent-sim require --help",  # tests/system/test_fit.py
     "indent-sim study STUDY.yaml --jobs 4": "indent-sim study STUDY.yaml --jobs 2",
 }
 DIFFERS = "indent-sim compare results/reference results/current"  # as its page says: exit code 6
