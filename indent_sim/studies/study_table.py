@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from indent_sim.results.folder import Report
 from indent_sim.results.reader import Results
 from indent_sim.studies.cases import Case, Refusal
 from indent_sim.studies.points import STIFFNESS_UNIT, Multiple
+from indent_sim.studies.reference.truth import Answer, Truth
 from indent_sim.studies.study_file import StudyFile
-from indent_sim.studies.truth import Answer, Truth
 
 STAGES = ("resolve", "companions", "mesh", "assemble", "solve", "write")
 COSTS = (*(f"cpu_{stage}" for stage in STAGES), "cpu_s", "wall_s", "memory_MB", "peak_memory_MB")
@@ -75,6 +76,18 @@ def answer_row(found: Results) -> int:
         return -1
     force, top = found["force"], np.nanmax(found["force"], initial=0.0)
     return int(np.argmax(force >= (1 - SAME_FORCE) * top) if top > 0 else np.nanargmax(found["delta"]))
+
+
+def read(text: str) -> list[Row]:
+    """A table back from its CSV text: numbers, words, and None where a cell is empty."""
+    return [{name: _read(value) for name, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
+
+
+def _read(cell: str) -> Any:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(cell)
+    return cell or None
 
 
 def telling(table: Sequence[Row], keys: Sequence[str]) -> list[str]:

@@ -51,6 +51,7 @@ NAMES = [
     "small_strain",
     "incompressible",
     "blunt_tip",
+    "surface_tension",
     "friction",
     "stick",
     "adhesion",
@@ -228,6 +229,13 @@ def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
     finite |= {"contact": mesh["contact"] | {"gap": "current"}}
     assert found.percent == pytest.approx(100 * (force(finite) / force(keener) - 1), rel=1 / 6)
     assert "edge rounded by 0.05" in found.source
+
+
+def test_a_surface_tension() -> None:
+    """The threshold changes the force by 1 %, and a scene that has it says so."""
+    found = row(HALF_SPACE, "surface_tension")
+    tensed = HALF_SPACE | {"body": HALF_SPACE["body"] | {"surface_tension": threshold(found)}}
+    assert row(tensed, "surface_tension").percent == pytest.approx(1.0, rel=0.05)
 
 
 def test_a_blunt_tip() -> None:
@@ -411,7 +419,9 @@ def test_the_command(scene_file):
     found = json.loads(done.stdout)
     assert done.exit_code == found["exit_code"] == 0 and found["status"] == "done"
     assert [effect["name"] for effect in found["effects"]] == NAMES
-    assert [set(effect) for effect in found["effects"]] == [{"name", "percent", "low", "high", "source", "needs"}] * 17
+    assert [set(effect) for effect in found["effects"]] == [
+        {"name", "percent", "low", "high", "source", "needs"}
+    ] * len(NAMES)
     assert set(found["recommended"]) == {"config", "percent"}
     resolve(from_mapping(found["recommended"]["config"]))
     text = invoke(str(scene_file), "--within", "0.1").stdout
