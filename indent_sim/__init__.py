@@ -1,7 +1,8 @@
 """indent-sim: rigid, analytic indenters pressed into elastic bodies, with a known error on every number.
 
-The names of a notebook: `load` a scene file, `resolve` it to a Scene, walk its `states` or `condense` its body,
-`simulate` it into a result folder, `read` one, and `fit` a scene to a measured curve.
+The names of a notebook: `load` a scene from a file or a dictionary, `resolve` it to a Scene, walk its `states` or
+`condense` its body, `simulate` it into a result folder, `read` one; `plan`, `require`, `study`, `compare`, `plot` and
+`fit` are the commands of these names; `sensitivities` are derivatives of the force.
 """
 
 from __future__ import annotations
@@ -9,15 +10,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from indent_sim.cli.calls import compare, plan, plot, read, require, sensitivities, study
     from indent_sim.config.scene_file import load
     from indent_sim.fitting.notebook import fit
     from indent_sim.process.version import VERSION as __version__
-    from indent_sim.results.reader import read
     from indent_sim.run.chain import condense, simulate, states
     from indent_sim.scene.scene import resolve
 
 
-__all__ = ["__version__", "condense", "fit", "load", "read", "resolve", "simulate", "states"]
+__all__ = [
+    "__version__",
+    "compare",
+    "condense",
+    "fit",
+    "load",
+    "plan",
+    "plot",
+    "read",
+    "require",
+    "resolve",
+    "sensitivities",
+    "simulate",
+    "states",
+    "study",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -30,20 +46,25 @@ def __getattr__(name: str) -> Any:
         from indent_sim.config.scene_file import load
 
         return load
-    if name == "fit":
-        from indent_sim.fitting.notebook import fit
-
-        return fit
     if name == "resolve":
         from indent_sim.scene.scene import resolve
 
         return resolve
-    if name == "read":
-        from indent_sim.results.reader import read
+    if name == "fit":
+        from indent_sim.fitting.notebook import fit
 
-        return read
+        return fit
     if name in ("simulate", "states", "condense"):
         from indent_sim.run import chain
 
         return getattr(chain, name)
+    if name in __all__:
+        from indent_sim.cli import calls
+
+        return getattr(calls, name)
     raise AttributeError(f"module 'indent_sim' has no name {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return __all__

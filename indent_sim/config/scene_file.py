@@ -31,11 +31,14 @@ Document = dict[str, Any]  # sections as a file has them
 Place = tuple[str, int | None]  # file (or what stands for it) and line
 
 
-def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Config:
-    """The config of a scene file; each override "contact.method=penalty" replaces one key.
+def load(path: str | os.PathLike[str] | Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
+    """The config of a scene file, or of mappings shaped like one; each override "contact.method=penalty" replaces one
+    key.
 
     UsageError when the file cannot be read, ConfigError for anything wrong in it.
     """
+    if isinstance(path, Mapping):
+        return from_mapping(path, overrides)
     document, source = read_document(path)
     return _overridden(document, source, overrides)
 
@@ -71,6 +74,11 @@ def loads(text: str, name: str = "", overrides: Sequence[str] = ()) -> Config:
     return _overridden(document, source, overrides)
 
 
+def is_study(document: Mapping[str, Any]) -> bool:
+    """Whether a document is a study: one scene that is varied, or a list of cases."""
+    return document.keys() >= OF_A_STUDY or "cases" in document
+
+
 def read_document(path: str | os.PathLike[str]) -> tuple[Document, Source]:
     """A YAML file of sections as it stands, unchecked, and where every key stands; errors as of `load`."""
     name = os.fspath(path)
@@ -92,10 +100,15 @@ def _document(text: str, name: str) -> tuple[Document, Source]:
 
 def from_mapping(data: Mapping[str, Any], overrides: Sequence[str] = ()) -> Config:
     """The config of nested mappings, lists, numbers (numpy's too) and dataclasses, shaped like the file."""
+    return _overridden(plain(data), Source(), overrides)
+
+
+def plain(data: Mapping[str, Any]) -> Document:
+    """Nested mappings, lists, numbers (numpy's too) and dataclasses as the document of a file."""
     document = _plain(data, ())
     if not isinstance(document, dict):
         raise ConfigError("", "a scene is made of sections")
-    return _overridden(document, Source(), overrides)
+    return document
 
 
 def varied(document: Mapping[str, Any], source: Source, settings: Iterable[tuple[str, Any, Place]]) -> Config:
@@ -283,9 +296,9 @@ def _section_of(document: Document, source: Source, path: KeyPath, place: Place)
 
 
 def _validated(document: Document, source: Source) -> Config:
-    if document.keys() >= OF_A_STUDY:
+    if is_study(document):
         problem, remedy = "this is a study, not a scene", f"indent-sim study {source.name or 'FILE'}"
-        raise ConfigError("", problem, remedy, *source.place(("vary",)))
+        raise ConfigError("", problem, remedy, *source.place(("vary" if "vary" in document else "cases",)))
     try:
         return _checked(document, source)
     except ConfigError as error:

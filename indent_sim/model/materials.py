@@ -61,16 +61,16 @@ class Exponentials(NamedTuple):
 
 @dataclass(frozen=True)
 class HolmesMow:
-    """Pores that close: permeability ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2), with the solid's share phi0
+    """Pores that close: permeability ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), with the solid's share phi0
     of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
 
     phi0: Annotated[float, Ge(0), Lt(1)]
-    exponent: Annotated[float, Ge(0)] = 0.0
+    alpha: Annotated[float, Ge(0)] = 0.0
     M: Annotated[float, Ge(0)] = 0.0
 
     def factor(self, J: Expr) -> Expr:
         """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
-        return ((J - self.phi0) / (1 - self.phi0)) ** self.exponent * exp(self.M * (J * J - 1) / 2)
+        return ((J - self.phi0) / (1 - self.phi0)) ** self.alpha * exp(self.M * (J * J - 1) / 2)
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ diffusivity [length^2/time] $D$: with which pressure evens out in the confined b
 flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
-holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
+holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2) of that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
@@ -266,6 +266,7 @@ jkr_pull_off [force]: pull-off without range (JKR)
 study.base: the scene that is varied: the path of its file, or the scene itself
 set: keys and values that hold for every run
 vary: keys and the values they take: lists or ranges, crossed or zipped
+cases: scenes of their own instead of base and vary: {name, scene, set, published, exact}
 zip: which keys go together value by value: true, or a list of them
 compare_to: what force, a and p_max are compared with: theory, finest, a force, a result
 tolerance [1]: error of the force that is still right: every row gets a verdict, refused scenes a row
@@ -299,6 +300,21 @@ warnings: what the run warns of
 verdict: right, flagged, refused, wrong or reference; only with a tolerance
 memory_MB [MB]: memory the run needed beyond what its process held before
 peak_memory_MB [MB]: largest memory of the process during the run, and of the one that meshes
+
+## Scoreboard of a study, one row a published value
+case: name of the case
+quantity: column that the value is of, or pull_off
+published [that of the quantity]: the value that a source states
+exact [that of the quantity]: the exact value
+exact_by: the second method that it is known by: a theory of the same body, another run, a closed form
+ours [that of the quantity]: what the run found
+our_error [that of the quantity]: half-width of its error bar
+difference [1]: published over exact, less one, in per cent
+claims: what the source says that its value is: exact, fit, elements
+source: where the value is published
+within [1]: how far off it may be by the source's own account; empty where it says nothing
+ours_difference [1]: ours over exact, less one, in per cent
+wrong: who is off by more than is claimed: nobody, published, ours, both, or unknown
 
 ## Table of a fit, one row a curve
 curve: name of the measured curve: its file's, with a number where the file has several

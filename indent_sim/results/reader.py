@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import GenericAlias
-from typing import Annotated, Any, Literal, NotRequired, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NotRequired, cast
 
 import numpy as np
 from annotated_types import Ge
@@ -30,7 +30,8 @@ from indent_sim.model.state import (
     TIME_COLUMNS,
     State,
 )
-from indent_sim.process.errors import ConfigError, UsageError
+from indent_sim.process.errors import BackendError, ConfigError, UsageError
+from indent_sim.process.screen import Shown
 from indent_sim.results import folder as result_folder
 from indent_sim.results import tables
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, content, has_rows, read_report
@@ -39,8 +40,12 @@ from indent_sim.results.measured.measurement import NoCurve
 from indent_sim.results.tables import EXPERIMENT, SURFACE, WORD_COLUMNS, state_of
 from indent_sim.results.xdmf import lost_fields
 
+if TYPE_CHECKING:
+    import pandas
+
 RUN_ELSEWHERE = "delete the folder and run its scene again, or choose another --output for that"
 RUN_AGAIN = "run its scene again without --resume, or with another --output"
+SHOWN_COLUMNS = ("step", "t", "delta", "force", "force_error", "a", "p_max", "branch")  # in a notebook
 COMPARED = ("delta", "force", "a")
 SAME_DEPTH = 1e-9  # relative
 LONGEST_HEADER = 10_000  # bytes
@@ -72,6 +77,38 @@ class Results:
 
     def __len__(self) -> int:
         return len(self.table["step"])
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of its table."""
+        return tuple(self.table)
+
+    def __repr__(self) -> str:
+        return self._shown().text
+
+    def _repr_html_(self) -> str:
+        return self._shown().html
+
+    def _shown(self) -> Shown:
+        """What a notebook shows: the columns that tell most, and how the run ended."""
+        names = [name for name in SHOWN_COLUMNS if name in self.table and np.any(self[name] == self[name])]
+        rows = list(zip(*(self[name].tolist() for name in names), strict=True))
+        units = ", ".join(filter(None, (self.report.get("units") or {}).values()))
+        said = [self.report.get("title") or str(self.path), self.report.get("status", ""), units]
+        return Shown("  ·  ".join(filter(None, said)), names, rows, "; ".join(self.report.get("warnings", ())))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Its force table as a DataFrame; BackendError without pandas."""
+        return data_frame(self.table)
+
+
+def data_frame(table: Mapping[str, np.ndarray]) -> pandas.DataFrame:
+    """Columns as a DataFrame; BackendError without pandas, which nothing else here needs."""
+    try:
+        import pandas
+    except ImportError as error:
+        raise BackendError(f"pandas: {error}; install it beside this program, pip install pandas") from error
+    return pandas.DataFrame(dict(table))
 
 
 def read(path: Path | str) -> Results:

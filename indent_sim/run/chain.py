@@ -12,6 +12,7 @@ from indent_sim.config.scene_file import located, to_yaml, told_together
 from indent_sim.config.schema import Config, OutputSettings
 from indent_sim.mesh import gmsh
 from indent_sim.mesh.body_from_file import Piece
+from indent_sim.mesh.grid import Grid
 from indent_sim.model.body import MeshFromFile
 from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import ERROR_COLUMNS, KRYLOV_COLUMNS, STATE_COLUMNS, State
@@ -173,9 +174,8 @@ class Run:
         said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
         center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
-        if physics.path.times:
-            why = next(choice.why for choice in plan.choices if choice.key == "time")
-            said["time"] = {"way": "steps", "method": _method(scene), "why": why}
+        if plan.time and physics.path.times:
+            said["time"] = plan.time.report
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
@@ -217,13 +217,6 @@ class Run:
         return self._beside("a run beside this one", lambda: list(states(elastic, self.comm, with_surface=False)), [])
 
 
-def _method(scene: Scene) -> str:
-    """By what a body followed row by row goes from one row to the next."""
-    if scene.physics.permeable:
-        return "SDIRK2"
-    return "exponentials" if scene.physics.relaxing else "equilibria"
-
-
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
     """An error of a scene, and those that it has without; a mesh file is read once, so there it stands alone."""
     is_of_file = isinstance(config.body, MeshFromFile)
@@ -244,15 +237,17 @@ def body_from_file(config: Config, comm: Comm) -> Piece | None:
     return skin or known
 
 
-def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True) -> Iterator[State]:
-    """Walk a scene without writing anything: one State per requested depth, in the user's units.
+def states(scene: Scene, comm: Comm = None, *, with_surface: bool = True, grid: Grid | None = None) -> Iterator[State]:
+    """Walk a scene without writing anything: one State per requested depth, in the user's units; on a mesh of one's own
+    where a grid of the scene's part is given.
 
     For notebooks and tests; a State that is not converged is the last one.
     """
     comm = communicator(comm if comm is not None else Alone(), scene)
     beside = Beside(comm)
     fe = backend() if scene.is_meshed else None
-    mesh = fe and fe.distribute(on_root(comm, gmsh.build, scene.physics.part, scene.sizes), scene.physics.part, comm)
+    part = scene.physics.part
+    mesh = fe and fe.distribute(grid or on_root(comm, gmsh.build, part, scene.sizes), part, comm)
     walk: Any = fe.walk(scene, mesh) if fe else TheoryWalk(scene, comm)
     readings = Readings(scene, walk.equilibrium if fe else None, beside)
     if scene.history:
@@ -346,10 +341,13 @@ def mpi() -> Any:
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:
-    from indent_sim.results.pictures import canvas, experiment, forces
+    from indent_sim.results.pictures import canvas, experiment, forces, history
 
     draw = amend(directory, report)
     picture = directory / canvas.FORCE_PICTURE
+    if history.is_of_body(report):
+        draw(canvas.FORCE_PICTURE, lambda: history.draw(read(directory), picture), None)
+        return
     draw(canvas.FORCE_PICTURE, lambda: forces.force_indentation(read(directory), picture), None)
     if (directory / EXPERIMENT).exists() or "time" in report:
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

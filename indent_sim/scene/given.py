@@ -140,8 +140,8 @@ class Physics:
 
     @property
     def swells(self) -> bool:
-        """Whether a bath lifts its surface."""
-        return any(one.material.bath_pressure(bath) > 0 for one in self.permeable for bath in self.drainage.baths)
+        """Whether a bath makes it swell or shrink."""
+        return any(one.material.bath_pressure(bath) != 0 for one in self.permeable for bath in self.drainage.baths)
 
     @property
     def relaxing(self) -> tuple[Region, ...]:
@@ -205,13 +205,18 @@ class Durations:
     @staticmethod
     def of(given: Given, physics: Physics, h_contact: float) -> Durations:
         """Those of a scene's fastest region; h_contact [length]."""
-        D = max(region.material.diffusivity for region in physics.permeable)
+        D = fastest(physics)
         lengths = (given.a, h_contact, physics.body.height, physics.body.rim_distance(physics.center) / 2)
         return Durations(*(length**2 / D for length in lengths))
 
     def first(self, shortest: float) -> float:
         """Of the steps of a piece, beside what takes a `shortest` one [time]."""
         return max(min(FIRST_STEP * self.contact, shortest), self.element / DRAINS_ELEMENT)
+
+
+def fastest(physics: Physics) -> float:
+    """The largest diffusivity D [length^2/time] of the regions in which fluid flows."""
+    return max(region.material.diffusivity for region in physics.permeable)
 
 
 @dataclass(frozen=True)
@@ -233,6 +238,7 @@ class Given:
     without_tension: Theory | None  # the theory of the same body without a surface tension
     swelling: float  # how far a gel's surface rises at most, where nothing is above it [length]
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
+    theory_with: Callable[[Callable[[Material], Material]], Theory | None] = field(repr=False)  # all of it changed so
 
     @property
     def is_half_space(self) -> bool:
@@ -360,13 +366,18 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.along(deltas)
+
+    def theory_with(change: Callable[[Material], Material]) -> Theory | None:
+        changed = [replace(layer, material=change(_material_of(layer))) for layer in layers]
+        return theory_of(whole, changed, tip, center, tension)
+
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
     finer = ceil(sqrt(FOLLOWED_TO / (target_of(config.accuracy) or FOLLOWED_TO)))
     steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
     plain = theory_of(whole, layers, tip, center) if tension else theory
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)
-    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius)
+    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
 
 
 def _swelling(drainage: Drainage, layers: Layers) -> float:
@@ -431,10 +442,33 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
+        if _is_locked(physics) and path.control == "force":
+            path = _without_sudden(path)
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
     )
+
+
+def _is_locked(physics: Physics) -> bool:
+    """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
+    tip, body = physics.indenter, physics.body
+    is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
+    is_closed = all(
+        physics.part.supports.get(wall, "free") != "free" for wall in physics.part.distances(physics.center)
+    )
+    is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
+    return bool(is_as_wide and is_closed and is_full)
+
+
+def _without_sudden(path: LoadPath) -> LoadPath:
+    """The path without the rows at which a force comes at once: it has no equilibrium, which begins a step later."""
+    if path.sudden and (path.turns or len(path.sudden) == len(path.values)):
+        problem = "holds a sudden force on a column that cannot give way before its fluid does: it has no equilibrium"
+        raise ConfigError(
+            "loading.force_history", problem, "let it grow, or times: auto, whose first row is a step later"
+        )
+    return path.without(path.sudden)
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:

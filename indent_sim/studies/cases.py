@@ -16,7 +16,7 @@ from indent_sim.process.errors import ConfigError, ConfigErrors
 from indent_sim.results.writer import to_json
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.studies.points import Multiple, Point, Setting
-from indent_sim.studies.study_file import StudyFile
+from indent_sim.studies.study_file import StudyFile, Wanted
 
 DISCRETE = ("mesh", "contact", "solver")  # sections that choose how a scene is solved, not which scene it is
 HOW = ("accuracy", "material.formulation", "loading.steps")  # keys that do
@@ -87,14 +87,14 @@ def asked_for(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
 
 def sorted_out(study: StudyFile) -> tuple[list[Case], list[Refusal]]:
     """The cases of a study that can be run, and the points that cannot."""
-    build = _Builder(study)
+    build = _Builder(study.common)
     cases: list[Case] = []
     refusals: list[Refusal] = []
-    for index, point in enumerate(study.points()):
+    for index, wanted in enumerate(study.wanted()):
         try:
-            cases.append(build(index, point))
+            cases.append(build(index, wanted))
         except ConfigError as error:
-            refusals.append(Refusal(index, {key: value for key, value, _ in point}, error))
+            refusals.append(Refusal(index, {key: value for key, value, _ in wanted.point}, error))
     return cases, refusals
 
 
@@ -113,30 +113,31 @@ def stiffness_unit(scene: Scene) -> float:
 class _Builder:
     """Makes cases; remembers the unit of stiffness of each body and mesh."""
 
-    def __init__(self, study: StudyFile):
-        self.study = study
+    def __init__(self, common: Point):
+        self._common = common
         self._units: dict[str, float] = {}
 
-    def __call__(self, index: int, point: Point) -> Case:
-        point = tuple((key, self._number(value, point), place) for key, value, place in point)
-        config = self._config(point)
+    def __call__(self, index: int, wanted: Wanted) -> Case:
+        point = tuple((key, self._number(value, wanted), place) for key, value, place in wanted.point)
+        config = self._config(wanted, point)
         scene = _resolved(config, point)
-        return Case(index, {key: value for key, value, _ in point}, config, scene, identity(scene))
+        named = wanted.named or {key: value for key, value, _ in point}
+        return Case(index, named, config, scene, identity(scene))
 
-    def _number(self, value: object, point: Point) -> object:
+    def _number(self, value: object, wanted: Wanted) -> object:
         """A value at a point, a multiple of E*/h_contact in the user's units."""
-        return float(f"{value.factor * self._unit(point):.15g}") if isinstance(value, Multiple) else value
+        return float(f"{value.factor * self._unit(wanted):.15g}") if isinstance(value, Multiple) else value
 
-    def _config(self, point: Point) -> Config:
-        return varied(self.study.base, self.study.source, (*self.study.common, *point))
+    def _config(self, wanted: Wanted, point: Point) -> Config:
+        return varied(wanted.base, wanted.source, (*self._common, *point))
 
-    def _unit(self, point: Point) -> float:
+    def _unit(self, wanted: Wanted) -> float:
         """E*/h_contact of the scene at a point, in the user's units."""
-        others = tuple(setting for setting in point if setting[0].split(".")[0] != "contact")
+        others = tuple(setting for setting in wanted.point if setting[0].split(".")[0] != "contact")
         name = inline([[key, value] for key, value, _ in others])
         if name not in self._units:
             auto: Setting = ("contact", {"method": "auto"}, ("", None))
-            scene = _resolved(self._config((*others, auto)), point)
+            scene = _resolved(self._config(wanted, (*others, auto)), wanted.point)
             self._units[name] = stiffness_unit(scene) * scene.physics.scales.stiffness
         return self._units[name]
 

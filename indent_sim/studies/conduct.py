@@ -3,31 +3,42 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from indent_sim.process.errors import NotConverged, UsageError
+from indent_sim.process.screen import Shown
 from indent_sim.process.usage import machine_memory
 from indent_sim.results import reader
-from indent_sim.results.folder import Report
+from indent_sim.results.folder import Report, content, read_report
+from indent_sim.results.reader import data_frame
 from indent_sim.run import chain
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import curve_table, picture, study_file, study_folder, study_table
 from indent_sim.studies.cases import Case
+from indent_sim.studies.reference import scoreboard
+from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.study_folder import StudyFolder
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.truth import Truth
 from indent_sim.studies.worker import Ending, Workers
 
+TELLING = ("status", "force", "a", "p_max", "force_error_vs", "cpu_s", "verdict")  # columns that a notebook shows
 Tell = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, eq=False)
 class Study:
     """A study that was carried out: where it lies, its table, and what to choose.
 
-    rows: empty for a shard, whose part of the runs is all it does.
+    rows: empty for a shard, whose part of the runs is all it does. scoreboard: of `cases` with published values.
     """
 
     directory: Path
@@ -36,6 +47,7 @@ class Study:
     compared_with: str
     rows: Sequence[Row]
     notes: tuple[str, ...] = ()
+    scoreboard: Sequence[Row] = ()
 
     @property
     def recommendations(self) -> list[str]:
@@ -50,13 +62,44 @@ class Study:
         return study_table.counts(self.rows)
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of its table."""
+        return tuple(self.rows[0]) if self.rows else ()
+
+    def __getitem__(self, column: str) -> np.ndarray:
+        """A column of its table: numbers, NaN where one is not known, or words."""
+        values = [row[column] for row in self.rows]
+        is_number = all(isinstance(value, (int, float, type(None))) for value in values)
+        return np.array([np.nan if value is None else value for value in values], dtype=float if is_number else object)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        return self._shown().text
+
+    def _repr_html_(self) -> str:
+        return self._shown().html
+
+    def _shown(self) -> Shown:
+        """What a notebook shows: the varied keys and what came of them."""
+        names = [name for name in (*self.keys, *TELLING) if any(row.get(name) is not None for row in self.rows)]
+        rows = [[row[name] for name in names] for row in self.rows]
+        done = sum(row["status"] == "done" for row in self.rows)
+        return Shown(f"{self.title}: {done} of {len(rows)} runs done", names, rows, "; ".join(self.recommendations))
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Its table as a DataFrame; BackendError without pandas."""
+        return data_frame({name: self[name] for name in self.columns})
+
+    @property
     def failures(self) -> list[Row]:
         """The rows without an answer."""
         return [row for row in self.rows if row["status"] != "done"]
 
 
 def carry_out(
-    path: Path | str,
+    given: Path | str | Mapping[str, Any],
     *,
     output: Path | None = None,
     resume: bool = False,
@@ -64,13 +107,15 @@ def carry_out(
     jobs: int = 1,
     tell: Tell = lambda line: None,
 ) -> Study:
-    """Do the study of a file. `shard` (i, n): do every n-th run from the i-th on, and write no table.
+    """Do the study of a file, or of mappings shaped like one. `shard` (i, n): do every n-th run from the i-th on, and
+    write no table.
 
     `jobs` runs are done at the same time, each in a process of its own. A run that fails is a row. Raises UsageError,
     ConfigError (before any run), BackendError; NotConverged when no run at all gave a result.
     """
-    study = study_file.read(path)
+    study = study_file.read(given)
     asked = cases, _ = case_list.asked_for(study)
+    scoreboard.check(study.members, cases)
     against = Truth(study, cases)
     first, every = shard or (1, 1)
     mine = case_list.unique(cases)[first - 1 :: every]
@@ -94,15 +139,35 @@ def carry_out(
             done = {case.id: reader.read_run(place.run(case.name)) for case in mine if place.has_ended(case.name)}
             folders = {case.id: place.run(case.name).name for case in mine}
             rows = study_table.rows(study, asked, done, against, folders)
-            finished = replace(finished, rows=rows, notes=against.notes)
+            board = scoreboard.rows(study.members, cases, done)
+            finished = replace(finished, rows=rows, notes=against.notes, scoreboard=board)
             place.write(study_folder.STUDY_TABLE, study_table.write(rows))
+            if board:
+                place.write(study_folder.SCOREBOARD, study_table.write(board))
             place.write(study_folder.CURVES, curve_table.write(curve_table.rows(mine, study.keys, done)))
         where, families = finished.directory, curve_table.families(mine, study.keys, done)
         picture.draw(rows, study.keys, study.title, against.name, where / study_folder.STUDY_PICTURE)
         picture.draw_curves(families, study.title, where / study_folder.CURVES_PICTURE)
+        picture.draw_scoreboard(finished.scoreboard, study.title, where / study_folder.SCOREBOARD_PICTURE)
         if len(finished.failures) == len(rows):
             raise NotConverged(f"no run of this study gave a result; the first: {rows[0]['reason']}")
     return finished
+
+
+def read_back(folder: Path) -> Study:
+    """The study of a folder, as it was carried out; UsageError when it holds none, or one without its table."""
+    record, table = read_report(folder, study_folder.RECORD), folder / study_folder.STUDY_TABLE
+    board: list[Row] = []
+    try:
+        rows = study_table.read(content(table).decode("utf-8"))
+        if (folder / study_folder.SCOREBOARD).exists():
+            board = scoreboard.read(content(folder / study_folder.SCOREBOARD).decode("utf-8"))
+        keys = tuple(map(str, record["keys"]))
+        if not rows or not {"status", "verdict", *keys} <= rows[0].keys():
+            raise ValueError("it lacks what a study has")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{folder} holds no study that can be read: {error}", file=str(folder)) from None
+    return Study(folder, str(record.get("title")), keys, str(record.get("compare_to")), rows, scoreboard=board)
 
 
 def _do(cases: Sequence[Case], place: StudyFolder, workers: Workers, tell: Tell) -> None:
@@ -127,7 +192,8 @@ def _told(run: Path, ending: Ending) -> str:
     if code:
         return f"failed ({code}): {reason}"
     found = reader.read_run(run)
-    return f"force {found['force'][-1]:.6g}  {sum(found.report.get('cpu_timings', {}).values()):.2f} s"
+    force, seconds = found["force"][study_table.answer_row(found)], sum(found.report.get("cpu_timings", {}).values())
+    return f"force {force:.6g}  {seconds:.2f} s"
 
 
 def _effort(case: Case) -> float:
@@ -143,6 +209,6 @@ def _duration(seconds: float) -> str:
 
 def as_json(study: Study) -> Report:
     """A study as one JSON object."""
-    names = ("directory", "title", "compared_with", "rows", "pareto", "recommendations", "notes", "verdicts")
+    names = ("directory", "title", "compared_with", "rows", "recommendations", "notes", "verdicts", "scoreboard")
     pareto = [row["index"] for row in study_table.pareto(study.rows)]
-    return {name: pareto if name == "pareto" else getattr(study, name) for name in names}
+    return {name: getattr(study, name) for name in names} | {"pareto": pareto}

@@ -1,25 +1,29 @@
 """Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
 
-curves.png: force over depth of every run, and the last force over each varied number; of histories with a hold what is
-left of the force's fall over the time, and when half of it is over. study.png: force error against
-CPU seconds, and against the varied number if there is one.
+curves.png: force over depth of every run, and the last force, of histories the largest, over each varied number; of
+histories with a hold what is left of the force's fall over the time, and when half of it is over. study.png: force
+error against CPU seconds, and against the varied number if there is one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from indent_sim.config.strict_yaml import short
+from indent_sim.model.symbols import lookup
+from indent_sim.results.folder import Report
 from indent_sim.results.hold import Hold, first_hold
 from indent_sim.results.pictures import canvas
-from indent_sim.results.pictures.axes import Axis, axis, in_picture
-from indent_sim.results.pictures.canvas import Axes, Look
-from indent_sim.results.pictures.curves import Colour, shade
+from indent_sim.results.pictures.axes import Axis, axis, in_picture, unit_of
+from indent_sim.results.pictures.canvas import THEORY_STYLE, Axes, Figure, Look
+from indent_sim.results.pictures.curves import Colour, shade, smooth
 from indent_sim.results.pictures.curves import look as curve_look
 from indent_sim.results.pictures.forces import draw_force
+from indent_sim.results.reader import Results
 from indent_sim.studies import study_table
 from indent_sim.studies.curve_table import Curve, Families, amount
 from indent_sim.studies.study_table import Row
@@ -33,7 +37,10 @@ SPAN = 3.0  # from which ratio of largest to smallest an axis is logarithmic
 ONE_PERCENT = 0.01
 CURVE_PANEL = 4.4  # inches: width and height of the panels of curves.png
 MOST_GROUPS = 12  # lines in them that are named
-MOST_CURVES_NAMED, LINES_BESIDE = 20, 20  # curves that are named beside the panels, and lines in a column there
+MOST_CURVES_NAMED, LINES_BESIDE = 8, 20  # curves that are named beside the panels, and lines in a column there
+SAME_FORMULA = 1e-3  # relative, between points of a curve
+BOARD_LINE, LEAST = 0.27, 0.1  # inches of a line of the scoreboard; per cent where its axis turns logarithmic
+KINDS = ("length", "force", "pressure")  # of numbers that a scene's units measure
 LOG_SPAN = 20.0  # from which ratio of largest to smallest a varied number is logarithmic
 
 
@@ -67,6 +74,13 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
     if not families.curves:
         path.unlink(missing_ok=True)
         return
+    with curves_pictured(families, title) as figure:
+        canvas.save(figure, path)
+
+
+@contextmanager
+def curves_pictured(families: Families, title: str) -> Iterator[Figure]:
+    """The figure of the curves of a study's runs, of which there is at least one."""
     numbers, count = families.numeric()[:3], len(families.curves)  # panels
     is_coloured = len(numbers) > 0 and (len(families.keys) == 1 or count > MOST_CURVES_NAMED)
     columns, longest = -(-count // LINES_BESIDE), max(len(name) for name in families.apart())
@@ -90,7 +104,51 @@ def draw_curves(families: Families, title: str, path: Path) -> None:
             canvas.legend_in(axes[f"{key} groups"], axes[key], 2)
         if not is_coloured:
             canvas.legend_in(axes["names"], axes["curves"], columns)
+        yield figure
+
+
+def draw_scoreboard(rows: Sequence[Row], title: str, path: Path) -> None:
+    """Draw how far published values, and ours with their error bars, are from the exact ones; without any nothing.
+
+    The axis is linear to LEAST per cent on both sides of 0 and logarithmic beyond.
+    """
+    known = [row for row in rows if row["exact"] is not None][::-1]  # the first on top
+    if not known:
+        path.unlink(missing_ok=True)
+        return
+    with canvas.canvas((9.2, 1.6 + BOARD_LINE * len(known))) as figure:
+        panels: dict[str, Axes] = figure.subplot_mosaic([["board"], ["names"]])
+        axes = panels["board"]
+        wrong = sum(row["wrong"] in ("published", "both") for row in known)
+        said = f"{len(known)} published values  ·  {wrong} off by more than they claim"
+        canvas.head(figure, title, f"{said}  ·  ours with its own error bar")
+        for place, row in enumerate(known):
+            _board_line(axes, place, row)
+        axes.set_yticks(range(len(known)), [in_picture(f"{row['case']}: {row['quantity']}", 48) for row in known])
+        axes.set_xscale("symlog", linthresh=LEAST)
+        far = max(1.0, *(abs(row["difference"]) for row in known))
+        ticks = [tick for tick in (-100, -10, -1, -LEAST, 0, LEAST, 1, 10, 100) if abs(tick) <= 3 * far]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axes.set_xlim(-3 * far, 3 * far)
+        axes.axvline(0, color=canvas.INK, lw=0.8, zorder=1)
+        axes.set(xlabel="difference from the exact value [%]", ylim=(-0.7, len(known) - 0.3))
+        canvas.legend_below(figure, panels["names"], axes)
         canvas.save(figure, path)
+
+
+def _board_line(axes: Axes, place: int, row: Row) -> None:
+    """One published value: what it claims as a bar, where it lies, and ours."""
+    claimed, is_first = 100 * (row["within"] or 0.0), place == 0
+    band = {"color": "#d9d9d9", "height": 0.6, "zorder": 0}
+    said = "claimed by the source, where it says so" if is_first else None
+    axes.barh(place, 2 * claimed, left=-claimed, label=said, **band)
+    colour = canvas.COLOURS[1] if row["wrong"] in ("published", "both") else canvas.INK
+    mark = {"ls": "", "marker": "o", "ms": 6, "zorder": 3}
+    axes.plot(row["difference"], place, color=colour, label="published" if is_first else None, **mark)
+    if row["ours_difference"] is not None:
+        bar = 100 * abs((row["our_error"] or 0.0) / row["exact"])
+        look: Look = {"fmt": "s", "ms": 4, "capsize": 3, "color": canvas.COLOURS[0], "zorder": 4}
+        axes.errorbar(row["ours_difference"], place, xerr=bar, label="ours" if is_first else None, **look)
 
 
 def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
@@ -112,7 +170,11 @@ def _colours_of(axes: Axes, families: Families, key: str) -> list[Colour]:
 
 def _label(families: Families, key: str) -> str:
     """The name of a varied number with its unit."""
-    return Axis(in_picture(key.split(".")[-1]), unit=families.unit(key)).label
+    name, section = key.split(".")[-1], key.split(".")[0]
+    symbol = lookup(name, section)
+    scene = families.curves[0].results.report.get("units") or {}
+    unit = families.unit(key) or (unit_of(symbol.dimension, scene) if symbol and symbol.dimension in KINDS else "")
+    return Axis(in_picture(name), unit=unit).label
 
 
 Holds = Sequence[Hold | None]
@@ -131,8 +193,24 @@ def _curves(axes: Axes, families: Families, colours: Sequence[Colour], holds: Ho
     for run, name, colour in zip(runs, families.apart(), colours, strict=True):
         look = {"color": colour, "marker": ""}
         draw_force(axes, run, depth, force, look, in_picture(name, MOST_LEGEND_LETTERS))
+    if hertz := _formula_of_all(runs):
+        drawn = depth([0, *hertz["curve"]["delta"]]), force([0, *hertz["curve"]["force"]])
+        (line,) = axes.plot(*smooth(*drawn), **THEORY_STYLE, label=in_picture(f"{hertz['name']}, half-space"))
+        axes.legend(handles=[line], loc="upper left")  # where no force is
     axes.set(xlabel=depth.label, ylabel=force.label)
     axes.axhline(0, color=canvas.GREY, lw=0.6, zorder=0)
+
+
+def _formula_of_all(runs: Sequence[Results]) -> Report | None:
+    """The half-space formula beside all runs, where it is one and the same for them; of the run that goes deepest."""
+    found = [(run.report.get("theory") or {}).get("half_space") or {} for run in runs]
+    if not all(one.get("curve", {}).get("delta") and one["curve"]["delta"][-1] > 0 for one in found):
+        return None
+    deepest: Report = max(found, key=lambda one: float(one["curve"]["delta"][-1]))
+    x, y = (np.array([0.0, *deepest["curve"][name]]) for name in ("delta", "force"))
+    ends = [(one["curve"]["delta"][-1], one["curve"]["force"][-1]) for one in found]
+    is_one = all(abs(np.interp(delta, *smooth(x, y)) / force - 1) < SAME_FORMULA for delta, force in ends if force)
+    return deepest if is_one else None
 
 
 def _seconds(families: Families) -> str:
@@ -147,27 +225,33 @@ def _all_held(holds: Holds) -> list[Hold]:
 
 
 def _over(axes: Axes, families: Families, key: str, groups: dict[str, list[Curve]], holds: Holds) -> None:
-    """The last force of every run over a varied number, or when half of its fall in a hold is over; a line for each
-    group of those that differ in it alone."""
+    """The last force of every run, of histories the largest, over a varied number, or when half of its fall in a hold
+    is over; a line for each group of those that differ in it alone."""
     force, held = axis("force", [curve.results for curve in families.curves]), _all_held(holds)
     halves = {id(curve): hold.half_time for curve, hold in zip(families.curves, held, strict=False)}
     for i, (name, curves) in enumerate(groups.items()):
         along = sorted(curves, key=lambda curve: amount(curve.values[key])[0])
         x = [amount(curve.values[key])[0] for curve in along]
-        y = [halves[id(one)] for one in along] if held else force([one.results["force"][-1] for one in along])
+        y = [halves[id(one)] for one in along] if held else force([_told_force(one.results) for one in along])
         look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
         label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
         axes.plot(x, y, lw=1.0, ms=5, color=look["color"], marker=look["marker"] or ".", label=label)
-    values = families.numbers(key)
+    values, in_time = families.numbers(key), all("t" in curve.results.table for curve in families.curves)
     if min(values) > 0 and (held or max(values) > LOG_SPAN * min(values)):
         axes.set_xscale("log")
     axes.set(
         xlabel=_label(families, key),
-        ylabel=f"half of the fall is over at t{_seconds(families)}" if held else f"last {force.label}",
+        ylabel=f"half of the fall is over at t{_seconds(families)}"
+        if held
+        else f"{'largest' if in_time else 'last'} {force.label}",
     )
     if held:
         axes.set_yscale("log")
         _tick_few_decades(axes, max(values) / min(values))
+
+
+def _told_force(run: Results) -> float:
+    return float(run["force"][study_table.answer_row(run)])
 
 
 def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from indent_sim.run.accuracy import foreseen
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_file
+from indent_sim.studies.reference import scoreboard
+from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.study_table import Row
-from indent_sim.studies.truth import Truth
 
 EXPECTED = ("force", "delta", "dofs", "memory_MB", "seconds")
 
@@ -41,11 +43,12 @@ class StudyPlan:
         return {name: getattr(self, name) for name in names}
 
 
-def plan(path: Path | str, error_bars: bool = False) -> StudyPlan:
+def plan(given: Path | str | Mapping[str, Any], error_bars: bool = False) -> StudyPlan:
     """The plan of a study file, each run at its cost with error bars where asked for; errors as of `carry_out` before
     its first run."""
-    study = study_file.read(path)
+    study = study_file.read(given)
     cases, refusals = case_list.asked_for(study)
+    scoreboard.check(study.members, cases)
     against, runs = Truth(study, cases), case_list.unique(cases)
     rows: list[Row] = []
     for case in runs:

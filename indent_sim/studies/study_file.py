@@ -4,21 +4,52 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from indent_sim.config.messages import closest
-from indent_sim.config.scene_file import OF_A_STUDY, Place, read_document
+from indent_sim.config.scene_file import OF_A_STUDY, Place, plain, read_document
 from indent_sim.config.schema import Source, keys_at, outside
 from indent_sim.config.strict_yaml import MAX_DEPTH, KeyPath, key_path, key_text
 from indent_sim.process.errors import ConfigError, ConfigErrors, UsageError
 from indent_sim.studies.points import LARGEST_RANGE_END, MOST_RUNS, Block, Point, points, read_block
+from indent_sim.studies.reference.published import Exact, Published, read_exact, read_published
 
 Document = dict[str, Any]  # as YAML says it
-KEYS = ("title", "base", "set", "vary", "compare_to", "tolerance", "output")
+KEYS = ("title", "base", "set", "vary", "cases", "compare_to", "tolerance", "output")
+UNNAMED = "study"  # what stands for the file of a study that has none
+OF_A_CASE = ("name", "scene", "set", "published", "exact")
+CASE = "case"  # column of the names of cases, where a study has them instead of varied keys
 SCENE = {"body", "material", "indenter", "contact", "loading", "mesh", "solver", "accuracy"}  # of a scene alone
 QUIET = {"fields": "none", "surface": "none", "plot": False}  # what runs of a study write unless told otherwise
+
+
+@dataclass(frozen=True)
+class Member:
+    """A case of a study's `cases`: a scene of its own, and what is published of it; `place`: where it stands."""
+
+    name: str
+    base: Document
+    source: Source
+    point: Point
+    published: Published | None
+    exact: Exact | None
+    place: Place
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A run that a study asks for: the scene's document, where its keys stand, and the settings that change it.
+
+    named: what the table calls it; None where its settings do.
+    """
+
+    base: Document
+    source: Source
+    point: Point
+    named: dict[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -40,27 +71,38 @@ class StudyFile:
     compare_place: Place
     tolerance: float | None
     directory: Path
+    members: tuple[Member, ...] = ()  # instead of base and blocks
 
     @property
     def keys(self) -> tuple[str, ...]:
         """Every varied key once, in the order of the file."""
-        return tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
+        return (CASE,) if self.members else tuple(dict.fromkeys(key for block in self.blocks for key in block.keys))
+
+    def wanted(self) -> list[Wanted]:
+        """The runs in the order of study.csv."""
+        grid = [Wanted(self.base, self.source, point) for point in self.points()]
+        return grid + [Wanted(one.base, one.source, one.point, {CASE: one.name}) for one in self.members]
 
     def points(self) -> list[Point]:
         """The grid in the order of study.csv: the last key of a block varies fastest, block after block."""
         return [point for block in self.blocks for point in points(block)]
 
 
-def read(path: Path | str) -> StudyFile:
-    """The study of a file. UsageError when it cannot be read, ConfigError for anything wrong in it."""
-    path = Path(path)
-    document, source = read_document(path)
-    if not OF_A_STUDY & document.keys() and set(document) & SCENE:
+def read(given: Path | str | Mapping[str, Any]) -> StudyFile:
+    """The study of a file, or of mappings shaped like one, whose paths count from the working directory.
+
+    UsageError when it cannot be read, ConfigError for anything wrong in it.
+    """
+    path = Path(UNNAMED) if isinstance(given, Mapping) else Path(given)
+    document, source = (plain(given), Source()) if isinstance(given, Mapping) else read_document(path)
+    if not (OF_A_STUDY | {"cases"}) & document.keys() and set(document) & SCENE:
         problem, remedy = "this is a scene, not a study", f"indent-sim run {path}"
         raise ConfigError("", problem, remedy, *source.place((next(key for key in document if key in SCENE),)))
     if unknown := [key for key in document if key not in KEYS]:
         raise ConfigErrors.of([_unknown(key, source) for key in unknown])
     reader = _StudyReader(path, document, source)
+    if "cases" in document:
+        return reader.of_cases()
     base, where = reader.base()
     if not isinstance(title := document.get("title", ""), str):
         raise reader.error(("title",), "must be a text")
@@ -88,29 +130,91 @@ class _StudyReader:
 
     def base(self) -> tuple[Document, Source]:
         """The scene's document and where its keys stand, in a file of its own or written out here."""
-        base = self.document.get("base")
-        if isinstance(base, str) and base:
-            return self.scene_of(self.path.parent / base)
-        if not isinstance(base, dict):
-            problem = "missing" if base is None else "is no scene"
-            raise self.error(("base",), problem, "give the path of a scene file, or the scene itself")
-        inside = {keys[1:]: place for keys, place in self.source.places.items() if keys[:1] == ("base",)}
-        return base, Source(self.source.name, inside)
+        return self.scene(self.document.get("base"), ("base",))
 
-    def scene_of(self, path: Path) -> tuple[Document, Source]:
+    def scene(self, given: Any, at: KeyPath) -> tuple[Document, Source]:
+        """A scene given as the path of its file, or written out."""
+        if isinstance(given, str) and given:
+            return self.scene_of(self.path.parent / given, at)
+        if not isinstance(given, dict):
+            problem = "missing" if given is None else "is no scene"
+            raise self.error(at, problem, "give the path of a scene file, or the scene itself")
+        size = len(at)
+        inside = {keys[size:]: place for keys, place in self.source.places.items() if keys[:size] == at}
+        return given, Source(self.source.name, inside)
+
+    def scene_of(self, path: Path, at: KeyPath) -> tuple[Document, Source]:
         """The document of another file; of one that is no scene nothing is told, for studies come from strangers."""
-        no_scene = self.error(("base",), f"{path} is no scene file", "give the path of a scene, or the scene itself")
+        no_scene = self.error(at, f"{path} is no scene file", "give the path of a scene, or the scene itself")
         try:
             if path.suffix not in (".yaml", ".yml", ".json") or (path.exists() and not path.is_file()):
                 raise no_scene
             document, source = read_document(path)
         except (UsageError, OSError, ValueError) as error:
-            raise self.error(("base",), str(error)) from None
+            raise self.error(at, str(error)) from None
         except ConfigError as error:
             raise dataclasses.replace(error, key="") from None
         if not isinstance(document.get("body"), dict):
             raise no_scene
         return document, source
+
+    def of_cases(self) -> StudyFile:
+        """The study of `cases`, each a scene of its own."""
+        for key in ("base", "vary", "compare_to", "tolerance"):
+            if key in self.document:
+                raise self.error((key,), "does not go with cases", "a case has its scene, set, published and exact")
+        given = self.document["cases"]
+        if not isinstance(given, list) or not given:
+            raise self.error(("cases",), "must be a list of cases", f"each has {', '.join(OF_A_CASE)}")
+        if len(given) > MOST_RUNS:
+            raise self.error(("cases",), f"more than {MOST_RUNS} runs")
+        members = tuple(self.member(one, ("cases", index)) for index, one in enumerate(given))
+        self.check_names(members)
+        title = self.document.get("title", "") or self.path.stem
+        if not isinstance(title, str):
+            raise self.error(("title",), "must be a text")
+        compared = ("finest", self.place(("cases",)))
+        return StudyFile(self.path, title, {}, self.source, (), (), *compared, None, self.directory(), members)
+
+    def member(self, given: Any, at: KeyPath) -> Member:
+        """One of the cases."""
+        if not isinstance(given, dict):
+            raise self.error(at, "must be a section of keys", f"it has {', '.join(OF_A_CASE)}")
+        if unknown := [key for key in given if key not in OF_A_CASE]:
+            match = closest(unknown[0], OF_A_CASE)
+            problem = f"unknown key, did you mean '{match}'?" if match else "unknown key"
+            raise self.error((*at, unknown[0]), problem, "" if match else f"valid here: {', '.join(OF_A_CASE)}")
+        if not isinstance(name := given.get("name"), str) or not name.strip():
+            raise self.error((*at, "name"), "must be a text", "what the table calls the case")
+        base, source = self.scene(given.get("scene"), (*at, "scene"))
+        point = (*self.common(), *self.settings_of(given.get("set", {}), (*at, "set")))
+        try:
+            published = read_published(given["published"], (*at, "published")) if "published" in given else None
+            exact = read_exact(given["exact"], (*at, "exact")) if "exact" in given else None
+        except ConfigError as error:
+            raise self.error(key_path(error.key), error.problem, error.remedy) from None
+        if exact and not published:
+            raise self.error((*at, "exact"), "belongs to a published value", "add published, or leave it out")
+        return Member(name, base, source, point, published, exact, self.place((*at, "published")))
+
+    def settings_of(self, given: Any, at: KeyPath) -> Point:
+        """The settings of a case, which stand over those of all."""
+        if not isinstance(given, dict):
+            raise self.error(at, "must be a section of keys")
+        for key in given:
+            self.check_key((*at, key), key)
+        return tuple((key, value, self.place((*at, key))) for key, value in given.items())
+
+    def check_names(self, members: tuple[Member, ...]) -> None:
+        """Names once, and those of cases that hold exact values known."""
+        names = tuple(member.name for member in members)
+        for index, member in enumerate(members):
+            if member.name in names[:index]:
+                raise self.error(("cases", index, "name"), f"{member.name} is there twice", "give each its own")
+            if member.exact and member.exact.case and member.exact.case not in names:
+                near = closest(member.exact.case, names)
+                hint = f"did you mean '{near}'?" if near else "give the name of a case"
+                raise self.error(("cases", index, "exact", "case"), "there is no such case", hint)
 
     def common(self) -> Point:
         """The settings of every run: the study's quiet output, then `output`, then `set`."""

@@ -25,6 +25,7 @@ from indent_sim.results.writer import to_json
 
 RECORD, STUDY_TABLE, STUDY_PICTURE = results.STUDY, "study.csv", "study.png"
 CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
+SCOREBOARD, SCOREBOARD_PICTURE = "verification.csv", "verification.png"
 OLD_RUNS, LOCK = ".runs.old", ".lock"
 WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
 SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)
@@ -48,7 +49,7 @@ class StudyFolder:
         self._names: dict[str, str] = {}  # of the folders of runs, by the name of their physics
 
     def __enter__(self) -> StudyFolder:
-        results.refuse_foreign(self.path, "study", (STUDY_PICTURE, CURVES_PICTURE))
+        results.refuse_foreign(self.path, "study", (STUDY_PICTURE, CURVES_PICTURE, SCOREBOARD_PICTURE))
         for folder in (self._runs, self._old):
             if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
                 raise UsageError(f"{folder} is a link, or no folder: the runs of a study stand in its own folder")

@@ -13,10 +13,12 @@ from indent_sim.results.folder import RUNS, Report, content, read_report
 from indent_sim.results.pictures import canvas
 from indent_sim.results.report import Picture, page, table_of
 from indent_sim.studies import curve_table, picture, study_table
-from indent_sim.studies.study_folder import RECORD, STUDY_TABLE
+from indent_sim.studies.reference import scoreboard
+from indent_sim.studies.study_folder import RECORD, SCOREBOARD, STUDY_TABLE
 from indent_sim.studies.study_table import Row
 
 NEEDED_COLUMNS = ("index", "run", "status", "method", "force_error_vs", "cpu_s")
+BOARD = ("case", "quantity", "published", "exact", "ours", "our_error", "difference", "source")
 NUMBER_COLUMNS = ("force_error_vs", "cpu_s")
 
 
@@ -31,8 +33,14 @@ def of_study(folder: Path) -> str:
     compared = any(row["force_error_vs"] is not None for row in rows)
     against = f"; forces compared with {record.get('compare_to')}" if compared else ""
     subtitle = f"Study of {', '.join(record['keys'])}: {ended} of {len(rows)} runs done{against}"
-    table = table_of("Runs", shown, [[row[name] for name in shown] for row in rows])
-    seen = {"pictures": _pictures(folder, record, rows, title), "warnings": sorted(warned), "tables": [table]}
+    tables = [table_of("Runs", shown, [[row[name] for name in shown] for row in rows])]
+    pictures = _pictures(folder, record, rows, title)
+    if board := _scoreboard(folder):
+        said = [[row[name] for name in BOARD] + [scoreboard.in_words(row)] for row in board]
+        tables.insert(0, table_of("Published values", [*BOARD, "who is wrong"], said))
+        words = "Published values and ours, as they differ from the exact ones"
+        pictures.insert(0, Picture(canvas.element(partial(picture.draw_scoreboard, board, title)), words, broad=True))
+    seen = {"pictures": pictures, "warnings": sorted(warned), "tables": tables}
     failure = "" if ended else "no run gave a result"
     return page(title=title, subtitle=subtitle, failure=failure, **seen)
 
@@ -53,6 +61,17 @@ def _read(folder: Path) -> tuple[Report, list[Row]]:
     return record, rows
 
 
+def _scoreboard(folder: Path) -> list[Row]:
+    """The rows of verification.csv; none where there is no such file, UsageError where it is damaged."""
+    path = folder / SCOREBOARD
+    if not path.exists():
+        return []
+    try:
+        return scoreboard.read(content(path).decode("utf-8"))
+    except (OSError, ValueError, KeyError) as error:
+        raise UsageError(f"{path} is no scoreboard that can be read: {error}", file=str(path)) from None
+
+
 def _value(name: str, text: str, keys: Sequence[str]) -> str | float | None:
     """A cell of study.csv as it was written: None, a word, or a number; ValueError where it must be one."""
     if not text or name not in (*NUMBER_COLUMNS, *keys):
@@ -70,7 +89,7 @@ def _pictures(folder: Path, record: Report, rows: Sequence[Row], title: str) -> 
     found = []
     families = curve_table.of_runs(folder / RUNS, rows, record["keys"])
     if families.curves:
-        words = "Force over depth, and the last force over each varied number"
+        words = "Force over depth, and the last force, of histories the largest, over each varied number"
         found.append(Picture(canvas.element(partial(picture.draw_curves, families, title)), words, broad=True))
     if study_table.measured(rows):
         cost = partial(picture.draw, rows, record["keys"], title, str(record.get("compare_to")))

@@ -194,6 +194,17 @@ def test_layers_over_the_first_of_them() -> None:
     assert row(film, "layers").percent == pytest.approx(row(film, "substrate").percent, rel=1e-9)
 
 
+def test_layers_that_relax_are_those_that_do_not() -> None:
+    """For all that is no matter of time: of one stiff layer on a soft one, to the last digit."""
+    stiff, soft = ELASTIC | {"E": 6.0}, ELASTIC
+    matter = [{"thickness": 0.4, "material": stiff}, {"thickness": 0.6, "material": soft}]
+    film = CYLINDER | {"body": CYLINDER["body"] | {"layers": matter}}
+    relaxing = film | {"experiment": {"relaxation": {"prony": [[0.3, 0.2]]}, "history": [[0, 0], [1, DEPTH]]}}
+    for name in ("thickness", "substrate", "layers"):
+        known = row(film, name).percent
+        assert known and row(relaxing, name).percent == known
+
+
 def test_what_was_not_solved_says_so() -> None:
     """No sentence about physics comes of a theory that does not know a body, nu < 0."""
     layer = HALF_SPACE | {"body": {"shape": "layer", "height": 0.5}, "material": ELASTIC | {"nu": -0.3}}

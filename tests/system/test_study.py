@@ -23,7 +23,7 @@ from indent_sim.run.chain import warm_up
 from indent_sim.studies import cases as case_list
 from indent_sim.studies import study_table
 from indent_sim.studies.points import Multiple
-from indent_sim.studies.truth import Truth
+from indent_sim.studies.reference.truth import Truth
 from indent_sim.studies.worker import Worker
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -633,7 +633,7 @@ class TestComparison:
 
     def test_no_peak_where_theory_has_none(self, written):
         text = "base: scene.yaml\nset: {indenter: {shape: flat_punch, radius: 0.3}}\nvary: {mesh.h_far: [0.4]}\n"
-        from indent_sim.studies.truth import of_theory
+        from indent_sim.studies.reference.truth import of_theory
 
         answer = of_theory(case_list.asked_for(studies.read(written(text)))[0][0])
         assert np.isnan(answer.p_max).all() and np.isfinite(answer.force).all()
@@ -644,10 +644,69 @@ def test_shipped_studies_can_be_run(path):
     planned = studies.read(path)
     found, refused = case_list.sorted_out(planned)
     assert not refused or planned.tolerance
-    assert len({case.id for case in found}) == len(found) > 1  # nothing in them is asked twice
+    # nothing in them is asked twice, but of cases, which may be several rows of one run
+    assert len({case.id for case in found}) == len(found) > 1 or planned.members
     if planned.tolerance is None:  # theory at all points of a map takes a minute
         answered = {Truth(planned, found).answer(case) is not None for case in found}
         assert len(answered) == 1  # a study of accuracy has an answer for each, one of a parameter for none
+
+
+class TestScoreboard:
+    CASES = """\
+title: Published
+cases:
+  - name: coarse
+    scene: scene.yaml
+    published: {quantity: force, value: 1.7e-3, claims: exact, within: 0.01, source: nobody}
+  - name: finer
+    scene: scene.yaml
+    set: {mesh.h_contact: 0.03}
+    published: {quantity: a, at: {step: 1}, value: 0.07, claims: elements, source: nobody}
+    exact: {case: coarse, by: another mesh}
+"""
+
+    def test_a_study_of_cases_writes_its_scoreboard(self, written, tmp_path):
+        """Columns as they are documented; ours within 1 % of theory on this mesh, and the exact value of the second is
+        what the first one found."""
+        path = written(self.CASES)
+        done = CliRunner().invoke(commands.program, ["study", str(path), "--output", "out"])
+        assert done.exit_code == 0, done.output
+        with open(tmp_path / "out" / "verification.csv", newline="") as stream:
+            first, second = rows = list(csv.DictReader(stream))
+        assert list(first)[:6] == ["case", "quantity", "published", "exact", "exact_by", "ours"]
+        assert list(first)[6:10] == ["our_error", "difference", "claims", "source"]
+        assert abs(float(first["ours"]) / float(first["exact"]) - 1) < 0.01 and first["exact_by"] == "layer theory"
+        assert first["wrong"] == "published" and "claims 1 %" in done.stderr
+        runs = {row["case"]: read(tmp_path / "out" / "runs" / row["run"]) for row in rows_of(tmp_path / "out")}
+        assert float(second["exact"]) == runs["coarse"]["a"][0] and float(second["ours"]) == runs["finer"]["a"][0]
+        assert second["exact_by"] == "another mesh" and len(rows) == 2
+        assert (tmp_path / "out" / "verification.png").stat().st_size > 10_000
+        told = CliRunner().invoke(commands.program, ["report", "out"])
+        page = Path(told.output.strip()).read_text()
+        assert "Published values" in page and "claims 1 %" in page
+
+    def test_cases_are_planned_and_resumed_as_other_studies(self, written, tmp_path):
+        path = written(self.CASES)
+        planned = CliRunner().invoke(commands.program, ["plan", str(path), "--json"])
+        assert [row["case"] for row in json.loads(planned.output)["rows"]] == ["coarse", "finer"]
+        first = studies.carry_out(path, output=tmp_path / "out")
+        told: list[str] = []
+        again = studies.carry_out(path, output=tmp_path / "out", resume=True, tell=told.append)
+        assert told == ["2 of 2 runs are there already"] and again.scoreboard == first.scoreboard
+
+    def test_a_study_of_cases_is_no_scene(self, written):
+        done = CliRunner().invoke(commands.program, ["run", str(written(self.CASES))])
+        assert done.exit_code == 3 and "this is a study, not a scene" in done.stderr
+
+    @pytest.mark.verify
+    def test_our_numbers_are_within_their_bars_of_the_exact_ones(self, tmp_path):
+        """All published values; those named as wrong are known to be: the pyramid's factor, and Hayes' table."""
+        path = ROOT / "configs" / "studies" / "verification" / "published.yaml"
+        board = studies.carry_out(path, output=tmp_path / "out", jobs=2).scoreboard
+        assert [row["case"] for row in board if row["wrong"] in ("ours", "both", "unknown")] == []
+        assert [row["case"] for row in board if row["ours"] is None] == []
+        wrong = [row["case"] for row in board if row["wrong"] == "published"]
+        assert wrong == ["square pyramid", "Hayes, nu 0.3", "Hayes, nu 0.5"]
 
 
 class TestAdvice:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -165,15 +165,28 @@ def _write_numbers_as_text(figure: Figure) -> None:
 
 
 def keep_ticks_apart(figure: Figure) -> None:
-    """Fewer numbers along every axis whose numbers would touch."""
+    """Fewer numbers along every axis whose numbers would touch. The layout, half of the cost of a picture, is found
+    once, and again only where numbers have gone."""
     _write_numbers_as_text(figure)
-    figure.draw_without_rendering()
+    _lay_out(figure)
+    lost = False
     for axes in figure.axes:
         for along in (along for along in (axes.xaxis, axes.yaxis) if along.get_scale() == "linear"):
             for bins in range(MOST_TICKS, 1, -1):
-                if not _touch(along) or not axes.axison:
+                if not axes.axison or not _touch(along):
                     break
                 axes.locator_params(axis=along.axis_name, nbins=bins)  # type: ignore[attr-defined, unused-ignore]
+                lost = True
+    if lost:
+        _lay_out(figure)
+    figure.set_layout_engine("none")
+
+
+def _lay_out(figure: Figure) -> None:
+    """Places of all panels, as a drawing finds them."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
 
 
 def _touch(along: Any) -> bool:
@@ -183,25 +196,40 @@ def _touch(along: Any) -> bool:
     return any(after[0] - before[1] < TICK_LABEL_GAP for before, after in pairwise(ends))
 
 
-def save(figure: Figure, path: Path | str) -> None:
-    """Write PNG, SVG or PDF after the suffix, all at once."""
+def save(figure: Figure, path: Path | str, dpi: float | None = None) -> None:
+    """Write PNG, SVG or PDF after the suffix, all at once; dpi [DPI] of what is drawn point by point."""
     path = Path(path)
     kind = format_of(path)
     with warnings.catch_warnings():  # of a letter that the font lacks: a box stands for it
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from", UserWarning)
         keep_ticks_apart(figure)
-        _write(figure, path, kind)
+        _write(figure, path, kind, dpi or DPI[kind])
 
 
-def _write(figure: Figure, path: Path, kind: str) -> None:
+def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
     metadata: Look = {"png": {"Software": "indent-sim"}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     descriptor, temporary = tempfile.mkstemp(f".{kind}", f".{path.stem[:100]}.", path.parent)  # nobody's, and no link
     try:
         with open(descriptor, "wb") as file:
-            figure.savefig(file, format=kind, dpi=DPI[kind], metadata=metadata[kind])
+            if kind == "png":
+                _write_png(figure, file, dpi, metadata[kind])
+            else:
+                figure.savefig(file, format=kind, dpi=dpi, metadata=metadata[kind])
             os.umask(mask := os.umask(0o077))  # what new files do not get; there is no other way to ask
             os.fchmod(file.fileno(), 0o666 & ~mask)
         os.replace(temporary, path)
     finally:
         with suppress(FileNotFoundError):
             os.unlink(temporary)
+
+
+def _write_png(figure: Figure, file: BinaryIO, dpi: float, metadata: Look) -> None:
+    """What `savefig` writes, drawn once: that draws a figure whose layout is known a first time for its layout."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    before = figure.dpi
+    try:
+        figure.dpi = dpi
+        FigureCanvasAgg(figure).print_png(file, metadata=metadata)
+    finally:
+        figure.dpi = before

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, choice, first_axis, middle_of, scaled
-from indent_sim.results.pictures.canvas import GREY, Axes
+from indent_sim.results.pictures.canvas import GREY, Axes, Look
 from indent_sim.results.pictures.pressure import titled
 from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
@@ -25,6 +25,7 @@ ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
 WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
 COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
+Beside = Literal["right", "bottom"]  # where the bar of the colours stands
 Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
 
 
@@ -158,6 +159,10 @@ class FieldRow:
 
     shown: Sequence[tuple[Results, float, str]]
     field: ShownField
+    limits: tuple[float, float] | None = None  # of the colours, in the unit shown; None: those of the field
+    zoom: float | None = (
+        None  # contact radii to either side of the tip; infinite: the whole body; None: as it is seen best
+    )
 
     @cached_property
     def sections(self) -> list[Section]:
@@ -170,13 +175,17 @@ class FieldRow:
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
         size = max(max(_at(run, step, "a"), abs(_at(run, step, "delta"))) for run, step, _ in self.shown)
+        if self.zoom is not None:
+            reach, (middle, _) = self.zoom * size, middle_of([self.shown[0][0]])
+            sides = max(left, middle - reach), min(right, middle + reach)
+            return np.array([*sides, max(bottom, -reach), top + ABOVE * size])
         reach = size * np.clip(THIN * (top - bottom) / size, THIN_BODY_VIEW, FIELD_VIEW)
         middle, _ = middle_of([self.shown[0][0]])
         sides = (left, right) if right - left <= 2 * WHOLE_BODY_RATIO * reach else (middle - reach, middle + reach)
         return np.array([*sides, bottom if -bottom <= WHOLE_BODY_RATIO * reach else -reach, top + ABOVE * size])
 
-    def draw(self, panels: Sequence[Axes]) -> None:
-        """Draw into as many panels, with one bar for the colours of all."""
+    def draw(self, panels: Sequence[Axes], some: slice = slice(None), beside: Beside = "right") -> None:
+        """Draw some of them into as many panels, with one bar for the colours of all."""
         runs, frame = [run for run, *_ in self.shown], self.frame
         length = scaled("length", runs, np.ptp(frame[:2]) / 2, first_axis(runs[0]))
         inside, areas = map(np.concatenate, zip(*(section.inside(frame) for section in self.sections), strict=True))
@@ -184,7 +193,8 @@ class FieldRow:
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
         axis = Axis(name) if kind == "1" else scaled(kind, runs, inside, name)
         low, high, colours = _colours(axis(inside), areas, self.field.middle)
-        for axes, (run, step, words), section in zip(panels, self.shown, self.sections, strict=True):
+        low, high = self.limits or (low, high)
+        for axes, (run, step, words), section in zip(panels, self.shown[some], self.sections[some], strict=True):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
             drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
             if (scene := scene_of(run.path)) is not None:
@@ -195,7 +205,8 @@ class FieldRow:
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         ends = [axis(inside).min() < low, axis(inside).max() > high]
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
-        bar = panels[0].figure.colorbar(drawn, ax=list(panels), label=axis.label, extend=beyond, aspect=25)
+        placed: Look = {"label": axis.label, "extend": beyond, "aspect": 25, "location": beside}
+        bar = panels[0].figure.colorbar(drawn, ax=list(panels), **placed)
         bar.outline.set_visible(False)  # type: ignore[operator, unused-ignore]
         for axes in panels:
             axes.label_outer()

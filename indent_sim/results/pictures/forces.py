@@ -17,6 +17,7 @@ from indent_sim.results.pictures.names import in_order, names_of
 from indent_sim.results.pictures.pressure import draw_pressure, strongest_step
 from indent_sim.results.reader import MEASURED, Results, in_common_units
 
+OF_FORCE = "the accuracy asked for is that of the force"  # beside a pressure
 ESTIMATED, UNLOADING = "estimated error", "unloading"
 POINTS: Look = {"ls": "", "marker": ".", "ms": 3, "zorder": 1}  # of a measured curve
 PANELS, HEIGHT = 9.2, 4.8  # inches: width and height of all panels
@@ -39,6 +40,9 @@ def force_indentation(results: Results, path: Path | str) -> None:
             _draw_radius(panels["a"], [results], theory)
         if strongest:
             draw_pressure(panels["pressure"], results, strongest)
+            if results.report.get("accuracy"):
+                said = panels["pressure"].get_title(loc="left")
+                panels["pressure"].set_title(f"{said}\n{OF_FORCE}", loc="left", fontsize="small", color=GREY)
         canvas.legend_below(figure, panels["names"], panels["force"])
         canvas.head(figure, results.report.get("title") or names_of([results])[0], _subtitle(results))
         save(figure, path)

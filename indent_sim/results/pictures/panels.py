@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.pictures import canvas, curves
 from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
-from indent_sim.results.pictures.canvas import Axes, SubFigure
+from indent_sim.results.pictures.canvas import Axes, Figure, SubFigure
 from indent_sim.results.pictures.fields import FieldRow, field_of
 from indent_sim.results.pictures.forces import draw_forces, named_apart
 from indent_sim.results.pictures.pressure import contact_of, draw_map, draw_pressures, strongest_step, titled
@@ -23,6 +24,7 @@ from indent_sim.results.xdmf import kept_steps
 
 WHAT = ("force", "pressure", "profile", "fields")
 OF_STEPS = ("pressure", "profile", "fields")
+OF_FIELDS = {"fields": "--field", "limits": "--limits", "zoom": "--zoom"}  # entries of a wish, and their options
 MM = 1 / 25.4  # inches
 PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
 LINE_ASPECT, MAP_ASPECT = 0.72, 0.85  # height over width of panels
@@ -31,6 +33,7 @@ WORDS_HEIGHT, NUMBERS_WIDTH, BESIDE_BAR = 0.75, 0.4, 0.85
 LOWEST = 1.2  # inches: of a bar with its words
 MOST_IN_ROW, MOST_WIDE, MOST_PANELS = 4, 3, 40
 T = TypeVar("T")
+NARROWEST_CELL, BAR_HEIGHT = 1.5, 0.5  # inches: of a panel of a layout at the standard font size, of a bar below it
 NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
 Shown = tuple[Results, float, str]  # a result, a step, and what tells them from the others in words
 
@@ -45,6 +48,11 @@ class Wish:
     width: float | None = None
     font: float = canvas.FONT
     units: Mapping[str, str] = field(default_factory=dict)
+    layout: tuple[int, int] | None = None  # rows and columns of all panels; None: as they have room
+    letters: Literal["", "a"] = ""  # before the panels: none, or (a), (b), ...
+    dpi: float | None = None  # of what is drawn point by point
+    limits: tuple[float, float] | None = None  # of the colours of a field, in the unit shown
+    zoom: float | None = None  # contact radii around the tip that fields show; infinite: the whole body
 
     def side_by_side(self, narrowest: float, most: int) -> int:
         """How many panels stand side by side, none narrower than so many inches at the standard font size."""
@@ -62,8 +70,11 @@ def wish(given: Mapping[str, Any]) -> Wish:
     found = Wish(**{"what": ("force",), **given})
     if unknown := [word for word in found.what if word not in WHAT]:
         raise UsageError(f"--what {unknown[0]} is none of {', '.join(WHAT)}")
-    if "fields" in given and "fields" not in found.what:
-        raise UsageError("--field belongs to --what fields")
+    for name, option in OF_FIELDS.items():
+        if name in given and "fields" not in found.what:
+            raise UsageError(f"{option} belongs to --what fields")
+    if found.limits is not None and not found.limits[0] < found.limits[1]:
+        raise UsageError(f"--limits {found.limits[0]:g}:{found.limits[1]:g}: the first must be below the second")
     if "steps" in given and not set(found.what) & set(OF_STEPS):
         raise UsageError(f"--steps belongs to --what {' or '.join(OF_STEPS)}: the force is drawn at every step")
     if wrong := [word for word in found.steps if not (word in ("last", "all") or word.isdecimal())]:
@@ -85,21 +96,95 @@ class _Row:
 
 
 def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
-    """Draw what was wished for; UsageError for steps, fields and panels that the results do not have."""
+    """Draw what was wished for into a file; UsageError as `pictured`, and for a file that is no picture."""
     canvas.format_of(Path(path))
+    with pictured(runs, wish) as figure:
+        canvas.save(figure, path, *([wish.dpi] if wish.dpi else []))
+
+
+@contextmanager
+def pictured(runs: Sequence[Results], wish: Wish) -> Iterator[Figure]:
+    """The figure of what was wished for; UsageError for steps, fields and panels that the results do not have."""
     if wish.units:
         runs = [replace(run, report=run.report | {SHOWN_UNITS: dict(wish.units)}) for run in runs]
     runs, names = named_apart(runs) if len(runs) > 1 else (list(runs), [""])
-    lines = _line_panels(runs, names, wish)
-    rows = [_line_row(part, len(runs)) for part in _in_rows(lines, wish.side_by_side(NARROWEST_LINES, MOST_WIDE))]
-    rows += _map_rows(runs, names, wish)
+    rows = _laid_out(runs, names, wish) if wish.layout else _as_they_have_room(runs, names, wish)
     width = wish.width * MM if wish.width else PANEL_WIDTH * min(MOST_WIDE, max(row.panels for row in rows))
     heights = [row.height(width) for row in rows]
     with canvas.canvas((width, sum(heights)), wish.font) as figure:
         parts = figure.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)
         for row, part in zip(rows, parts[:, 0], strict=True):
             row.draw(part)
-        canvas.save(figure, path)
+        if wish.letters:
+            _letter(figure)
+        yield figure
+
+
+def _letter(figure: Figure) -> None:
+    """(a), (b), ... before the titles of the panels, in their order."""
+    panels = [axes for axes in figure.axes if axes.axison and axes.get_label() != "<colorbar>"]
+    for i, axes in enumerate(panels):
+        said = axes.get_title(loc="left")
+        axes.set_title(f"({chr(ord('a') + i % 26)})" + (f" {said}" if said else ""), loc="left", fontsize="small")
+
+
+def _as_they_have_room(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
+    """Curves first, then maps, in rows as wide as the picture."""
+    lines = _line_panels(runs, names, wish)
+    rows = [_line_row(part, len(runs)) for part in _in_rows(lines, wish.side_by_side(NARROWEST_LINES, MOST_WIDE))]
+    return rows + _map_rows(runs, names, wish)
+
+
+def _laid_out(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
+    """The panels in the rows and columns asked for, in the order of the wish."""
+    assert wish.layout is not None
+    count, columns = wish.layout
+    cells = [cell for what in wish.what for cell in _cells(runs, names, replace(wish, what=(what,)))]
+    if len(cells) > count * columns:
+        raise UsageError(f"--layout {count}x{columns} has room for {count * columns} panels; these are {len(cells)}")
+    narrow = NARROWEST_CELL * wish.font / canvas.FONT
+    if wish.width and wish.width * MM < columns * narrow:
+        least = columns * narrow / MM
+        raise UsageError(f"{columns} panels side by side with letters of {wish.font:g} pt need --width {least:.0f}")
+    return [_beside_one_another(part, columns) for part in _in_rows(cells, columns)]
+
+
+def _cells(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
+    """The panels of one kind, each by itself."""
+    cells = [_line_row([panel], len(runs)) for panel in _line_panels(runs, names, wish)]
+    if "pressure" in wish.what:
+        shown = _shown(runs, names, wish, "pressure")
+        cells += [_pressure_row([one]) for one in shown if np.ptp(one[0].surface["y"]) > 0]
+    if "fields" in wish.what:
+        for name in wish.fields:
+            row = _fields(runs, names, wish, name)
+            cells += [_field_cell(row, i) for i in range(len(row.shown))]
+    return cells
+
+
+def _beside_one_another(cells: Sequence[_Row], columns: int) -> _Row:
+    """Cells side by side, each as wide as the others, whether the last row is full or not."""
+
+    def into(part: SubFigure) -> None:
+        parts = part.subfigures(1, columns, squeeze=False)[0]
+        for cell, place in zip(cells, parts[: len(cells)], strict=True):
+            cell.draw(place)
+
+    return _Row(columns, lambda width: max(cell.height(width / columns) for cell in cells), into)
+
+
+def _field_cell(row: FieldRow, i: int) -> _Row:
+    """One of the panels of a field by itself, in the frame and the colours of all, the bar below it."""
+
+    def height(width: float) -> float:
+        aspect = float(np.ptp(row.frame[2:]) / np.ptp(row.frame[:2]))
+        return max(aspect * (width - NUMBERS_WIDTH), LOWEST) + WORDS_HEIGHT + BAR_HEIGHT
+
+    return _Row(1, height, lambda part: row.draw([part.subplots()], slice(i, i + 1), "bottom"))
+
+
+def _fields(runs: Sequence[Results], names: Sequence[str], wish: Wish, name: str) -> FieldRow:
+    return FieldRow(_shown(runs, names, wish, "fields"), field_of(name), wish.limits, wish.zoom)
 
 
 def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[Callable[[Axes], None]]:
@@ -145,8 +230,7 @@ def _map_rows(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list
             mapped = [one for one in _shown(runs, names, wish, what) if np.ptp(one[0].surface["y"]) > 0]
             rows += [_pressure_row(part) for part in _in_rows(mapped, most)]
         if what == "fields":
-            shown = _shown(runs, names, wish, what)
-            rows += [_field_row(FieldRow(shown, field_of(name)), most) for name in wish.fields]
+            rows += [_field_row(_fields(runs, names, wish, name), most) for name in wish.fields]
     return rows
 
 

@@ -57,7 +57,7 @@ def _on_plane(y: np.ndarray, x: np.ndarray, *values: np.ndarray) -> tuple[np.nda
 
 
 def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]]) -> None:
-    """Deformed surfaces of several steps, each with its name and colour, and the tip at the deepest, true to scale.
+    """Deformed surfaces of several steps, each with its name, colour and tip, filled at the deepest, true to scale.
 
     Where the depths are too small beside the width for that, heights are magnified and the axis says so.
     """
@@ -73,7 +73,10 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
     low, high = min(heights.min(initial=0.0), -delta), max(heights.max(initial=0.0), 0.3 * delta)
     if (scene := scene_of(runs[deepest].path)) is not None:
         draw_tip(axes, scene, delta, middle, PROFILE_VIEW * reach, length)
-    for (*_, name, colour), line in zip(shown, lines, strict=True):
+    for i, ((run, _, name, colour), line) in enumerate(zip(shown, lines, strict=True)):
+        if i != deepest and (scene := scene_of(run.path)) is not None:
+            s, z = _tip(scene, line.delta, middle, PROFILE_VIEW * reach, length)
+            axes.plot(s, z, color=colour, lw=0.7, ls=(0, (1, 1.5)), zorder=2)
         axes.plot(length(line.x), length(line.z), color=colour, label=name or None, zorder=3)
     axes.plot(length(lines[0].x), length(lines[0].before), color=GREY, lw=0.8, ls=":", zorder=2, label="undeformed")
     margin = 0.08 * (high - low)
@@ -86,7 +89,12 @@ def draw_profiles(axes: Axes, shown: Sequence[tuple[Results, float, str, object]
 
 def draw_tip(axes: Axes, scene: Config, delta: float, middle: float, width: float, length: Axis) -> None:
     """The rigid tip at a depth, in the plane through its axis."""
-    s, z = section(scene.indenter, width)
-    s, z = length(s + middle), length(z - delta / pieces(scene.body))
+    s, z = _tip(scene, delta, middle, width, length)
     axes.fill(np.append(s, [s[-1], s[0]]), np.append(z, [max(z[-1], z[0])] * 2), color=GREY, alpha=0.18, lw=0, zorder=1)
     axes.plot(s, z, color=GREY, lw=1.0, zorder=4)
+
+
+def _tip(scene: Config, delta: float, middle: float, width: float, length: Axis) -> tuple[np.ndarray, np.ndarray]:
+    """The outline of the rigid tip at a depth, as it is shown."""
+    s, z = section(scene.indenter, width)
+    return length(s + middle), length(z - delta / pieces(scene.body))

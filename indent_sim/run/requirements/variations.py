@@ -12,6 +12,7 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, SolverSettings, Source
 from indent_sim.model.body import Ball, Cap, HalfSpace, Inclusion, InfiniteLayer, Layer, MeshFromFile
 from indent_sim.model.materials import LinearElastic, Material, NeoHookean, TransverselyIsotropic
+from indent_sim.scene import theories
 
 Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
 Change = Callable[[Material], Material]
@@ -54,6 +55,23 @@ def with_matter(config: Config, change: Change, **sections: Any) -> Config:
 def elastic(material: Material) -> Material:
     """The material of the instantaneous constants, which does not relax."""
     return replace(material, relaxation=None)
+
+
+def drained(material: Material) -> Material:
+    """The material in whose pores nothing flows any more."""
+    return replace(material, flow=None)
+
+
+def undrained(material: Material) -> Material:
+    """The elastic material from whose pores nothing flows yet; any other as it is."""
+    return theories.undrained(material.canonical()) if material.flow else material
+
+
+def rounded_law(material: Material) -> Material:
+    """A material whose numbers came of others, which have no more than twelve digits."""
+    numbers = {one.name: getattr(material, one.name) for one in fields(material)}
+    short = {name: float(f"{x:.12g}") for name, x in numbers.items() if isinstance(x, float)}
+    return replace(material, **short)  # type: ignore[arg-type]
 
 
 def linear(material: Material) -> Material:

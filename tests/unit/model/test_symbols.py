@@ -21,6 +21,7 @@ from indent_sim.model.symbols import GROUPS, SYMBOLS, lookup
 from indent_sim.model.units import unit_of
 from indent_sim.results.tables import SURFACE_COLUMNS
 from indent_sim.studies import points, study_file, study_table
+from indent_sim.studies.reference import scoreboard
 
 
 def yaml_fields() -> list[tuple[str, type, str]]:
@@ -62,7 +63,7 @@ def test_every_column_has_a_meaning(name):
     assert name in SYMBOLS, f"add {name} to indent_sim/model/symbols.py"
 
 
-@pytest.mark.parametrize("name", ["index", "run", *study_table.STUDY_COLUMNS])
+@pytest.mark.parametrize("name", ["index", "run", *study_table.STUDY_COLUMNS, *scoreboard.SCOREBOARD_COLUMNS])
 def test_every_column_of_a_study_has_a_meaning(name):
     assert lookup(name, "study"), f"add {name} to indent_sim/model/symbols.py"
 

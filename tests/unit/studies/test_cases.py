@@ -8,7 +8,7 @@ import pytest
 
 from indent_sim.process.errors import ConfigError
 from indent_sim.studies import cases, study_file
-from indent_sim.studies.truth import Truth
+from indent_sim.studies.reference.truth import Truth
 
 SCENE = """
 base:

@@ -68,7 +68,7 @@ class Truth:
 
     def __init__(self, study: StudyFile, cases: Sequence[Case]):
         self.notes: tuple[str, ...] = ()
-        self._wanted = study.compare_to
+        self._wanted, self._apart = study.compare_to, bool(study.members)  # cases ask a question each
         self._answers: dict[str, Answer] = {}
         self._file: Answer | None = None
         self.references: set[str] = set()  # runs that others are compared with
@@ -109,7 +109,7 @@ class Truth:
         finest = {problem: runs[-1] for problem, runs in asked.items() if len(set(runs)) > 1}  # none is its own answer
         self._answers = {problem: of_results(done[run]) for problem, run in finest.items()}
         self.references = set(finest.values())
-        if asked and not finest:
+        if asked and not finest and not self._apart:
             self.notes = (ALONE,)
 
     def answer(self, case: Case) -> Answer | None:

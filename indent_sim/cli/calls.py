@@ -1,0 +1,142 @@
+"""The commands as functions: scenes and studies as files or dictionaries, numbers and figures back."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from indent_sim.cli import sensitivities as derivatives
+from indent_sim.config.scene_file import is_study, load
+from indent_sim.config.schema import Config
+from indent_sim.process.errors import UsageError
+from indent_sim.results import compare as comparisons
+from indent_sim.results import folder, reader
+from indent_sim.results.folder import Report
+from indent_sim.results.reader import Results
+from indent_sim.run.accuracy import foreseen
+from indent_sim.scene.scene import Scene, resolve
+from indent_sim.studies import conduct, curve_table
+from indent_sim.studies import plan as plan_study
+from indent_sim.studies.conduct import Study
+from indent_sim.studies.picture import curves_pictured
+
+if TYPE_CHECKING:
+    from indent_sim.results.pictures.canvas import Figure
+
+OPTIONS = ("fields", "steps", "units", "width", "font", "layout", "letters", "limits", "zoom")  # of `plot`
+Given = Config | Mapping[str, Any] | str | Path  # a scene, or the file or dictionary that says it
+Result = Results | str | Path
+
+
+def read(path: str | Path) -> Results | Study:
+    """A result folder, a force table or a measured curve, columns as arrays; the folder of a study as its table.
+
+    UsageError when there is none, or it is damaged.
+    """
+    return conduct.read_back(Path(path)) if folder.held(Path(path)) == "study" else reader.read(path)
+
+
+def plan(given: Given, *, error_bars: bool = False) -> Report:
+    """What would be modelled, and why; of a study its runs and their cost: the object of `indent-sim plan --json`."""
+    if (isinstance(given, Mapping) and is_study(given)) or (isinstance(given, str | Path) and _holds_study(given)):
+        return plan_study(given, error_bars).as_json()
+    scene = resolve(config_of(given))
+    return (foreseen(scene, error_bars) if error_bars or scene.plan.fineness else scene).plan.as_json()
+
+
+def require(given: Given, within: float = 0.01) -> Report:
+    """Which effects matter, in per cent, and the cheapest model within a relative tolerance of the force: the object of
+    `indent-sim require --json`."""
+    from indent_sim.run.requirements import cheapest
+
+    return cheapest.require(config_of(given), within).as_json()
+
+
+def compare(
+    first: Result,
+    second: Result,
+    rtol: comparisons.Tolerances = comparisons.RTOL,
+    columns: Sequence[str] | None = None,
+) -> Report:
+    """Two results or measured curves row by row: the object of `indent-sim compare --json`; `differences` is empty
+    where they agree."""
+    A, B = (one.path if isinstance(one, Results) else one for one in (first, second))
+    return comparisons.compare(A, B, rtol, columns).as_json()
+
+
+def study(
+    given: Mapping[str, Any] | str | Path, *, directory: str | Path | None = None, jobs: int = 1, resume: bool = False
+) -> Study:
+    """Do a study and give its table. Of a dictionary without a directory the runs are kept as long as the result is.
+
+    UsageError, ConfigError (before any run), NotConverged when no run at all gave a result.
+    """
+    if directory is not None or not isinstance(given, Mapping) or (given.get("output") or {}).get("directory"):
+        return conduct.carry_out(given, output=Path(directory) if directory else None, jobs=jobs, resume=resume)
+    place = Path(tempfile.mkdtemp(prefix="indent-sim-"))
+    try:
+        found = conduct.carry_out(given, output=place, jobs=jobs)
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
+    weakref.finalize(found, shutil.rmtree, place, ignore_errors=True)
+    return found
+
+
+def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: Any) -> Figure:
+    """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
+
+    what: panels with commas between them: force, pressure, profile, fields; others as `indent-sim plot` has them:
+    fields, steps, units, width [mm], font [points], layout (rows, columns), letters "a", limits (low, high), zoom.
+    UsageError for what the results do not have. Of a study its curves.
+    """
+    from indent_sim.results.pictures import canvas, panels
+
+    if isinstance(shown, Study):
+        if wish or what != "force":
+            raise UsageError("a study is drawn as its curves: give one of its runs for other panels")
+        families = curve_table.of_runs(shown.directory / folder.RUNS, shown.rows, shown.keys)
+        if not families.curves:
+            raise UsageError(f"{shown.directory} has no run that is done")
+        pictured = curves_pictured(families, shown.title)
+    else:
+        several = [shown] if isinstance(shown, Results | str | Path) else list(shown)
+        runs = [one if isinstance(one, Results) else reader.read(one) for one in several]
+        pictured = panels.pictured(runs, panels.wish({"what": _words(what)} | _listed(wish)))
+    with pictured as figure:
+        canvas.keep_ticks_apart(figure)
+        return figure
+
+
+def _listed(wish: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a picture as a command line gives them; UsageError for one that there is none of."""
+    if unknown := [name for name in wish if name not in OPTIONS]:
+        raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(OPTIONS)}")
+    said = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
+    return {name: _words(value) if name in ("fields", "steps") else wish[name] for name, value in said.items()}
+
+
+def _words(given: str | Sequence[Any]) -> tuple[str, ...]:
+    return tuple(word.strip() for word in given.split(",")) if isinstance(given, str) else tuple(map(str, given))
+
+
+def sensitivities(scene: Given, keys: str | Sequence[str]) -> derivatives.Derivatives:
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}}, see `cli.sensitivities`."""
+    return derivatives.sensitivities(config_of(scene), [keys] if isinstance(keys, str) else keys)
+
+
+def config_of(given: Given) -> Config:
+    """The config of a scene, however it is given."""
+    if isinstance(given, Scene):
+        raise TypeError("give what `load` gives, not what `resolve` made of it")
+    return given if isinstance(given, Config) else load(given)
+
+
+def _holds_study(path: str | Path) -> bool:
+    from indent_sim.config.scene_file import read_document
+
+    return is_study(read_document(path)[0])

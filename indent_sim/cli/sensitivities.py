@@ -1,0 +1,144 @@
+"""Sensitivities: derivatives of the force with respect to keys of a scene, at every row, on one mesh.
+
+The mesh of a changed scene is that of the scene itself, moved with the body's sides, with the interfaces of its layers
+and with the edge of the contact, so that what the elements miss is the same part of every force and divides out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.config.schema import Config
+from indent_sim.config.strict_yaml import KeyPath, key_path
+from indent_sim.mesh import gmsh
+from indent_sim.mesh.grid import Grid
+from indent_sim.mesh.modelled_part import Part
+from indent_sim.process.errors import ConfigError, NotConverged
+from indent_sim.run import chain
+from indent_sim.run.resolved import resolved
+from indent_sim.scene.scene import Scene, resolve
+
+MESH_ERROR = 1e-3  # relative, of a force at automatic sizes
+STEP = 0.02  # relative; the second difference has twice as much
+AROUND = 2.0  # contact radii that the mesh is moved with as a whole
+CENTRAL, BACKWARD = (-2.0, -1.0, 1.0, 2.0), (-4.0, -2.0, -1.0, 0.0)  # steps of a key that are tried, in this order
+Derivatives = dict[str, dict[str, list[float]]]
+
+
+def sensitivities(config: Config, keys: Sequence[str], step: float = STEP) -> Derivatives:
+    """dF/dkey at every row of a scene: {key: {value: [...], error: [...]}} in the user's units per unit of the key.
+
+    By differences over relative steps h and 2 h, D = (4 D_h - D_2h)/3, central where the scene may go both ways, else
+    backward; error: what the two differ by, |D_h - D_2h|/3, and F/key times the relative error of the forces, that of
+    a mesh MESH_ERROR where no accuracy is asked for. Depths and their number stay.
+    ConfigError for a key that is no number of the scene, or a scene that prescribes forces; NotConverged.
+    """
+    base = resolve(config)
+    if base.physics.path.control != "depth" or base.takes_time:
+        raise ConfigError("loading", "derivatives of the force are at given depths", "give loading.delta or deltas")
+    pinned = resolved(config, base)
+    body = _Body(base, gmsh.build(base.physics.part, base.sizes) if base.is_meshed else None)
+    found: Derivatives = {}
+    for key in keys:
+        path = key_path(key)
+        value, error, forces = _derivative(pinned, path, body.forces, step)
+        own = body.error * np.abs(forces / _number(pinned, path))
+        found[key] = {"value": value.tolist(), "error": (error + own).tolist()}
+    return found
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A scene and its mesh, which others that differ a little from it are solved on."""
+
+    scene: Scene
+    grid: Grid | None
+
+    @property
+    def error(self) -> float:
+        """The relative error to expect of its forces."""
+        plan = self.scene.plan
+        if self.grid is None:
+            return plan.theory.error if plan.theory else 0.0
+        return plan.prediction.get("force_error", 0.0) + (plan.fineness.error if plan.fineness else MESH_ERROR)
+
+    def forces(self, config: Config) -> np.ndarray:
+        """The force of another scene at every row [user's units]."""
+        scene = resolve(config)
+        grid = self._moved(scene) if scene.is_meshed else None
+        states = list(chain.states(scene, with_surface=False, grid=grid))
+        if not all(state.converged for state in states):
+            raise NotConverged(f"a scene beside this one: {states[-1].reason}")
+        return np.array([state.force for state in states])
+
+    def _moved(self, scene: Scene) -> Grid:
+        """The mesh moved to another body; meshed anew where that is not of straight sides in two dimensions."""
+        part, own = scene.physics.part, self.scene.physics.part
+        if self.grid is None or not (_is_plain(part) and _is_plain(own) and len(part.outline) == len(own.outline)):
+            return gmsh.build(part, scene.sizes)
+        (left, right), (bottom, top) = own.extent
+        (new_left, new_right), (new_bottom, new_top) = part.extent
+        a, new_a = (one.plan.prediction.get("a", 0.0) / one.physics.scales.length for one in (self.scene, scene))
+        beyond = min(AROUND, (1 + right / a) / 2) if 0 < a < right else 0.0
+        edge, new_edge = ([beyond * radius] if beyond else [] for radius in (a, new_a))
+        x = np.interp(self.grid.points[:, 0], [left, *edge, right], [new_left, *new_edge, new_right])
+        levels, new_levels = (
+            [low, *sorted(one.interfaces), high] for low, one, high in ((bottom, own, top), (new_bottom, part, new_top))
+        )
+        z = np.interp(self.grid.points[:, 1], levels, new_levels)
+        return replace(self.grid, points=np.column_stack([x, z]))
+
+
+def _is_plain(part: Part) -> bool:
+    """Whether a part is a section of straight sides and of layers, its tip's axis the left one."""
+    is_straight = all(side.middle is None for side in part.outline)
+    return part.dim == 2 and is_straight and len(part.regions) == len(part.interfaces) + 1 and part.extent[0][0] == 0.0
+
+
+def _derivative(
+    config: Config, path: KeyPath, forces: Callable[[Config], np.ndarray], step: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The derivative at every row, how far that over h and over 2 h are apart, and a force near it."""
+    value = _number(config, path)
+    for steps in (CENTRAL, BACKWARD):
+        with suppress(ConfigError):
+            scenes = [_changed(config, path, value * (1 + n * step)) for n in steps]
+            for scene in scenes:
+                resolve(scene)
+            found, h = [forces(scene) for scene in scenes], step * value
+            if steps is CENTRAL:
+                near, far = (found[2] - found[1]) / (2 * h), (found[3] - found[0]) / (4 * h)
+            else:  # of second order each
+                near = (3 * found[3] - 4 * found[2] + found[1]) / (2 * h)
+                far = (3 * found[3] - 4 * found[1] + found[0]) / (4 * h)
+            return (4 * near - far) / 3, np.abs(near - far) / 3, found[2]
+    resolve(_changed(config, path, value * (1 - step)))  # which says what is wrong
+    raise ConfigError(".".join(map(str, path)), "neither side of its value can be run")
+
+
+def _number(config: Config, path: KeyPath) -> float:
+    """The value of a key, in the units of the scene."""
+    value: Any = to_mapping(config)
+    with suppress(KeyError, IndexError, TypeError):
+        for part in path:
+            value = value[part]
+        if isinstance(value, (int, float)) and not isinstance(value, bool) and value != 0:
+            return float(value)
+    key = ".".join(map(str, path))
+    raise ConfigError(key, "is no number of this scene other than 0", "give a key such as material.E")
+
+
+def _changed(config: Config, path: KeyPath, value: float) -> Config:
+    """The scene with another value."""
+    document: Any = to_mapping(config)
+    section = document
+    for part in path[:-1]:
+        section = section[part]
+    section[path[-1]] = value
+    return from_mapping(document)

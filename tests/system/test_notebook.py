@@ -1,0 +1,100 @@
+"""What a notebook calls: no file is needed, numbers are those of the commands, and what is shown fits a screen."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import indent_sim
+from indent_sim.cli import commands
+from indent_sim.process.errors import BackendError, ConfigError
+from indent_sim.process.screen import MOST_LINES, Shown
+
+SCENE: dict[str, Any] = {
+    "title": "A gel <on> glass",
+    "units": {"length": "um", "force": "nN"},
+    "body": {"shape": "layer", "height": "10 um"},
+    "material": {"model": "linear_elastic", "E": np.float64(1.0), "nu": 0.3},
+    "indenter": {"shape": "sphere", "R": 5},
+    "loading": {"deltas": np.linspace(0.1, 0.5, 30)},
+}
+WIDEST = 200  # letters in a line of a screen
+
+
+@pytest.fixture
+def result(tmp_path: Path) -> Any:
+    indent_sim.simulate(indent_sim.load(SCENE), directory=tmp_path / "run")
+    return indent_sim.read(tmp_path / "run")
+
+
+def test_dir_shows_the_public_names() -> None:
+    assert dir(indent_sim) == sorted(indent_sim.__all__) and all(hasattr(indent_sim, name) for name in dir(indent_sim))
+
+
+def test_a_dictionary_is_a_scene_as_its_file(tmp_path: Path) -> None:
+    config = indent_sim.load(SCENE, ["material.nu=0.4"])
+    (tmp_path / "scene.json").write_text(json.dumps(SCENE | {"loading": {"deltas": list(SCENE["loading"]["deltas"])}}))
+    assert config == indent_sim.load(tmp_path / "scene.json", ["material.nu=0.4"])
+    with pytest.raises(ConfigError, match=r"body\.hight: unknown key, did you mean 'height'"):
+        indent_sim.load(SCENE | {"body": {"shape": "layer", "hight": 1}})
+
+
+def test_what_is_shown_fits_a_screen(result: Any) -> None:
+    """A title, as many lines as fit, and the warnings; in HTML nothing of a title is markup."""
+    for thing in (result, indent_sim.resolve(indent_sim.load(SCENE))):
+        lines = repr(thing).splitlines()
+        assert "A gel <on> glass" in lines[0] and len(lines) <= MOST_LINES + 5
+        assert max(map(len, lines)) <= WIDEST
+        assert "<on>" not in thing._repr_html_() and thing._repr_html_().count("<tr>") <= MOST_LINES + 2
+    assert repr(result).splitlines()[2].split()[:3] == ["1", "0.1", f"{result['force'][0]:.6g}"]
+
+
+def test_long_tables_show_both_ends() -> None:
+    shown = Shown("many", ["n"], [[i] for i in range(1000)])
+    assert shown.text.splitlines()[2:4] == ["0", "1"] and shown.text.splitlines()[-1] == "999" and "…" in shown.text
+
+
+def test_a_study_of_a_dictionary_is_its_table(tmp_path: Path) -> None:
+    """In a folder of its own, gone with the result; or in one that is named, from which it is read back."""
+    wanted = {"base": SCENE, "vary": {"body.height": [2, 10], "material.E": [1, 2]}}
+    found = indent_sim.study(wanted)
+    assert found["force"].shape == (4,) and list(found["body.height"]) == [2, 2, 10, 10] and len(found) == 4
+    assert found["force"][1] == pytest.approx(2 * found["force"][0], rel=1e-9)  # theory is linear in E
+    folder = found.directory
+    assert (folder / "study.csv").exists() and "body.height" in repr(found) and "<table>" in found._repr_html_()
+    del found
+    assert not folder.exists()
+    kept = indent_sim.study(wanted, directory=tmp_path / "study")
+    again = indent_sim.read(tmp_path / "study")
+    assert again.columns == kept.columns and again["force"].tolist() == kept["force"].tolist()
+    assert again.keys == ("body.height", "material.E") and again["run"].tolist() == kept["run"].tolist()
+
+
+def test_plan_require_and_compare_are_the_objects_of_the_commands(tmp_path: Path, result: Any) -> None:
+    scene = SCENE | {"loading": {"delta": 0.5, "steps": 3}}
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    run = CliRunner().invoke
+    from indent_sim.results.writer import to_json
+
+    for call, name in ((indent_sim.plan, "plan"), (indent_sim.require, "require")):
+        told = json.loads(run(commands.program, [name, str(tmp_path / "scene.json"), "--json"]).stdout)
+        assert json.loads(to_json(call(scene))) == {k: told[k] for k in told if k not in ("status", "exit_code")}
+    assert indent_sim.compare(result, result)["differences"] == ()
+    assert indent_sim.plan({"base": scene, "vary": {"material.nu": [0.1, 0.2]}})["rows"][1]["material.nu"] == 0.2
+
+
+def test_tables_go_to_pandas_where_it_is_there(result: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(BackendError, match="pip install pandas"):
+        result.to_pandas()
+    stand_in = ModuleType("pandas")
+    stand_in.DataFrame = dict  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "pandas", stand_in)
+    assert result.to_pandas()["force"].tolist() == result["force"].tolist()

@@ -1,0 +1,121 @@
+"""Published values in a study: what its file may say, and who is wrong; nothing is meshed or solved here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from indent_sim.process.errors import ConfigError
+from indent_sim.results.reader import Results
+from indent_sim.studies import cases, study_file
+from indent_sim.studies.reference import scoreboard
+
+SCENE = """\
+    scene:
+      body: {shape: half_space}
+      material: {model: linear_elastic, E: 1.0, nu: 0.3}
+      indenter: {shape: paraboloid, R: 1.0}
+      loading: {deltas: [0.005, 0.01]}
+      solver: {method: condensed}
+"""
+HERTZ = 4 / 3 / 0.91 * 0.01**1.5  # its force at the last row
+PUBLISHED = "{quantity: force, value: 1.4652e-3, claims: exact, within: 1.0e-4, source: Hertz 1882}"
+
+
+def study(folder: Path, published: str = PUBLISHED, more: str = "", scene: str = SCENE) -> study_file.StudyFile:
+    path = folder / "study.yaml"
+    path.write_text(f"cases:\n  - name: Hertz\n{scene}    published: {published}\n{more}")
+    return study_file.read(path)
+
+
+def board(found: study_file.StudyFile, **columns: list[float]) -> list[scoreboard.Row]:
+    """The scoreboard where the first case has found these columns, the others nothing."""
+    asked = cases.asked_for(found)[0]
+    scoreboard.check(found.members, asked)
+    table = {name: np.array(values) for name, values in columns.items()}
+    done = {asked[0].id: Results(Path("run"), table, {"status": "done"})} if columns else {}
+    return scoreboard.rows(found.members, asked, done)
+
+
+def found(force: float, error: float = 1e-6) -> dict[str, list[float]]:
+    return {"step": [1, 2], "delta": [0.005, 0.01], "force": [force / 8**0.5, force], "force_error": [error, error]}
+
+
+@pytest.mark.parametrize(
+    ("published", "ours", "wrong"),
+    [
+        (HERTZ, HERTZ + 5e-7, "nobody"),
+        (1.01 * HERTZ, HERTZ + 5e-7, "published"),
+        (HERTZ, HERTZ + 5e-6, "ours"),
+        (1.01 * HERTZ, HERTZ + 5e-6, "both"),
+    ],
+)
+def test_who_is_wrong_is_judged_by_theory_of_the_same_body(
+    published: float, ours: float, wrong: str, tmp_path: Path
+) -> None:
+    """The source by its claim of 1e-4, we by our bar of 1e-6."""
+    (row,) = board(study(tmp_path, PUBLISHED.replace("1.4652e-3", repr(published))), **found(ours))
+    assert row["wrong"] == wrong and row["exact"] == pytest.approx(HERTZ, rel=1e-9)
+    assert row["exact_by"] == "half-space theory" and row["our_error"] == 1e-6
+    assert row["difference"] == pytest.approx(100 * (published / HERTZ - 1), abs=1e-7)
+
+
+def test_a_row_is_found_by_its_depth(tmp_path: Path) -> None:
+    published = PUBLISHED.replace("value: 1.4652e-3", f"at: {{delta: 0.005}}, value: {HERTZ / 8**0.5}")
+    (row,) = board(study(tmp_path, published), **found(HERTZ))
+    assert row["ours"] == pytest.approx(HERTZ / 8**0.5) == row["exact"]
+
+
+def test_where_forces_are_prescribed_theory_is_asked_at_the_force(tmp_path: Path) -> None:
+    """p_max of Hertz at a force: 2 E* a/(pi R), a^3 = 3 F R/(4 E*), whatever depth the run found."""
+    scene = SCENE.replace("deltas: [0.005, 0.01]", "force: 1.0e-3, steps: 1")
+    a = (0.75e-3 * 0.91) ** (1 / 3)
+    said = "{quantity: p_max, value: 0.06, claims: elements, within: 0.5, source: nobody}"
+    columns = {"step": [1.0], "delta": [0.5], "force": [1e-3], "p_max": [0.06], "p_max_error": [0.01]}
+    (row,) = board(study(tmp_path, said, scene=scene), **columns)
+    assert row["exact"] == pytest.approx(2 * a / 0.91 / np.pi, rel=1e-7)  # theory is good to 1e-8
+
+
+def test_a_source_that_claims_no_accuracy_is_not_judged(tmp_path: Path) -> None:
+    (row,) = board(study(tmp_path, "{quantity: force, value: 2.0e-3, claims: fit, source: x}"), **found(HERTZ))
+    assert row["wrong"] == "nobody" and "claims no accuracy" in scoreboard.in_words(row)
+
+
+def test_a_number_may_be_the_exact_one(tmp_path: Path) -> None:
+    (row,) = board(study(tmp_path, more="    exact: {value: 2.0e-3, by: a closed form}\n"), **found(HERTZ))
+    assert (row["exact"], row["exact_by"], row["wrong"]) == (2e-3, "a closed form", "both")
+
+
+def test_a_run_that_failed_is_judged_by_nobody(tmp_path: Path) -> None:
+    (row,) = board(study(tmp_path))
+    assert row["ours"] is None and scoreboard.in_words(row) == "the run failed"
+
+
+def test_rows_are_read_back_as_they_were(tmp_path: Path) -> None:
+    (row,) = board(study(tmp_path), **found(HERTZ))
+    cells = {name: "" if value is None else str(value) for name, value in row.items()}
+    assert scoreboard.read_row(cells) == row
+
+
+@pytest.mark.parametrize(
+    ("published", "more", "message"),
+    [
+        (PUBLISHED.replace("force", "forse"), "", r":9: cases\[0\].published.quantity: .*did you mean 'force'"),
+        (PUBLISHED.replace("exact", "true"), "", r":9: cases\[0\].published.claims: is none of exact, fit, elements"),
+        (PUBLISHED.replace("1.0e-4", "2"), "", r":9: cases\[0\].published.within: must be between 0 and 1"),
+        (PUBLISHED.replace("value", "number"), "", r":9: cases\[0\].published.number: unknown key"),
+        (PUBLISHED.replace(", source: Hertz 1882", ""), "", r":9: cases\[0\].published.source: missing"),
+        (PUBLISHED.replace("value", "at: {depth: 1}, value"), "", r":9: cases\[0\].published.at: must name one row"),
+        (PUBLISHED.replace("value", "at: {delta: 0.02}, value"), "", r":9: published.at: .*has no row with delta 0.02"),
+        (PUBLISHED, "    exact: {by: x}\n", r":10: cases\[0\].exact: must have one of value and case"),
+        (PUBLISHED, "    exact: {case: Hart, by: x}\n", r":10: cases\[0\].exact.case: there is no such case"),
+        (PUBLISHED, f"  - name: Hertz\n{SCENE}", r":10: cases\[1\].name: Hertz is there twice"),
+        (PUBLISHED, "base: hertz.yaml\n", r":10: base: does not go with cases"),
+        (PUBLISHED, "    sett: {}\n", r":10: cases\[0\].sett: unknown key, did you mean 'set'"),
+    ],
+)
+def test_a_mistake_is_told_with_its_line_and_key(published: str, more: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=message):
+        board(study(tmp_path, published, more))
