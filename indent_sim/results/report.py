@@ -20,6 +20,7 @@ from indent_sim.process.version import VERSION
 from indent_sim.results.folder import (
     CONFIG,
     CRATE,
+    CRATE_SIGN,
     PROGRAM,
     STUDY,
     Report,
