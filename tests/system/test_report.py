@@ -180,7 +180,14 @@ def test_a_study(tmp_path):
     text = check(a_study(tmp_path))
     assert "6 of 6 runs done" in text and "compared with" not in text and "height=5_E=1_kPa-" in text
     assert text.count("<svg") == 1 and "<img" not in text
-    words = (">depth δ [µm]<", ">force F [nN]<", ">height 5, E 1 kPa<", ">height [µm]<", ">E [kPa]<", ">last force F [nN]<")
+    words = (
+        ">depth δ [µm]<",
+        ">force F [nN]<",
+        ">height 5, E 1 kPa<",
+        ">height [µm]<",
+        ">E [kPa]<",
+        ">last force F [nN]<",
+    )
     assert [word for word in words if word not in text] == []
 
 
