@@ -45,8 +45,9 @@ lint: setup ## ruff (rules and format) and mypy only
 verify: setup ## accuracy against closed forms and converged references, and the full form of long tests
 	$(VENV)/python -m pytest -q -m verify --durations=15
 
-bench: setup ## speed against accuracy, into docs/accuracy.md
+bench: setup ## speed against accuracy, into docs/accuracy.md; intervals of fits against the truth, into docs/fit.md
 	$(VENV)/python scripts/bench
+	$(VENV)/python scripts/make_fit_page
 
 stress: setup ## extremes of geometry, material and size, into docs/stability.md
 	$(VENV)/python -m pytest -q -m stress --durations=15

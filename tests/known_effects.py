@@ -235,6 +235,8 @@ class Reference:
             case "a substrate of E":
                 layers = film(self._layer()["height"], self.plain["material"], SOLID | E_nu)
                 return self._change({"body": layers}, {"body": self._layer()})
+            case "body.surface_tension" if self.plain["body"]["shape"] in ("half_space", "layer"):
+                return self._change({"body": self.plain["body"] | {"surface_tension": x}})
             case "indenter.tip_radius":
                 return self._change({"indenter": self.plain["indenter"] | {"tip_radius": x}})
         return None

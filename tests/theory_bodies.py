@@ -12,6 +12,19 @@ from indent_sim.theory.stack import Ply, Stack
 
 Kind = TypeVar("Kind", bound=LayerContact)
 
+# nu and thickness of a layer bonded to its base, and the force [pi work R] at which a paraboloid comes off it under
+# force control (JKR, E = R = 1, work 1e-3): five digits of an independent solution of the integral equation
+BONDED_PULL_OFF = [
+    (0.3, 1000, -1.50000),
+    (0.3, 1, -1.50246),
+    (0.3, 0.3, -1.56203),
+    (0.3, 0.1, -1.78781),
+    (0.5, 1000, -1.50000),
+    (0.5, 1, -1.50310),
+    (0.5, 0.3, -1.58085),
+    (0.5, 0.1, -1.90534),
+]
+
 
 def stack_of(plies: Sequence[Sequence[float]], base: str | None = "fixed") -> Stack:
     """The stack of (thickness, E, nu) from the top."""

@@ -95,7 +95,7 @@ class Drawn:
         mu = 1 / (2 * (1 + nu))
         material = {"model": "mooney_rivlin", "C10": 0.4 * mu, "C01": 0.1 * mu, "nu": nu}
         if kind == "porous rubber":
-            pores = {"phi0": 0.2, "exponent": 2.0, "M": 0.5} if self.draw.random() < 0.4 else None
+            pores = {"phi0": 0.2, "alpha": 2.0, "M": 0.5} if self.draw.random() < 0.4 else None
             return material | {"flow": {"diffusivity": self.spread(0.5, 2)} | ({"holmes_mow": pores} if pores else {})}
         return material | {"nu": float(self.either(0.4, 0.49, 0.5)), "relaxation": self._relaxation()}
 

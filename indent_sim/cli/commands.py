@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from indent_sim.process.version import VERSION
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
-    from indent_sim.fitting.fit_folder import Fits
+    from indent_sim.fitting.fit_folder import Fits, Reading
     from indent_sim.model.state import State
     from indent_sim.results.reader import Results
     from indent_sim.run.chain import Outcome
@@ -278,7 +278,15 @@ def _tolerances(ctx: click.Context, option: click.Parameter, text: str) -> dict[
 
 SEGMENTS = ("approach", "hold", "retract", "all")  # of a measured curve
 SEGMENT_HELP = "Part of the curve; hold: up to its end."
+DESIGN_HELP = "Before a measurement: what a curve of this scene would tell of the keys; needs --noise."
+NOISE_HELP = "With --design: deviation of a sample's force over the largest force."
+DESIGNED_POINTS = 300
+POINTS_HELP = f"With --design: points of the curve [{DESIGNED_POINTS}]."
 WITHIN_HELP = "Relative error of the force that is accepted."
+COLUMNS_HELP = "Columns, by title or number from 1."
+columns_option = click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help=COLUMNS_HELP)
+UNITS_HELP = "Units where a file says none, e.g. length=m,force=N."
+units_option = click.option("--units", callback=_pairs, help=UNITS_HELP)
 QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
 json_option = click.option("--json", "form", flag_value="json", default="text", help="Print one JSON object.")
@@ -355,6 +363,8 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
     if form == "json":
         return say_done(scene.plan.as_json())
     say(terminal.plan(scene, _width()))
+    if scene.plan.time and scene.plan.time.words:
+        say(scene.plan.time.words)
     stick, rubbed = scene.plan.stick, scene.plan.friction
     if stick and stick.is_telling:
         say(stick.words)
@@ -370,29 +380,52 @@ def plan(config: Path, overrides: tuple[str, ...], error_bars: bool, form: Form)
 @click.argument("config", type=PATH)
 @set_option
 @click.option("--within", type=BELOW_ONE, default=0.01, show_default=True, help=WITHIN_HELP)
+@click.option("--curve", metavar="FILE", type=PATH, help="Measured curve that says depth and modulus.")
+@columns_option
+@units_option
 @json_option
-def require(config: Path, overrides: tuple[str, ...], within: float, form: Form) -> None:
+def require(
+    config: Path, overrides: tuple[str, ...], within: float, curve: Path | None, form: Form, **read: Any
+) -> None:
     """Say what a scene requires: every effect in per cent of the force. Writes nothing.
 
-    Ends with the cheapest model within the tolerance, as a scene that runs as it is.
+    Ends with the cheapest model within the tolerance, as a scene that runs as it is. With --curve at the depth of a
+    measurement, with the other models of that curve: which is needed, which is not excluded and what it would give.
     """
     _refuse_ranks()
     require_room()
     from indent_sim.config.scene_file import load
     from indent_sim.run.requirements import cheapest
 
+    if curve is None and any(read.values()):
+        raise UsageError("--columns and --units belong to --curve FILE")
     with _quiet_libraries(logging.ERROR), stoppable():
+        if curve is not None:
+            return _require_of_curve(load(config, overrides), curve, within, read, form)
         found = cheapest.require(load(config, overrides), within)
     say_done(found.as_json()) if form == "json" else say(terminal.requirements(found, _width()))
 
 
+def _require_of_curve(config: Config, curve: Path, within: float, read: dict[str, Any], form: Form) -> None:
+    """What a scene requires for a measured curve."""
+    from indent_sim.fitting.curve_requirements import require_of_curve
+
+    found = require_of_curve(config, curve, within, _reading(**read))
+    say_done(found.as_json()) if form == "json" else say(terminal.curve_requirements(found, _width()))
+
+
 @program.command()
-@click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, required=True, type=PATH)
-@click.option("--scene", required=True, type=PATH, help="Scene that is the model; its loading does not matter.")
+@click.argument("curves", metavar="CURVE_OR_FOLDER...", nargs=-1, type=PATH)
+@click.option("--scene", type=PATH, help="Scene that is the model; its loading does not matter.")
+@click.option("--design", "designed", metavar="SCENE", type=PATH, help=DESIGN_HELP)
+@click.option("--noise", type=Number(0, 1, min_open=True), metavar="X", help=NOISE_HELP)
+@click.option(
+    "--points", type=click.IntRange(30, 100_000), metavar="N", help="With --design: points of the curve [300]."
+)
 @click.option("--vary", "keys", required=True, multiple=True, metavar="KEY", help="Key to fit, e.g. material.E.")
 @set_option
-@click.option("--columns", callback=_words, metavar="DEPTH,FORCE[,TIME]", help="Columns, by title or number from 1.")
-@click.option("--units", callback=_pairs, help="Units where a file says none, e.g. length=m,force=N.")
+@columns_option
+@units_option
 @click.option("--segment", type=click.Choice(SEGMENTS), default="approach", show_default=True, help=SEGMENT_HELP)
 @click.option("--contact-point", type=Number(), metavar="X", help="Depth of first touch, where it is known.")
 @click.option("--no-slope", "baseline", flag_value="level", default="tilted", help="The baseline is level.")
@@ -401,23 +434,51 @@ def require(config: Path, overrides: tuple[str, ...], within: float, form: Form)
 @click.option("--output", type=PATH, help="Folder of the fit [results/fit-<CURVE's stem>].")
 @quiet_option
 @json_option
-def fit(curves: tuple[Path, ...], scene: Path, told: Told, form: Form, **how: Any) -> None:
+def fit(curves: tuple[Path, ...], told: Told, form: Form, overrides: tuple[str, ...], **how: Any) -> None:
     """Fit keys of a scene to measured curves: text tables of any kind, AFM files. Prints the folder.
 
     Contact point and baseline are always unknown. A call with the same folder goes on with the curves that lack a row.
+    With --design nothing is measured yet: the intervals that a curve of the scene would give, and what would help.
     """
     _refuse_ranks()
     require_room()
     from indent_sim.config.scene_file import load
 
+    scene, designed, noise, points = (how.pop(name) for name in ("scene", "designed", "noise", "points"))
+    _refuse_mixed(curves, scene, designed, noise, points)
+    if designed:
+        with _quiet_libraries(LEVELS[told]), stoppable():
+            return _design(load(designed, overrides), how["keys"], noise, points or DESIGNED_POINTS, form)
     output = how.pop("output") or Path("results") / f"fit-{curves[0].resolve().stem}"
     with _quiet_libraries(LEVELS[told]), stoppable():
-        fits = _fit(curves, load(scene, how.pop("overrides")), output, tell if told == "all" else _silent, **how)
+        fits = _fit(curves, load(scene, overrides), output, tell if told == "all" else _silent, **how)
     if fits.exit_code:
         none = errors.NotConverged(f"no curve was fitted; the first: {fits.entries[0]['reason']}")
         none.beside = fits.as_json()
         raise none
     say_done({"directory": output} | fits.as_json()) if form == "json" else say(str(output))
+
+
+def _refuse_mixed(
+    curves: tuple[Path, ...], scene: Path | None, designed: Path | None, noise: float | None, points: int | None
+) -> None:
+    """UsageError unless there are curves and a scene, or a design and its noise."""
+    if designed and (curves or scene):
+        raise UsageError("--design SCENE takes no curves and no --scene", "fit CURVE --scene SCENE fits curves")
+    if designed and noise is None:
+        raise UsageError("--design needs --noise X", "X is the noise of a force over the largest one, e.g. 0.01")
+    if not designed and (noise is not None or points is not None):
+        raise UsageError("--noise and --points belong to --design", "a fit finds the noise of a curve")
+    if not designed and not (curves and scene):
+        raise UsageError("fit needs CURVE_OR_FOLDER... and --scene SCENE", "or --design SCENE before a measurement")
+
+
+def _design(config: Config, keys: tuple[str, ...], noise: float, points: int, form: Form) -> None:
+    """What a measurement of a scene would tell."""
+    from indent_sim.fitting import design
+
+    found = design.design(config, keys, noise, points)
+    say_done(found.as_json()) if form == "json" else say(terminal.design(found))
 
 
 def _silent(line: str) -> None:
@@ -430,15 +491,21 @@ def _fit(curves: tuple[Path, ...], config: Config, output: Path, say_line: Calla
     from indent_sim.fitting.curve_fit import Request
     from indent_sim.fitting.inference.estimate import Origin
 
-    columns, units = how["columns"], how["units"]
+    reading = _reading(how["columns"], how["units"])
+    origin = Origin(how["contact_point"], how["baseline"] == "tilted")
+    request = Request(config, how["keys"], how["segment"], origin, how["models"])
+    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
+
+
+def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
+    """How files of curves are read, by the options of the command line."""
+    from indent_sim.fitting.fit_folder import Reading
+
     if columns and not 2 <= len(columns) <= 3:
         raise ConfigError("--columns", f"names {len(columns)} columns", "give DEPTH,FORCE or DEPTH,FORCE,TIME")
     if wrong := [kind for kind in units if kind not in ("length", "force", "time")]:
         raise UsageError(f"--units {wrong[0]}: there are length, force, time")
-    origin = Origin(how["contact_point"], how["baseline"] == "tilted")
-    request = Request(config, how["keys"], how["segment"], origin, how["models"])
-    reading = fit_folder.Reading(columns, units)
-    return fit_folder.fit_all(curves, request, output, reading, how["jobs"], say_line)
+    return Reading(columns, units)
 
 
 @program.command()
@@ -524,31 +591,61 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
 
 
 @program.command()
-@click.argument("folder", metavar="RESULT|STUDY", type=PATH)
+@click.argument("folder", metavar="RESULT|STUDY|FIT", type=PATH)
 @click.option("--output", type=PATH, help="File to write, .html or .htm [report.html in it].")
 @click.option(
     "--crate", "beside", flag_value="crate", default="", help="Write ro-crate-metadata.json for archives, too."
 )
 def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> None:
-    """Write one HTML file about a result or a study: scene, choices, pictures, errors, provenance. Prints its path."""
+    """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
-    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, held, is_own_file
-    from indent_sim.studies.study_folder import STUDY_FILES
-    from indent_sim.studies.study_report import of_study
+    from indent_sim.results.folder import is_own_file
 
     if not folder.is_dir():
-        raise UsageError(f"{folder} is no folder of a result or a study")
+        raise UsageError(f"{folder} is no folder of a result, a study or a fit")
     if output is None:
         output = folder / reports.NAME
         if os.path.lexists(output) and not is_own_file(output):
             raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
-    is_study = held(folder) == "study"
-    reports.write(of_study(folder) if is_study else reports.of_run(folder), output)
+    reports.write(_page_of(folder), output)
     if beside:
-        reports.write_crate(folder, STUDY_FILES if is_study else (*RESULT_FILES, FIELDS_FOLDER))
+        reports.write_crate(folder, _own_names(folder))
     say(str(output))
+
+
+def _own_names(folder: Path) -> Sequence[str]:
+    """Names of what this program writes into a folder of this kind."""
+    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, held
+
+    match held(folder):
+        case "study":
+            from indent_sim.studies.study_folder import STUDY_FILES
+
+            return STUDY_FILES
+        case "fit":
+            from indent_sim.fitting.fit_folder import FIT_FILES
+
+            return FIT_FILES
+    return (*RESULT_FILES, FIELDS_FOLDER)
+
+
+def _page_of(folder: Path) -> str:
+    """The report of what a folder holds."""
+    from indent_sim.results import report as reports
+    from indent_sim.results.folder import held
+
+    match held(folder):
+        case "study":
+            from indent_sim.studies.study_report import of_study
+
+            return of_study(folder)
+        case "fit":
+            from indent_sim.fitting.fit_report import of_fit
+
+            return of_fit(folder)
+    return reports.of_run(folder)
 
 
 @program.command()

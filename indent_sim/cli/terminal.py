@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import io
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,10 @@ from indent_sim.process.errors import printable
 from indent_sim.process.usage import Pace
 
 if TYPE_CHECKING:
+    from indent_sim.config.schema import Config
+    from indent_sim.fitting.curve_requirements import CurveRequirements
+    from indent_sim.fitting.design import Design
+    from indent_sim.fitting.inference.verdict import Interval
     from indent_sim.model.state import State
     from indent_sim.results.compare import Comparison
     from indent_sim.run.chain import Outcome
@@ -23,6 +27,15 @@ if TYPE_CHECKING:
     from indent_sim.scene.scene import Scene
     from indent_sim.studies import StudyPlan
 
+TIMES = {  # of a scene that is followed in time, in words
+    "way_in": "way in",
+    "history": "history",
+    "contact": "a^2/D",
+    "height": "H^2/D",
+    "element": "h_contact^2/D",
+    "relaxation": "longest relaxation",
+}
+NOT_KNOWN = 100.0  # high over low, from which on an interval says nothing
 LINES = 200  # most progress lines in a log
 
 Report = dict[str, Any]  # of a run, or a part of one
@@ -129,6 +142,8 @@ def plan(scene: Scene, width: int = 120) -> str:
     expected = Table("expected", "", box=None)
     for name, value in scene.plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
+    for name, value in (scene.plan.time.times if scene.plan.time else {}).items():
+        expected.add_row(*(Text(word) for word in (TIMES[name], _shown(value))))
     return _rendered(width, choices, "", expected)
 
 
@@ -147,6 +162,47 @@ def requirements(found: Requirements, width: int = 120) -> str:
     rest = ", ".join(effect.name.replace("_", " ") for effect in found.effects if not effect.applies)
     absent = f"\nnot in this scene: {rest}" if rest else ""
     return f"{_rendered(width, table)}{absent}\n\n{found.words}\n\n{dump(found.config)}".rstrip()
+
+
+def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
+    """What a curve says of the scene and of other models beside it, and what the scene requires at its depth."""
+    from indent_sim.fitting.curve_fit import said
+
+    key, config, against = found.key, found.config, " and ".join(found.entry["cause"])
+
+    def row(name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]) -> list[str]:
+        value, low, high = (said(key, config, one[end], one["value"]) for end in ("value", "low", "high"))
+        beside = ", ".join(f"{other} = {said(other, config, number)}" for other, number in added.items())
+        return [name, value, f"{low} to {high}", verdict, beside]
+
+    verdict = f"contradicted by {against}" if against else "explains the curve"
+    rows = [["model", key, "95 %", "", ""], row("the scene's", verdict, vars(found.modulus), {})]
+    rows += [row(one["name"], one["verdict"], one, one["parameters"]) for one in found.models]
+    return "\n\n".join([found.entry["words"], _aligned(rows, "<"), requirements(found.requirements, width)])
+
+
+def design(found: Design) -> str:
+    """What a measurement would tell: its intervals as the scene stands and with every change, and what is tied."""
+    rows = [["", *found.parameters], ["as it stands", *_intervals(found.parameters, found.config)]]
+    for one in found.helps:
+        change = ", ".join(f"{key} = {_shown(value)}" for key, value in one.change.items())
+        told = _intervals(one.parameters, found.config) or [f"cannot be: {one.reason}"]
+        rows.append([change, *told, *[""] * (len(found.parameters) - len(told))])
+    noise = f"{found.points} points, noise {found.noise:.3g} of a force of {found.force:.4g}"
+    return "\n".join([_aligned(rows, "<"), "", f"{noise} at a depth of {found.depth:.4g}", found.words])
+
+
+def _intervals(parameters: Mapping[str, Interval], config: Config) -> list[str]:
+    """Intervals with their units, and half widths in per cent."""
+    from indent_sim.fitting.curve_fit import said
+
+    def told(key: str, one: Interval) -> str:
+        if not one.high < NOT_KNOWN * max(one.low, 1e-300):
+            return "not known"
+        half = f" (±{50 * (one.high - one.low) / one.value:.2g} %)" if one.value else ""
+        return f"{said(key, config, one.low, one.value)} to {said(key, config, one.high, one.value)}{half}"
+
+    return [told(key, one) for key, one in parameters.items()]
 
 
 def _change(effect: Effect) -> str:

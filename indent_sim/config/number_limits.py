@@ -43,8 +43,8 @@ def _measures(name: str, section: Any) -> Iterator[Measure]:
         if not isinstance(unit, Unit) or unit == ANGLE or value is None or isinstance(value, str):
             continue
         if sizes := [abs(number) for number in _numbers(value)]:
-            told = {max(sizes), min(sizes)} if name == "body" else {max(sizes)} - {0.0}
-            yield from ((f"{name}.{field}", size, unit) for size in told)
+            told = {max(sizes), min(sizes)} if name == "body" else {max(sizes)}
+            yield from ((f"{name}.{field}", size, unit) for size in told - {0.0})
 
 
 def _inner_sections(key: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -54,12 +54,14 @@ When = Literal["none", "last", "all"]
 Preset = Literal["fast", "balanced", "accurate"]
 FLATTEST = 1e3  # base radius over height of a cap: beyond it digits of its place on its large ball are lost
 STEEPEST_CAP = 20.0  # height over base radius of a cap: beyond it, 174 degrees, a ball stands on a point
-MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_far", "grading")
+MESH_SIZES = ("h_contact", "h_axis", "h_edge", "h_corner", "h_inclusions", "h_layers", "h_far", "grading")
 MIRROR_PLANE = "the mirror plane"
 PETSC_GONE = "is gone: a scene chooses by linear, method, rtol and max_iterations of solver"
 MOVED = {"relaxation": "material", "history": "loading", "force_history": "loading"}  # from `experiment`
 GONE = {("solver", "petsc"): (PETSC_GONE, "who must tune PETSc sets PETSC_OPTIONS in the environment")}
 GONE |= {("experiment", key): ("has moved", f"write {section}.{key}") for key, section in MOVED.items()}
+LEAST_CORE = 0.02  # of the room for skins of a cap or ball, what must be left of it inside them
+THINNEST_SKIN = 1e-3  # of the radius of its ball: elements as small as its thickness go all around
 SAME_SOLVENT = 1e-6  # of kT over the volume of its molecule
 LEAST_ROOM = 0.01  # of half the thickness of an inclusion, between it and any other surface
 TAGS = {"shape", "model", "method"}  # keys that choose what a section is, at any depth
@@ -82,6 +84,7 @@ class MeshSettings:
     h_edge: Length | None = None
     h_corner: Length | None = None
     h_inclusions: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
+    h_layers: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(1, 50), LENGTH] | None = None
     h_far: Length | Auto = "auto"
     grading: Annotated[float, Gt(0), Le(1)] | Auto = "auto"
     order: Annotated[Literal[2], NO_LINEAR] = 2
@@ -185,7 +188,8 @@ class Config(BaseModel):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        of_body, of_tip = (_cap, _layers, _inclusions, _constants, _flow), (_contact, _path, _axis, _tip)
+        of_body = _cap, _layers, _tension, _inclusions, _constants, _flow
+        of_tip = _contact, _path, _axis, _tip
         checks = (*of_body, *of_tip, _history, _relaxation, _experiment, _sizes, _file, _directory)
         given = {name: part for name in sections() if (part := getattr(self, name)) is not None}
         if problems := number_limits.beyond(given) or [problem for check in checks for problem in check(self)]:
@@ -221,18 +225,57 @@ def _layers(config: Config) -> Iterator[ConfigError]:
         kinds = ", ".join(kinds_of(hints(Config)["material"], "model"))
         yield ConfigError("material", said or "this section is missing", f"give model: one of {kinds}")
     without = [k for k, layer in enumerate(layers) if layer.thickness is None]
-    if isinstance(config.body, HalfSpace):
+    if isinstance(config.body, HalfSpace | Cap | Ball):
         without = [k for k in without if k < len(layers) - 1]
         if layers and layers[-1].thickness is not None:
-            problem = "the last layer of a half_space is its substrate, which has no thickness"
+            last = "substrate" if isinstance(config.body, HalfSpace) else "core"
+            problem = f"the last layer of a {config.body.shape} is its {last}, which has no thickness"
             key = f"{key_of_layer(len(layers) - 1)}.thickness"
             yield ConfigError(key, problem, "leave it out, or add a layer below")
+    if isinstance(config.body, Cap | Ball) and not without:
+        yield from _skins(config, config.body)
+    elif config.mesh.h_layers is not None and not isinstance(config.body, Cap | Ball):
+        yield ConfigError("mesh.h_layers", "is for the layers around the core of a cap or ball", "leave it out")
     yield from (ConfigError(f"{key_of_layer(k)}.thickness", "missing", "give a number > 0") for k in without)
     if layers and not without and isinstance(config.body, Cylinder | Strip | Box):
         thick, height = sum(layer.thickness or 0.0 for layer in layers), config.body.height
         if not isclose(thick, height, rel_tol=1e-9):
             problem = f"the layers are {thick:.10g} thick together, and the body is {height:.10g} high"
             yield ConfigError("body.layers", problem, "make their thicknesses add up to the height")
+
+
+def _skins(config: Config, body: Cap | Ball) -> Iterator[ConfigError]:
+    """What is wrong with the thicknesses of a body's skins and the sizes of elements in them."""
+    skins, sizes = (body.layers or ())[:-1], config.mesh.h_layers
+    if sizes is not None and len(sizes) != len(skins):
+        problem = f"has {len(sizes)} sizes, and the body {len(skins)} layers around its core"
+        yield ConfigError("mesh.h_layers", problem, "give one for each, or leave it out")
+    if isinstance(body, Cap) and bool(body.height) == bool(body.contact_angle):
+        return  # it has no shape yet
+    thick, dome = sum(layer.thickness or 0.0 for layer in skins), body.dome
+    thinnest = min((layer.thickness or inf for layer in skins), default=inf)
+    if thick > (1 - LEAST_CORE) * dome.room:
+        inside = "no core" if isinstance(body, Ball) else "a core that does not reach the base"
+        problem = f"the layers around the core are {thick:.6g} thick together, which leaves {inside}"
+        yield ConfigError("body.layers", problem, f"at most {(1 - LEAST_CORE) * dome.room:.6g}")
+    elif thinnest < THINNEST_SKIN * dome.radius:
+        problem = f"a layer {thinnest:.4g} thick on a {body.shape} of radius {dome.radius:.4g} is too thin to mesh"
+        yield ConfigError("body.layers", problem, f"at least {THINNEST_SKIN * dome.radius:.3g}")
+
+
+def _tension(config: Config) -> Iterator[ConfigError]:
+    """What is not known together with a surface tension."""
+    if not config.body.surface_tension:
+        return
+    key, remedy = "body.surface_tension", "give one of the two"
+    if config.experiment and config.experiment.adhesion:
+        problem = "is not known together with experiment.adhesion: its limit is that of a surface without tension"
+        yield ConfigError(key, problem, remedy)
+    if config.contact.adhesion:
+        yield ConfigError(key, "together with contact.adhesion is not verified", remedy)
+    if relaxing := next((where for where, law in config.materials() if law.relaxation), None):
+        problem = f"does not relax, and {relaxing}.relaxation is made of a curve that does so as a whole"
+        yield ConfigError(key, problem, remedy)
 
 
 def _inclusions(config: Config) -> Iterator[ConfigError]:
@@ -244,7 +287,7 @@ def _inclusions(config: Config) -> Iterator[ConfigError]:
     faces = _faces(config) if inclusions else []
     for k, inclusion in enumerate(inclusions):
         near = [m for m in range(k) if inclusion.overlaps(inclusions[m], _apart(inclusion, inclusions[m]))]
-        found = _beside(config.body, inclusion) or _across(faces, inclusion)
+        found = _beside(config.body, inclusion) or _across(faces, inclusion) or _through_skins(config.body, inclusion)
         if foreign := _foreign(config.body, inclusion):
             yield ConfigError(key_of_inclusion(k), *foreign)
         elif found or near:
@@ -259,7 +302,10 @@ def _foreign(body: bodies.AnyBody, inclusion: Inclusion) -> tuple[str, str] | No
         return f"a strip is the same all along y, and the center is at y = {inclusion.center[1]:g}", "set y to 0"
     if isinstance(body, Cap | Ball) and not inclusion.is_about((0.0, 0.0)):
         why = "a box is no body of revolution" if isinstance(inclusion, bodies.BoxInclusion) else "it is off the axis"
-        return f"a {body.shape} is modelled about its axis: {why}", "use a ball or a cylinder at x = y = 0"
+        if isinstance(inclusion, bodies.EllipsoidInclusion) and inclusion.semi_axes[0] != inclusion.semi_axes[1]:
+            why = f"semi-axes of {inclusion.semi_axes[0]:g} along x and {inclusion.semi_axes[1]:g} along y differ"
+        remedy = "use a ball, a cylinder or an ellipsoid as long along x as along y, at x = y = 0"
+        return f"a {body.shape} is modelled about its axis: {why}", remedy
     return None
 
 
@@ -283,6 +329,22 @@ def _across(faces: Sequence[tuple[str, float]], inclusion: Inclusion) -> str:
             return f"is {abs(z - height) - half:.3g} from {name} at z = {height:.6g}"
     top, bottom = faces[0][1], faces[-1][1]
     return "" if bottom < z < top else f"is outside the body, which spans z = {bottom:.6g} to {top:.6g}"
+
+
+def _through_skins(body: bodies.AnyBody, inclusion: Inclusion) -> str:
+    """That an inclusion crosses the inner face of a skin, or nearly does."""
+    if not isinstance(body, Cap | Ball):
+        return ""
+    radius = body.dome.radius
+    near, far = (float(reach((0.0, 0.0, -radius))) for reach in (inclusion.distance, inclusion.farthest))
+    for k, depth in enumerate(accumulate(layer.thickness or 0.0 for layer in (body.layers or ())[:-1])):
+        face, away = f"the inner face of {key_of_layer(k)}", max(near - (radius - depth), radius - depth - far)
+        if away < 0:
+            deep = min(far - (radius - depth), radius - depth - near)
+            return f"crosses {face}, {depth:.6g} below the surface, by {deep:.3g}"
+        if away < _apart(inclusion):
+            return f"is {away:.3g} from {face}, {depth:.6g} below the surface"
+    return ""
 
 
 def _faces(config: Config) -> list[tuple[str, float]]:

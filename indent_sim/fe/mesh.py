@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -76,7 +77,20 @@ def _curved(grid: Grid, part: Part) -> tuple[np.ndarray, np.ndarray]:
     arcs = {side.surface for side in part.outline if side.middle is not None}
     round_ = _among(ends, np.concatenate([grid.surfaces[name] for name in sorted(arcs)]))
     middles[round_] = np.column_stack(on_dome(part.dome, *middles[round_].T))
+    for z, between in _faces(grid, part, number.ravel(), len(ends)):
+        r, above = on_dome(part.dome + z, *(middles[between] - [0.0, z]).T)
+        middles[between] = np.column_stack([r, above + z])
     return np.concatenate([grid.points, middles]), np.hstack([corners, n + number.reshape(-1, 3)])
+
+
+def _faces(grid: Grid, part: Part, number: np.ndarray, count: int) -> Iterator[tuple[float, np.ndarray]]:
+    """z on the axis of each face between layers, and which of so many edges are on it; number: of each cell's three."""
+    regions, layers = np.repeat(grid.regions, 3), len(part.interfaces)
+    outer, inner = np.full(count, layers), np.zeros(count, dtype=int)
+    np.minimum.at(outer, number, regions)
+    np.maximum.at(inner, number, regions)
+    for k, z in enumerate(reversed(part.interfaces)):
+        yield z, (outer == k) & (inner == k + 1)
 
 
 def _among(facets: np.ndarray, wanted: np.ndarray) -> np.ndarray:

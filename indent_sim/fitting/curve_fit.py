@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from indent_sim.config.quantities import size_of
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
@@ -19,7 +20,7 @@ from indent_sim.fitting.inference import models
 from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, far_level, fit, refuse_hopeless
 from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.profile_likelihood import profiled
-from indent_sim.fitting.inference.verdict import Verdict, baseline_of, half_widths, is_suspect, shape_of, tied
+from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
 from indent_sim.fitting.scene_forces import SceneForces, Tables
@@ -38,6 +39,7 @@ GRADES = 1.25  # ratio of the depths of tables, so that curves share them
 LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
 MEANS, HERTZ_POINTS = 200, 200
 R_VARIATION = 0.05  # for the exponent of the force
+ENDS = ("value", "low", "high")  # of an interval in fit.json
 Models = Literal["needed", "all"]
 NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 
@@ -92,7 +94,7 @@ def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
     began = time.process_time()
     try:
         with np.errstate(all="ignore"):
-            return _fitted(curve.in_units(_units(request.config)).part(request.part), request, tables, began)
+            return _fitted(in_scene_units(curve, request.config).part(request.part), request, tables, began)
     except (Refused, NoTable) as error:
         return refused(curve.name, str(error), time.process_time() - began)
     except NoCurve as error:
@@ -100,6 +102,19 @@ def fit_curve(curve: Measured, request: Request, tables: Tables) -> CurveFit:
     except NUMBERS as error:
         why = f"not a curve: its numbers are beyond arithmetic ({' '.join(str(error).split())[:120]})"
         return refused(curve.name, why, time.process_time() - began)
+
+
+def in_scene_units(curve: Measured, config: Config) -> Measured:
+    """The curve in the units of a scene."""
+    return curve.in_units(_units(config))
+
+
+def newtons_per_metre(config: Config) -> float | None:
+    """The stiffness of the scene's cantilever, for AFM files that lack it; None where it has none, or no units."""
+    held = config.experiment.cantilever if config.experiment else None
+    if held is None or not (config.units.length and config.units.force):
+        return None
+    return held.stiffness * size_of(config.units.force, "force") / size_of(config.units.length, "length")
 
 
 def _units(config: Config) -> dict[str, str]:
@@ -175,15 +190,15 @@ def _depth_of(estimate: Estimate) -> float:
 
 def _judged(estimate: Estimate, config: Config, wanted: Models, tables: Tables) -> Verdict:
     forces = estimate.model.forces
-    seen, shape, baseline = windows(estimate), shape_of(estimate), baseline_of(estimate)
+    seen, bends, baseline = windows(estimate), bends_of(estimate), baseline_of(estimate)
     found: list[Other] = []
-    if wanted == "all" or is_suspect(seen, shape, baseline):
+    if wanted == "all" or is_suspect(seen, bends, baseline):
         found = models.others(estimate, config, tables)
-    uncertain = half_widths(estimate, forces.error, _calibration(config, forces))
-    return Verdict(estimate, seen, shape, baseline, found, uncertain)
+    uncertain = half_widths(estimate, forces.error, relative_calibration(config, forces))
+    return Verdict(estimate, seen, bends.shape, baseline, found, uncertain)
 
 
-def _calibration(config: Config, forces: SceneForces) -> float:
+def relative_calibration(config: Config, forces: SceneForces) -> float:
     """Relative uncertainty of a modulus by those of the cantilever's stiffness and the tip's radius."""
     given = config.experiment.calibration if config.experiment else None
     return math.hypot(given.stiffness, _of_R(config, forces.deepest) * given.R if given.R else 0.0) if given else 0.0
@@ -301,12 +316,14 @@ def _warnings(verdict: Verdict) -> list[str]:
     return told
 
 
-def _said(key: str, config: Config, value: float) -> str:
-    """A value with its unit, where the scene has units."""
+def said(key: str, config: Config, value: float, beside: float | None = None) -> str:
+    """A value of a key with its unit, where the scene has units: of the size of another one that stands beside it."""
     kind = kind_of(config, key)
     if kind is None:
         return f"{value:.4g}"
-    return scaled(kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value]), key).said(value)
+    return scaled(
+        kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value if beside is None else beside]), key
+    ).said(value)
 
 
 def kind_of(config: Config, key: str) -> str | None:
@@ -318,34 +335,34 @@ def kind_of(config: Config, key: str) -> str | None:
 
 def _words(verdict: Verdict, config: Config) -> str:
     """The verdict in a few sentences."""
-    said = [_sentence(verdict, k, config) for k in range(verdict.estimate.model.size)]
+    told = [_sentence(verdict, k, config) for k in range(verdict.estimate.model.size)]
     if verdict.explained:
-        return " ".join([*said, "Nothing in the curve stands against the scene."])
+        return " ".join([*told, "Nothing in the curve stands against the scene."])
     named = ", ".join(one.name for one in verdict.named)
     other = f"{named} would." if named else "no model known here does." if verdict.others else ""
-    return " ".join([*said, f"The scene does not explain the curve; {other}".rstrip("; ")])
+    return " ".join([*told, f"The scene does not explain the curve; {other}".rstrip("; ")])
 
 
 def in_short(entry: Mapping[str, Any], config: Config) -> str:
     """The intervals, and what stands against the scene, on one line."""
-    said = []
-    for key, stated in entry["parameters"].items():
-        value, low, high = (_said(key, config, stated[end]) for end in ("value", "low", "high"))
-        said.append(f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}")
+    told = [in_words(key, config, Interval(*map(one.get, ENDS))) for key, one in entry["parameters"].items()]
     against = f"not explained: {', '.join(entry['cause'])}" if entry["cause"] else "explained"
-    return "  ·  ".join([*said, against])
+    return "  ·  ".join([*told, against])
+
+
+def in_words(key: str, config: Config, stated: Interval) -> str:
+    """A key's value and interval with their unit."""
+    value, low, high = (said(key, config, number, stated.value) for number in (stated.value, stated.low, stated.high))
+    return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
 
 
 def _sentence(verdict: Verdict, k: int, config: Config) -> str:
     one = verdict.estimate.model.forces.parameters[k]
-    stated = verdict.stated(k)
-    name = one.key.rpartition(".")[2]
-    value, low, high = (_said(one.key, config, number) for number in (stated.value, stated.low, stated.high))
-    text = f"{name} = {value}, 95 % in {low} to {high}"
+    text = in_words(one.key, config, verdict.stated(k))
     half = 196 * float(verdict.estimate.sd[k])
     alone = f"statistics alone would say ±{half:.2g} %" if not one.is_linear else ""
     if "window" in verdict.cause and verdict.windows:
-        first = _said(one.key, config, one.value(float(verdict.windows[0].theta[k])))
+        first = said(one.key, config, one.value(float(verdict.windows[0].theta[k])))
         text += f": the fit moves with the window, from {first} at {verdict.windows[0].upper:g} of the depth"
     return f"{text}; {alone}." if alone and not verdict.explained else f"{text}."
 

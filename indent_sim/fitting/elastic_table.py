@@ -150,6 +150,11 @@ def elastic_scene(config: Config, deepest: float) -> Scene:
     it cannot exist."""
     if config.contact.adhesion:
         raise ConfigError("contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion")
+    for key, law in config.materials():
+        if law.flow:
+            raise ConfigError(f"{key}.flow", "a fit does not follow the fluid of a body yet", "leave it out")
+        if law.relaxation and law.relaxation.of != "all":
+            raise ConfigError(f"{key}.relaxation.of", "in a fit all moduli relax alike", "of: all")
     document = _at_once(config)
     scene = resolve(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
     if not scene.is_meshed or scene.solver.method == "condensed":

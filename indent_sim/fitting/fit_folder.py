@@ -16,9 +16,8 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
-from indent_sim.config.schema import Config
 from indent_sim.fitting import fit_table
-from indent_sim.fitting.curve_fit import CurveFit, Request, fit_curve, refused, request_words
+from indent_sim.fitting.curve_fit import CurveFit, Request, fit_curve, newtons_per_metre, refused, request_words
 from indent_sim.fitting.parameters import number_at
 from indent_sim.fitting.scene_forces import Tables
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
@@ -33,6 +32,7 @@ from indent_sim.results.writer import to_json
 from indent_sim.scene.scene import resolve
 
 FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES = "fit.csv", "fit.png", "curves", "pictures"
+FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
 SAVED_EVERY = 2.0  # s between two writings of fit.json while curves are fitted
 Tell = Callable[[str], None]
 Entry = dict[str, Any]
@@ -218,7 +218,7 @@ def _curves(
     for file in files:
         found: Sequence[Measured | CurveFit]
         try:
-            found = read_measured(file, reading.columns or None, reading.units, _newtons_per_metre(request.config))
+            found = read_measured(file, reading.columns or None, reading.units, newtons_per_metre(request.config))
         except NoCurve as error:
             found = [refused(file.stem, error.problem)]
         except UsageError as error:
@@ -249,16 +249,6 @@ def _source(file: Path) -> Entry:
     except OSError:
         return {"file": str(file)}
     return {"file": str(file), "bytes": found.st_size, "modified": found.st_mtime_ns}
-
-
-def _newtons_per_metre(config: Config) -> float | None:
-    """The stiffness of the scene's cantilever, for AFM files that lack it; None where it has none, or no units."""
-    from indent_sim.config.quantities import size_of
-
-    held = config.experiment.cantilever if config.experiment else None
-    if held is None or not (config.units.length and config.units.force):
-        return None
-    return held.stiffness * size_of(config.units.force, "force") / size_of(config.units.length, "length")
 
 
 def _task(curve: Measured | CurveFit, source: Entry, directory: Path, several: bool, drawn: bool) -> Any:
@@ -334,4 +324,5 @@ def _carried_out(task: _Task, request: Request, tables: Tables) -> Entry:
 def _told(entry: Entry, number: int) -> str:
     if entry["status"] != "done":
         return f"curve {number}  {entry['curve']}  refused: {entry['reason']}"
-    return f"curve {number}  {entry['curve']}  {entry['words']}"
+    warned = "".join(f"\n  warning: {line}" for line in entry["warnings"])
+    return f"curve {number}  {entry['curve']}  {entry['words']}{warned}"

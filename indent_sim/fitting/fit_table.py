@@ -7,12 +7,14 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from indent_sim.fitting.curve_fit import Drawn
 
 FIRST_COLUMNS = ("curve", "status", "reason", "explained", "cause")
 CONTACT_COLUMNS = ("contact_point", "contact_point_low", "contact_point_high")
 LAST_COLUMNS = (*CONTACT_COLUMNS, "force_max", "depth", "rms_percent", "n", "n_effective", "drift_percent", "hertz_E")
-DRAWN_COLUMNS = ("delta", "force", "fit", "residual")
+DRAWN_COLUMNS, OF_MODEL = ("delta", "force", "fit", "residual"), "fit_"
 Entry = Mapping[str, Any]
 
 
@@ -54,7 +56,18 @@ def drift(entry: Entry, keys: Sequence[str]) -> float | str:
 
 
 def table_of_curve(drawn: Drawn) -> str:
-    """curves/NAME.csv: depth from first touch, force without its baseline, the fit, and what it leaves."""
-    rows = zip(drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, strict=True)
-    lines = (",".join(f"{float(value):.10g}" for value in row) for row in rows)
-    return "\n".join([",".join(DRAWN_COLUMNS), *lines, ""])
+    """curves/NAME.csv: depth from first touch, force without its baseline, the fit, what it leaves, and in a column
+    `fit_MODEL` each the fits of the models that are better."""
+    columns = [drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, *drawn.named.values()]
+    lines = (",".join(f"{float(value):.10g}" for value in row) for row in zip(*columns, strict=True))
+    return "\n".join([",".join([*DRAWN_COLUMNS, *(f"{OF_MODEL}{name}" for name in drawn.named)]), *lines, ""])
+
+
+def curve_of_table(text: str) -> Drawn:
+    """What `table_of_curve` wrote; ValueError for anything else."""
+    head, *rows = csv.reader(io.StringIO(text))
+    if tuple(head[: len(DRAWN_COLUMNS)]) != DRAWN_COLUMNS or not rows:
+        raise ValueError("not the table of a fitted curve")
+    columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
+    named = {name.removeprefix(OF_MODEL): one for name, one in columns.items() if name.startswith(OF_MODEL)}
+    return Drawn(columns["delta"], columns["force"], columns["fit"], named)

@@ -11,7 +11,7 @@ import numpy as np
 
 from indent_sim.config.scene_file import from_mapping, load
 from indent_sim.config.schema import Config
-from indent_sim.fitting.curve_fit import CurveFit, Models, Request, fit_curve
+from indent_sim.fitting.curve_fit import ENDS, CurveFit, Models, Request, fit_curve
 from indent_sim.fitting.inference.estimate import Origin
 from indent_sim.fitting.inference.verdict import Interval
 from indent_sim.fitting.scene_forces import Tables
@@ -66,7 +66,7 @@ def fit(
     if not found.is_done:
         raise NotConverged(f"{found.name}: {found.entry['reason']}")
     stated = found.entry["parameters"]
-    numbers = {key: Interval(*(stated[key][end] for end in ("value", "low", "high"))) for key in stated}
+    numbers = {key: Interval(*(stated[key][end] for end in ENDS)) for key in stated}
     return Fit(numbers, found.entry["explained"], found.entry["words"], found.entry, found, config)
 
 

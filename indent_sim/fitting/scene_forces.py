@@ -88,11 +88,6 @@ class SceneForces:
         return relaxation_of(self.config) is not None
 
     @property
-    def has_spring(self) -> bool:
-        """Whether the abscissa is the way of the base."""
-        return self.experiment.compliance > 0
-
-    @property
     def error(self) -> float:
         """Relative error bar of the force, from its mesh."""
         return self.lattice.first.error

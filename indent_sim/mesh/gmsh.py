@@ -14,8 +14,8 @@ import numpy as np
 from indent_sim.mesh.grid import LENGTH_DIGITS, Grid, is_flat, named_surfaces, regions_of_cells
 from indent_sim.mesh.modelled_part import Part, Side
 from indent_sim.mesh.part_from_file import MeshedPart, refined
-from indent_sim.mesh.sizes import Sizes, formula_around, size_formula
-from indent_sim.model.body import BallInclusion, CylinderInclusion, Inclusion
+from indent_sim.mesh.sizes import Sizes, formula_around, formula_beside, size_formula
+from indent_sim.model.body import BallInclusion, CylinderInclusion, EllipsoidInclusion, Inclusion
 from indent_sim.process.errors import BackendError, MeshError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.ranks import is_one_of_several
@@ -155,6 +155,8 @@ def _draw_inclusions(gmsh: Gmsh, part: Part) -> None:
 def _shape_of(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
     """The inclusion as a solid; in two dimensions its section y = 0, drawn in (x, y)."""
     (x, y, z), (a, b, c) = _rounded(inclusion.center), _rounded(tuple(map(inclusion.half, range(3))))
+    if isinstance(inclusion, EllipsoidInclusion):
+        return _ellipsoid(occ, (x, y, z), (a, b, c), dim)
     if isinstance(inclusion, BallInclusion):
         return int(occ.addDisk(x, z, 0.0, a, a) if dim == 2 else occ.addSphere(x, y, z, a))
     if dim == 2:
@@ -164,41 +166,63 @@ def _shape_of(occ: Gmsh, inclusion: Inclusion, dim: int) -> int:
     return int(occ.addBox(x - a, y - b, z - c, 2 * a, 2 * b, 2 * c))
 
 
+def _ellipsoid(occ: Gmsh, center: tuple[float, ...], halves: tuple[float, ...], dim: int) -> int:
+    """A unit disk or ball in its place, stretched: a disk of gmsh's has its longer semi-axis along x."""
+    (x, y, z), (a, b, c) = center, halves
+    tag = int(occ.addDisk(x, z, 0.0, 1.0, 1.0) if dim == 2 else occ.addSphere(x, y, z, 1.0))
+    place, factors = ((x, z, 0.0), (a, c, 1.0)) if dim == 2 else ((x, y, z), (a, b, c))
+    occ.dilate([(dim, tag)], *place, *factors)
+    return tag
+
+
 def _draw_section(gmsh: Gmsh, part: Part, sizes: Sizes) -> None:
     """The section, its top edge split under the tip's axis and at a punch's edge; lines across it part the layers."""
     geo = _kernel(gmsh, part)
-    split = [(_rounded(corner), side) for side in part.outline for corner in _corners(part, sizes, side)]
-    corners = [corner for corner, _ in split]
+    split = [(_rounded(at), z, side) for side in part.outline for at, z in _corners(part, sizes, side)]
+    corners = [corner for corner, _, _ in split]
     middles = [_rounded(side.middle) for side in part.outline if side.middle]
     places = {place: geo.addPoint(*place, 0.0) for place in dict.fromkeys([*corners, *middles])}
     points = [places[corner] for corner in corners]
     pairs = zip(points, points[1:] + points[:1], strict=True)
     lines = [
         geo.addCircleArc(a, places[_rounded(side.middle)], b) if side.middle else geo.addLine(a, b)
-        for (a, b), (_, side) in zip(pairs, split, strict=True)
+        for (a, b), (_, _, side) in zip(pairs, split, strict=True)
     ]
-    heights = [round(z, LENGTH_DIGITS) for z in part.interfaces]
-    right = [next(k for k, corner in enumerate(corners) if corner[1] == z) for z in heights]
-    left = [len(corners) - 1 - next(k for k, corner in enumerate(reversed(corners)) if corner[1] == z) for z in heights]
-    across = [geo.addLine(points[k], points[m]) for k, m in zip(right, left, strict=True)]
+    ends = [[k for k, (_, level, _) in enumerate(split) if level == z] for z in part.interfaces]  # right, left
+    across = [_face(geo, part, *((corners[k], points[k]) for k in both)) for both in ends]
     # each layer goes along the right side up to its upper interface, across, and down the left side
-    begins, ends = [0, *right], [len(corners), *left]
-    for layer, (begin, end) in enumerate(zip(begins, ends, strict=True)):
-        floor, around = [-across[layer - 1]] if layer else [], lines[begin:end]
+    edges = zip([0, *(right for right, _ in ends)], [len(corners), *(left for _, left in ends)], strict=True)
+    for layer, (begin, end) in enumerate(edges):
+        floor, around = [-line for line in reversed(across[layer - 1])] if layer else [], lines[begin:end]
         if layer < len(across):
-            around = [*lines[begin : right[layer]], across[layer], *lines[left[layer] : end]]
+            right, left = ends[layer]
+            around = [*lines[begin:right], *across[layer], *lines[left:end]]
         geo.addPlaneSurface([geo.addCurveLoop([*floor, *around])])
     geo.synchronize()
 
 
-def _corners(part: Part, sizes: Sizes, side: Side) -> list[tuple[float, ...]]:
-    """Where a side of a section begins, and where it is split."""
+Corner = tuple[tuple[float, ...], int]  # its place, and its number in gmsh
+
+
+def _face(geo: Gmsh, part: Part, right: Corner, left: Corner) -> list[int]:
+    """The lines of a face between layers, from the right to the left: a straight one, or arcs of a quarter at most."""
+    (begin, first), (end, last) = right, left
+    if part.dome is None:
+        return [geo.addLine(first, last)]
+    radius, middle = abs(end[1] + part.dome), geo.addPoint(0.0, -part.dome, 0.0)
+    if begin[1] >= -part.dome:
+        return [geo.addCircleArc(first, middle, last)]
+    equator = geo.addPoint(radius, -part.dome, 0.0)
+    return [geo.addCircleArc(first, middle, equator), geo.addCircleArc(equator, middle, last)]
+
+
+def _corners(part: Part, sizes: Sizes, side: Side) -> list[tuple[tuple[float, ...], float | None]]:
+    """Where a side of a section begins, and where it is split, there by which interface."""
     if side.surface == "top":
         R, at = part.dome, reversed(_splits(part, sizes, side.end[0], side.start[0]))
-        return [side.start, *((x, float(-x * x / (R + np.sqrt(R * R - x * x))) if R else side.start[1]) for x in at)]
-    (x0, z0), (x1, z1) = side.start, side.end
-    between = sorted((z for z in part.interfaces if min(z0, z1) < z < max(z0, z1)), reverse=z1 < z0)
-    return [side.start, *((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z) for z in between)]
+        split = [(x, float(-x * x / (R + np.sqrt(R * R - x * x))) if R else side.start[1]) for x in at]
+        return [(side.start, None), *((place, None) for place in split)]
+    return [(side.start, None), *(part.crossings(side) if side.middle is None else ())]
 
 
 def _splits(part: Part, sizes: Sizes, x0: float, x1: float) -> list[float]:
@@ -250,9 +274,11 @@ def _rounded(point: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _prescribe_sizes(gmsh: Gmsh, sizes: Sizes, dim: int) -> None:
-    """The smallest of what contact and inclusions want, each a field of its own: a minimum doubles a formula."""
+    """The smallest of what contact, inclusions and skins want, each a field of its own: a minimum doubles a formula."""
     field, tags = gmsh.model.mesh.field, []
-    for formula in (size_formula(sizes, dim), *(formula_around(*one, sizes.grading, dim) for one in sizes.inclusions)):
+    around = [formula_around(*one, sizes.grading, dim) for one in sizes.inclusions]
+    within = [formula_beside(*one, sizes.grading) for one in sizes.skins]
+    for formula in (size_formula(sizes, dim), *around, *within):
         tags.append(field.add("MathEval"))
         field.setString(tags[-1], "F", formula)
     least = tags[0] if len(tags) == 1 else field.add("Min")

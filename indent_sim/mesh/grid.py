@@ -61,7 +61,7 @@ def named_surfaces(points: np.ndarray, cells: np.ndarray, part: Part, finest: fl
 def regions_of_cells(points: np.ndarray, cells: np.ndarray, part: Part) -> np.ndarray:
     """The number of the region that holds each cell's centroid (m,)."""
     x, *y, z = points[cells].mean(axis=1).T
-    found = len(part.interfaces) - np.searchsorted(part.interfaces, z)
+    found = len(part.interfaces) - np.searchsorted(part.interfaces, part.level(x, z))
     for number, region in enumerate(part.regions):
         if region.inclusion is not None:
             found[region.inclusion.holds((x, y[0] if y else 0.0, z))] = number

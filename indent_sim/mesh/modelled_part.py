@@ -9,7 +9,7 @@ from math import atan2, pi, sin
 
 import numpy as np
 
-from indent_sim.model.body import Inclusion
+from indent_sim.model.body import Inclusion, Shell
 from indent_sim.model.kinematics import Kinematics
 from indent_sim.model.materials import Exponentials, Material
 
@@ -130,9 +130,35 @@ class Part:
         plane = tuple((min(values), max(values)) for values in along)
         return plane if self.dim == 2 else (*plane, (-self.height, 0.0))
 
+    def level(self, x: Places, z: Places) -> np.ndarray:
+        """z [length] on the axis of the face between layers on which a place would be: z itself under a flat top, and
+        under a spherical one, to which faces are concentric, minus the distance to it."""
+        return np.asarray(z) if self.dome is None else np.hypot(x, z + self.dome) - self.dome
+
+    def crossings(self, side: Side) -> list[tuple[Point, float]]:
+        """Where faces between layers cross a straight side of a section, from its start on, and z of each."""
+        (x0, z0), (x1, z1) = side.start, side.end
+        if self.dome is None:
+            found = [((x0 + (x1 - x0) * (z - z0) / (z1 - z0), z), z) for z in self.interfaces if z0 != z1]
+        elif x0 == x1:
+            found = [((x0, -self.dome + way * (self.dome + z)), z) for z in self.interfaces for way in (1, -1)]
+        else:
+            found = [(((self.dome + z) ** 2 - (self.dome + z0) ** 2, z0), z) for z in self.interfaces]
+            found = [((square**0.5 if square > 0 else -1.0, level), z) for (square, level), z in found]
+        inside = [one for one in found if _is_between(one[0], side.start, side.end)]
+        return sorted(inside, key=lambda one: abs(one[0][0] - x0) + abs(one[0][1] - z0))
+
+    @property
+    def skins(self) -> tuple[Shell, ...]:
+        """The layers around the core of a body with a spherical top, from the surface inwards."""
+        if self.dome is None:
+            return ()
+        radii = [self.dome, *(self.dome + z for z in reversed(self.interfaces))]
+        return tuple(Shell((0.0, 0.0, -self.dome), inner, outer) for outer, inner in pairwise(radii))
+
     @property
     def interfaces(self) -> tuple[float, ...]:
-        """z of the faces between regions [length], from below."""
+        """z on the axis of the faces between layers [length], from below; under a spherical top they are concentric."""
         layers = [region for region in self.regions if region.inclusion is None]
         return tuple(region.bottom for region in reversed(layers[:-1]))
 
@@ -184,6 +210,11 @@ class Part:
         if surface in ("top", "base"):
             return self.dim - 1
         return next(side.normal for side in self.outline if side.surface == surface)
+
+
+def _is_between(point: Point, start: Point, end: Point) -> bool:
+    """Whether a point of the line through two others lies between them."""
+    return any(min(a, b) < at < max(a, b) for at, a, b in zip(point, start, end, strict=True))
 
 
 def polygon(surfaces: tuple[str, ...], corners: tuple[Point, ...]) -> tuple[Side, ...]:

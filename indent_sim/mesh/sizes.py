@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from indent_sim.model.body import Inclusion
+from indent_sim.model.body import EllipsoidInclusion, Inclusion, Shell
 
 DOUBTFUL_ELEMENTS = 3.0  # elements per contact radius below which results are doubtful
 
@@ -19,7 +19,7 @@ class Sizes:
     around a sharp edge at radius `edge` it shrinks to h_edge, around `corners` (r, depth) to h_corner. Where h_axis is
     given, sizes inside the expected contact radius `a` are the share of it that the distance from the axis is, but at
     least h_axis: so a contact of any radius down to a h_axis/h_contact finds as many elements as the last one.
-    inclusions: each with the size inside it, which grows by `grading` outside.
+    inclusions, skins: each with the size inside it, which grows by `grading` outside.
     """
 
     h_contact: float
@@ -35,6 +35,7 @@ class Sizes:
     corner_error: float = 0.0  # of the force, at most, what elements at corners cost that are left as they are
     ruled_by_corners: bool = False  # whose elements are no smaller than those around, and rule how the force converges
     inclusions: tuple[tuple[Inclusion, float], ...] = ()
+    skins: tuple[tuple[Shell, float], ...] = ()
     keenness: float = 1.0  # how much more than on a far larger body the force feels the radius of a sharp punch
     refinements: int | None = None  # of a mesh from a file, which has these sizes then; None: they are to be meshed
     axis: tuple[float, ...] = field(kw_only=True)
@@ -52,7 +53,7 @@ class Sizes:
     @property
     def finest(self) -> float:
         """The smallest size anywhere [length]."""
-        inside = [h for _, h in self.inclusions]
+        inside = [h for _, h in (*self.inclusions, *self.skins)]
         return min(self.smallest, self.h_edge or self.smallest, self.h_corner or self.smallest, *inside)
 
     @property
@@ -67,7 +68,7 @@ class Sizes:
         return self.h_contact / self.a
 
     def at(self, r: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """The element size [length] at distance r from the tip's axis and a depth, far from inclusions."""
+        """The element size [length] at distance r from the tip's axis and a depth, far from inclusions and skins."""
         near = self.h_contact if self.h_axis is None else np.clip(self.slope * r, self.h_axis, self.h_contact)
         size = near + self.grading * np.hypot(np.maximum(r - self.patch, 0.0), depth)
         for at, below, smallest in self.points:
@@ -101,13 +102,28 @@ def size_formula(sizes: Sizes, dim: int) -> str:
 
 
 def formula_around(inclusion: Inclusion, inside: float, grading: float, dim: int) -> str:
-    """The element size that an inclusion wants: the one inside it, growing with `Inclusion.distance`."""
+    """The element size that an inclusion wants: the one inside it, growing with `Inclusion.distance`, of an ellipsoid
+    to first order."""
     number, names = "{:.12g}".format, ("x", "0", "y") if dim == 2 else ("x", "y", "z")
+    if isinstance(inclusion, EllipsoidInclusion):
+        off = [f"({name}-({number(c)}))" for name, c in zip(names, inclusion.center, strict=True)]
+        seen = list(zip(off, inclusion.semi_axes, strict=True))
+        rho, steep = ("+".join(f"({d}/{number(s**n)})^2" for d, s in seen) for n in (1, 2))
+        distance = f"Sqrt({rho})*{_positive(f'(Sqrt({rho})-1)')}/Sqrt({steep}+1e-30)"
+        return f"{number(inside)}+{number(grading)}*{distance}"
     beyond = []
     for axes, half in inclusion.spans:
         squares = "+".join(f"({names[axis]}-({number(inclusion.center[axis])}))^2" for axis in axes)
         beyond.append(f"{_positive(f'(Sqrt({squares})-{number(half)})')}^2")
     return f"{number(inside)}+{number(grading)}*Sqrt({'+'.join(beyond)})"
+
+
+def formula_beside(skin: Shell, inside: float, grading: float) -> str:
+    """The element size that a skin wants in a section: the one inside it, growing with the distance from it."""
+    number = "{:.12g}".format
+    rho = f"Sqrt(x^2+(y-({number(skin.center[2])}))^2)"
+    beyond = f"{_positive(f'({rho}-{number(skin.outer)})')}+{_positive(f'({number(skin.inner)}-{rho})')}"
+    return f"{number(inside)}+{number(grading)}*({beyond})"
 
 
 def _positive(a: str) -> str:

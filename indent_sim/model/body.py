@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, pi, prod, radians, tan
+from math import inf, isclose, pi, prod, radians, tan
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -13,7 +13,7 @@ from annotated_types import Gt, Len, Lt
 
 from indent_sim.model.algebra import Expr
 from indent_sim.model.materials import Material
-from indent_sim.model.units import ANGLE, LENGTH, PRESSURE, TIME, Auto, Length, TaggedBy, Unit, UnitRow
+from indent_sim.model.units import ANGLE, LENGTH, PRESSURE, TIME, Auto, Length, SurfaceTension, TaggedBy, Unit, UnitRow
 
 Support = Literal["free", "roller", "fixed"]
 BaseSupport = Literal["fixed", "roller"]
@@ -31,13 +31,16 @@ UNIT_BALLS = {1: 2.0, 2: pi, 3: 4 * pi / 3}  # their measures, by dimension
 ALL = (0, 1, 2)  # axes
 MOST_POINTS = 10_000  # of a bath
 SAME_PLACE = 2e-11  # of a body: places to 12 digits
+PROJECTIONS, CLOSER = 1000, 1e-9  # of two convex bodies on one another, until they come no closer than by this share
+ROOT_STEPS = 40  # of Newton's method: ellipsoids a thousand times as long as thick need 20
+TINY_SHARE = 1e-12  # of a semi-axis: so far from a plane of symmetry nothing is on two sides
 
 
 @dataclass(frozen=True)
 class Layer:
     """One layer of a body, bonded to its neighbours; of the body's material where it has none of its own.
 
-    The last one of a half-space has no thickness.
+    The last one of a half-space has no thickness, nor has that of a cap or ball, whose others are skins around it.
     """
 
     thickness: Length | None = None
@@ -47,59 +50,77 @@ class Layer:
 Layers = Annotated[tuple[Layer, ...], Len(1, 50)]
 
 
+@dataclass(frozen=True)
+class Shell:
+    """The points whose distance from `center` is between two radii [length]: a skin of a cap or a ball."""
+
+    center: Place
+    inner: float
+    outer: float
+
+    @property
+    def thickness(self) -> float:
+        """outer - inner [length]."""
+        return self.outer - self.inner
+
+
 class _Inclusion(ABC):
-    """Other matter inside one layer: the points within the half-width of each span from `center` along its axes."""
+    """Other matter inside one layer, convex and mirrored by the three planes through `center` normal to the axes."""
 
     center: Place
 
     @property
     @abstractmethod
-    def spans(self) -> Spans:
-        """Axes and half-width [length] of each span."""
+    def volume(self) -> float:
+        """Volume [length^3]."""
+
+    @abstractmethod
+    def half(self, axis: int) -> float:
+        """How far it reaches from its center along an axis [length]."""
+
+    @abstractmethod
+    def is_round(self, dim: int) -> bool:
+        """Whether it is curved where it is thinnest, in the section that is meshed or in space."""
+
+    @abstractmethod
+    def is_about(self, center: tuple[float, ...]) -> bool:
+        """Whether it is a body of revolution about a vertical axis."""
+
+    @abstractmethod
+    def swollen(self, by: Expr, dim: int) -> Expr:
+        """About the area of its section, or the volume, of what is no farther from it than `by` [length]."""
+
+    @abstractmethod
+    def nearest(self, point: Sequence[Expr]) -> list[Expr]:
+        """Its point nearest to a point (x, y, z), which itself may be inside [length]."""
+
+    @abstractmethod
+    def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
+        """Distance [length] from a point to its farthest point along some axes."""
 
     @property
     def thinnest(self) -> float:
         """Half of its smallest thickness [length]."""
-        return min(half for _, half in self.spans)
+        return min(map(self.half, ALL))
 
-    @property
-    def volume(self) -> float:
-        """Volume [length^3]."""
-        return prod(UNIT_BALLS[len(axes)] * half ** len(axes) for axes, half in self.spans)
-
-    def is_round(self, dim: int) -> bool:
-        """Whether it is curved where it is thinnest, in the section that is meshed or in space."""
-        axes, _ = min(self.spans, key=lambda span: span[1])
-        return len(axes) > (2 if dim == 2 else 1)
-
-    def half(self, axis: int) -> float:
-        """How far it reaches from its center along an axis [length]."""
-        return next(half for axes, half in self.spans if axis in axes)
-
-    def is_about(self, center: tuple[float, ...]) -> bool:
-        """Whether it is a body of revolution about a vertical axis."""
-        is_round = any({0, 1} <= set(axes) for axes, _ in self.spans)
-        return is_round and self._off((*center, 0.0), (0, 1)) <= SAME_PLACE * max(1.0, *map(abs, center))
-
+    @abstractmethod
     def holds(self, point: Sequence[Expr]) -> Expr:
         """Whether points (x, y, z) [length] are inside."""
-        within = [self._off(point, axes) <= half for axes, half in self.spans]
-        return np.all(np.broadcast_arrays(*within), axis=0)
 
-    def distance(self, point: Sequence[Expr], axes: Sequence[int] = ALL) -> Expr:
-        """Distance [length] from points to it along some axes, 0 inside."""
-        return self._norm([np.maximum(self._off(point, own) - half, 0.0) for own, half in self._along(axes)])
-
-    def farthest(self, point: Sequence[Expr], axes: Sequence[int] = ALL) -> float:
-        """Distance [length] from a point to its farthest point along some axes."""
-        if any(set(own) > set(axes) for own, _ in self.spans):  # a ball seen along fewer axes than it has
-            return float(self._off(point, axes) + self.half(axes[0]))
-        return float(self._norm([self._off(point, own) + half for own, half in self._along(axes)]))
+    def distance(self, point: Sequence[Expr]) -> Expr:
+        """Distance [length] from points to it, 0 inside."""
+        return _norm([there - here for there, here in zip(self.nearest(point), point, strict=True)])
 
     def overlaps(self, other: _Inclusion, apart: float) -> bool:
-        """Whether the two are nearer than a distance [length] along every span of the one with fewer spans."""
-        fewer, more = sorted((self, other), key=lambda inclusion: len(inclusion.spans))
-        return all(more.distance(fewer.center, axes) < half + apart for axes, half in fewer.spans)
+        """Whether the two are nearer than a distance [length]: by projections on the one and on the other in turn."""
+        here, between = list(self.center), inf
+        for _ in range(PROJECTIONS):
+            there = other.nearest(here)
+            here = self.nearest(there)
+            before, between = between, float(_norm([a - b for a, b in zip(here, there, strict=True)]))
+            if between < apart or between > (1 - CLOSER) * before:
+                break
+        return between < apart
 
     def mirrored(self, axis: int, at: float) -> Self:
         """Its mirror image about a plane normal to an axis."""
@@ -107,19 +128,71 @@ class _Inclusion(ABC):
         center[axis] = 2 * at - center[axis]
         return replace(self, center=tuple(center))  # type: ignore[type-var]
 
-    def _along(self, axes: Sequence[int]) -> list[tuple[tuple[int, ...], float]]:
-        return [(own, half) for own, half in self.spans if set(own) <= set(axes)]
+    def _stands_on(self, center: tuple[float, ...]) -> bool:
+        """Whether its center is on a vertical axis."""
+        return bool(self._off((*center, 0.0), (0, 1)) <= SAME_PLACE * max(1.0, *map(abs, center)))
 
     def _off(self, point: Sequence[Expr], axes: Sequence[int]) -> Expr:
-        return self._norm([point[axis] - self.center[axis] for axis in axes])
+        return _norm([point[axis] - self.center[axis] for axis in axes])
 
-    @staticmethod
-    def _norm(parts: Sequence[Expr]) -> Expr:
-        return np.abs(parts[0]) if len(parts) == 1 else np.sqrt(sum(part * part for part in parts))
+
+def _norm(parts: Sequence[Expr]) -> Expr:
+    return np.abs(parts[0]) if len(parts) == 1 else np.sqrt(sum(part * part for part in parts))
+
+
+class _Spanned(_Inclusion):
+    """The points within the half-width of each span from `center` along its axes."""
+
+    @property
+    @abstractmethod
+    def spans(self) -> Spans:
+        """Axes and half-width [length] of each span."""
+
+    @property
+    def volume(self) -> float:
+        """Volume [length^3]."""
+        return prod(UNIT_BALLS[len(axes)] * half ** len(axes) for axes, half in self.spans)
+
+    def is_round(self, dim: int) -> bool:
+        """As `_Inclusion`."""
+        axes, _ = min(self.spans, key=lambda span: span[1])
+        return len(axes) > (2 if dim == 2 else 1)
+
+    def half(self, axis: int) -> float:
+        """As `_Inclusion`."""
+        return next(half for axes, half in self.spans if axis in axes)
+
+    def is_about(self, center: tuple[float, ...]) -> bool:
+        """As `_Inclusion`."""
+        return any({0, 1} <= set(axes) for axes, _ in self.spans) and self._stands_on(center)
+
+    def swollen(self, by: Expr, dim: int) -> Expr:
+        """As `_Inclusion`, corners sharp."""
+        spans = self.spans if dim == 3 else [((axis,), self.half(axis)) for axis in (0, 2)]
+        return np.prod([UNIT_BALLS[len(axes)] * (half + by) ** len(axes) for axes, half in spans], axis=0)
+
+    def holds(self, point: Sequence[Expr]) -> Expr:
+        """As `_Inclusion`."""
+        within = [self._off(point, axes) <= half for axes, half in self.spans]
+        return np.all(np.broadcast_arrays(*within), axis=0)
+
+    def nearest(self, point: Sequence[Expr]) -> list[Expr]:
+        """As `_Inclusion`: nearest along each span."""
+        found = list(point)
+        for axes, half in self.spans:
+            share = half / np.maximum(self._off(point, axes), half)
+            for axis in axes:
+                found[axis] = self.center[axis] + share * (point[axis] - self.center[axis])
+        return found
+
+    def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
+        """As `_Inclusion`."""
+        seen = [(tuple(axis for axis in own if axis in axes), half) for own, half in self.spans]
+        return float(_norm([self._off(point, own) + half for own, half in seen if own]))
 
 
 @dataclass(frozen=True)
-class BallInclusion(_Inclusion):
+class BallInclusion(_Spanned):
     """A ball about `center`; in a strip a round rod along y."""
 
     center: Place
@@ -134,7 +207,7 @@ class BallInclusion(_Inclusion):
 
 
 @dataclass(frozen=True)
-class CylinderInclusion(_Inclusion):
+class CylinderInclusion(_Spanned):
     """An upright cylinder whose middle is `center`; in a strip a bar along y, 2 radius wide."""
 
     center: Place
@@ -150,7 +223,7 @@ class CylinderInclusion(_Inclusion):
 
 
 @dataclass(frozen=True)
-class BoxInclusion(_Inclusion):
+class BoxInclusion(_Spanned):
     """A box with edges along the axes whose middle is `center`; in a strip it goes on without end along y."""
 
     center: Place
@@ -164,7 +237,73 @@ class BoxInclusion(_Inclusion):
         return tuple(((axis,), edge / 2) for axis, edge in enumerate(self.size))
 
 
-Inclusion = BallInclusion | CylinderInclusion | BoxInclusion
+@dataclass(frozen=True)
+class EllipsoidInclusion(_Inclusion):
+    """An ellipsoid about `center` with semi-axes along x, y and z; in a strip an elliptic rod along y."""
+
+    center: Place
+    semi_axes: PositiveSize
+    material: Annotated[Material, TaggedBy("model")]
+    shape: Literal["ellipsoid"] = "ellipsoid"
+
+    @property
+    def volume(self) -> float:
+        """Volume [length^3]."""
+        return UNIT_BALLS[3] * prod(self.semi_axes)
+
+    def half(self, axis: int) -> float:
+        """As `_Inclusion`."""
+        return self.semi_axes[axis]
+
+    def is_round(self, dim: int) -> bool:
+        """It is."""
+        return True
+
+    def is_about(self, center: tuple[float, ...]) -> bool:
+        """As `_Inclusion`."""
+        a, b, _ = self.semi_axes
+        return isclose(a, b, rel_tol=SAME_PLACE) and self._stands_on(center)
+
+    def swollen(self, by: Expr, dim: int) -> Expr:
+        """As `_Inclusion`, by semi-axes that are longer by so much."""
+        halves = self.semi_axes if dim == 3 else self.semi_axes[::2]
+        return UNIT_BALLS[dim] * np.prod([half + by for half in halves], axis=0)
+
+    def holds(self, point: Sequence[Expr]) -> Expr:
+        """As `_Inclusion`."""
+        return sum(((p - c) / s) ** 2 for p, c, s in zip(point, self.center, self.semi_axes, strict=True)) <= 1
+
+    def nearest(self, point: Sequence[Expr]) -> list[Expr]:
+        """As `_Inclusion`: center + s^2 v/(t + s^2) of points center + v, t > 0 where that is on the surface."""
+        off = np.array(np.broadcast_arrays(*(p - c for p, c in zip(point, self.center, strict=True))), dtype=float)
+        s = np.reshape(self.semi_axes, (3,) + (1,) * (off.ndim - 1))
+        t = _multiplier(off, s, np.maximum(np.max(s * np.abs(off) - s * s, axis=0), 0.0))
+        moved = np.where(((off / s) ** 2).sum(axis=0) > 1, off * s * s / (t + s * s), off)
+        return [c + along for c, along in zip(self.center, moved, strict=True)]
+
+    def farthest(self, point: Sequence[float], axes: Sequence[int] = ALL) -> float:
+        """As `_Inclusion`: likewise with the largest -t, longest^2 + beyond, where all of it is on this side of it."""
+        s = np.array([self.semi_axes[axis] for axis in axes])
+        off = np.array([abs(point[axis] - self.center[axis]) for axis in axes]) + TINY_SHARE * s  # on one side of it
+        shorter = (s.max() - s) * (s.max() + s)
+        low, high = 0.0, float(s.max() * np.sqrt(len(s)) * np.max(off))
+        while low < (middle := (low + high) / 2) < high:
+            is_too_far = ((s * off / (middle + shorter)) ** 2).sum() < 1
+            low, high = (low, middle) if is_too_far else (middle, high)
+        return float(_norm(list(off + off * s * s / (high + shorter))))
+
+
+def _multiplier(off: np.ndarray, s: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """The root t of sum (s off/(t + s^2))^2 = 1 by Newton's method from below, where the sum is convex and falls."""
+    t = start
+    for _ in range(ROOT_STEPS):
+        part = (s * off / (t + s * s)) ** 2
+        slope = -2 * (part / (t + s * s)).sum(axis=0)
+        t = t + np.maximum((1 - part.sum(axis=0)) / np.where(slope < 0, slope, -1.0), 0.0)
+    return t
+
+
+Inclusion = BallInclusion | CylinderInclusion | BoxInclusion | EllipsoidInclusion
 Inclusions = Annotated[tuple[Annotated[Inclusion, TaggedBy("shape")], ...], Len(1, 50)]
 
 
@@ -235,6 +374,7 @@ class Cylinder(_Round):
     sides: Support = "free"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     def room_beside(self, inclusion: Inclusion) -> float:
         """Distance [length] from an inclusion to the wall; negative where it is outside."""
@@ -297,6 +437,7 @@ class Strip(_Walled):
     sides: StripSides = StripSides()
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     dim: ClassVar[int] = 2  # forces are per unit length
 
@@ -326,6 +467,7 @@ class Box(_Walled):
     sides: BoxSides = BoxSides()
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     dim: ClassVar[int] = 3
 
@@ -380,6 +522,7 @@ class HalfSpace(_Endless):
     shape: Literal["half_space"] = "half_space"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
     height: ClassVar[float] = inf
 
@@ -393,6 +536,7 @@ class InfiniteLayer(_Endless):
     base: BaseSupport = "fixed"
     layers: Layers | None = None
     inclusions: Inclusions | None = None
+    surface_tension: SurfaceTension = 0.0
 
 
 @dataclass(frozen=True)
@@ -408,6 +552,11 @@ class Dome(_Round):
     base: BaseSupport = "fixed"
     pieces: int = 1
     inclusions: Inclusions | None = None
+
+    @property
+    def room(self) -> float:
+        """How thick skins may be together [length], all but: beyond it the core would not reach the base."""
+        return self.radius if self.height == 2 * self.radius else min(self.height, 2 * self.radius - self.height)
 
     @property
     def foot(self) -> tuple[float, float]:
@@ -458,6 +607,7 @@ class MeshFromFile:
 
     layers: ClassVar[None] = None  # it has regions
     inclusions: ClassVar[None] = None
+    surface_tension: ClassVar[float] = 0.0
 
     @property
     def named(self) -> MeshSurfaces:
@@ -542,7 +692,8 @@ class Cap(_OnAxis):
     """The part of a ball above the plane z = -height, on which it stands with `base_radius` [length].
 
     Either `height` or `contact_angle` [degrees], between base and surface inside the body: height = base_radius
-    tan(contact_angle/2). Beyond 90 degrees the body is wider than its base.
+    tan(contact_angle/2). Beyond 90 degrees the body is wider than its base. Layers are skins of constant thickness,
+    concentric, from the curved surface inwards; the last one, the core, has no thickness.
     """
 
     base_radius: Length
@@ -550,9 +701,9 @@ class Cap(_OnAxis):
     contact_angle: ContactAngle | None = None
     shape: Literal["cap"] = "cap"
     base: BaseSupport = "fixed"
+    layers: Layers | None = None
     inclusions: Inclusions | None = None
-
-    layers: ClassVar[None] = None
+    surface_tension: SurfaceTension = 0.0
 
     @property
     def thickness(self) -> float:
@@ -573,15 +724,16 @@ class Ball(_OnAxis):
 
     base roller: the plane through its center is a mirror plane, below which the same tip pushes up: `delta` is the
     approach of the two, and an inclusion is above that plane, and mirrored, or centered on it. fixed: the lower half of
-    its surface is bonded to something rigid.
+    its surface is bonded to something rigid. Layers are concentric skins from the surface inwards; the last one, the
+    core, has no thickness.
     """
 
     radius: Length
     shape: Literal["ball"] = "ball"
     base: BaseSupport = "roller"
+    layers: Layers | None = None
     inclusions: Inclusions | None = None
-
-    layers: ClassVar[None] = None
+    surface_tension: SurfaceTension = 0.0
 
     @property
     def dome(self) -> Dome:

@@ -67,6 +67,18 @@ class LoadPath:
             begin=self.begin,
         )
 
+    @property
+    def sudden(self) -> tuple[int, ...]:
+        """The steps [from 1] to which no time passes, though the value changes."""
+        places = [(0.0, self.begin or 0.0), *zip(self.values, self.times, strict=False)]
+        return tuple(k for k, (a, b) in enumerate(pairwise(places), start=1) if a[1] == b[1] and a[0] != b[0])
+
+    def without(self, steps: Sequence[int]) -> LoadPath:
+        """The same without some of its steps [from 1], of a path without turns between its rows."""
+        kept = [k for k in range(len(self.values)) if k + 1 not in steps]
+        values, times = tuple(self.values[k] for k in kept), tuple(self.times[k] for k in kept)
+        return replace(self, values=values, times=times, branches=tuple(self.branches[k] for k in kept))
+
     def leg(self, step: int) -> tuple[tuple[float, float], ...]:
         """The values on the way to a step [from 1], its own the last, each with the time since the path's begin; no
         time passes for a body that takes none."""
@@ -122,6 +134,21 @@ class History:
     def span(self) -> float:
         """From the first point to the last [time]."""
         return self.points[-1][0] - self.points[0][0]
+
+    @property
+    def way_in(self) -> float:
+        """From where the tip sets out to where its value is the largest [time]; a jump takes none."""
+        points = self.from_rest
+        top = max(range(len(points)), key=lambda k: (points[k][1], -k))
+        out = max((k for k in range(top) if points[k][1] <= 0), default=0)
+        return points[top][0] - points[out][0]
+
+    @property
+    def rest_after(self) -> float:
+        """From its largest value to the end where it stays there [time], else 0."""
+        top = next(k for k, (_, value) in enumerate(self.points) if value == self.largest)
+        stays = all(value == self.largest for _, value in self.points[top:])
+        return self.points[-1][0] - self.points[top][0] if stays else 0.0
 
     @property
     def shortest_piece(self) -> float:

@@ -61,16 +61,16 @@ class Exponentials(NamedTuple):
 
 @dataclass(frozen=True)
 class HolmesMow:
-    """Pores that close: permeability ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2), with the solid's share phi0
+    """Pores that close: permeability ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2), with the solid's share phi0
     of the volume at rest (Holmes & Mow 1990, J. Biomech. 23, 1145)."""
 
     phi0: Annotated[float, Ge(0), Lt(1)]
-    exponent: Annotated[float, Ge(0)] = 0.0
+    alpha: Annotated[float, Ge(0)] = 0.0
     M: Annotated[float, Ge(0)] = 0.0
 
     def factor(self, J: Expr) -> Expr:
         """Of the permeability at rest, at a volume ratio J; not a number where no pore is left."""
-        return ((J - self.phi0) / (1 - self.phi0)) ** self.exponent * exp(self.M * (J * J - 1) / 2)
+        return ((J - self.phi0) / (1 - self.phi0)) ** self.alpha * exp(self.M * (J * J - 1) / 2)
 
 
 @dataclass(frozen=True)
@@ -576,6 +576,24 @@ class Gent(_OfInvariants):
         return -self.mu * self.Jm / 2 * log1p(-i1 / self.Jm)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Fung(_OfInvariants):
+    """mu/(2 b) (exp(b (I1 - 3)) - 1): tissue, which stiffens exponentially; b -> 0 is mooney_rivlin with C10 = mu/2."""
+
+    mu: Modulus
+    b: Annotated[float, Gt(0)]
+    model: Literal["fung"] = "fung"
+
+    @property
+    def small_strain_mu(self) -> Expr:
+        """mu."""
+        return self.mu
+
+    def energy_of_invariants(self, i1: Expr, i2: Expr) -> Expr:
+        """mu/(2 b) (exp(b i1) - 1), with all digits of a small b i1."""
+        return self.mu / (2 * self.b) * (self.b * i1 + expm1_remainder(self.b * i1))
+
+
 # Series of the inverse Langevin function (Arruda & Boyce 1993): psi = mu sum c_i lambda_m^(2-2i) (I1^i - 3^i)
 ARRUDA_BOYCE = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
@@ -775,8 +793,11 @@ def _bisected(function: Callable[[float], float], low: float, high: float) -> fl
     return high
 
 
-Material = LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce | Gel
-Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | ArrudaBoyce  # laws that `split`: shear may relax alone
+Material = (
+    LinearElastic | TransverselyIsotropic | NeoHookean | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce | Gel
+)
+# Laws that `split`: shear may relax alone
+Relaxable = LinearElastic | MooneyRivlin | Yeoh | Ogden | Gent | Fung | ArrudaBoyce
 
 CONSTANTS_NEEDED = {  # of two constants whose numbers do not show what a stable material is
     frozenset({"mu", "lame_lambda"}): "lame_lambda > -2 mu/3",

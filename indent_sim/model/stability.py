@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from indent_sim.model.algebra import Expr
-from indent_sim.model.materials import Gel, Gent, LinearElastic, Material, NeoHookean, TransverselyIsotropic
+from indent_sim.model.materials import Fung, Gel, Gent, LinearElastic, Material, NeoHookean, TransverselyIsotropic
 from indent_sim.model.tips import Indenter
 
 # principal logarithmic strains (e1, e2) at a stretch exp(e)
@@ -60,7 +60,9 @@ def largest_strain(tip: Indenter, a: float, delta: float, height: float) -> floa
 
 def instabilities(material: Material, strain: float) -> list[str]:
     """A warning for each deformation within reach in which the law is no longer stable."""
-    if isinstance(material, LinearElastic | TransverselyIsotropic | Gel):  # a gel's is that of its free swelling
+    # Fung's psi grows with I1 - 3 and bends upwards, as I1 - 3 does in logarithmic strains; a gel's is that of its
+    # free swelling
+    if isinstance(material, LinearElastic | TransverselyIsotropic | Fung | Gel):
         return []
     if isinstance(material, NeoHookean):
         return _of_auxetic(material, strain)

@@ -57,13 +57,18 @@ x_min: support of the wall at x = 0
 x_max: support of the wall at the largest x
 y_min: support of the wall at y = 0
 y_max: support of the wall at the largest y
-layers: layers from the top, bonded to one another; their thicknesses add up to the height
-thickness [length]: thickness of a layer; the last one of a half_space, its substrate, has none
+layers: layers from the top, bonded to one another; their thicknesses add up to the height. Of a cap or ball: concentric
+  skins from the surface inwards, and last the core
+thickness [length]: thickness of a layer; the last one of a half_space, its substrate, and of a cap or ball, its core,
+  have none
 layers.material: the layer's material; without it the scene's
+surface_tension [energy/length^2] $\gamma$: of the contact surface, touched or free, a force per length; a curved body
+  is at rest under it
 inclusions: pieces of other matter, each inside one layer and bonded to it
 inclusions.center [length]: middle of the inclusion, [x, y, z]; y = 0 in a strip
 inclusions.radius [length]: radius of the ball, or of the upright cylinder
 inclusions.height [length]: height of the upright cylinder
+inclusions.semi_axes [length]: semi-axes of the ellipsoid along x, y and z; in a strip it has no end along y
 inclusions.size [length]: edges of the box along x, y and z; in a strip it has no end along y
 inclusions.material: the inclusion's material
 file: mesh of the body, a .msh, .xdmf, .vtu or .inp file in the scene's folder or below
@@ -88,6 +93,7 @@ C20 [pressure] $C_{20}$: coefficient of (I1 - 3)^2 (Yeoh)
 C30 [pressure] $C_{30}$: coefficient of (I1 - 3)^3 (Yeoh)
 alpha [1] $\alpha_i$: exponents of the stretches (Ogden)
 Jm [1] $J_m$: limit of I1 - 3 (Gent)
+b [1] $b$: how fast the stiffness grows with I1 - 3, as exp(b (I1 - 3)) (Fung)
 lambda_m [1] $\lambda_m$: limiting chain stretch (Arruda-Boyce)
 G [pressure] $G$: shear modulus N kT of the dry network of N chains per volume (gel)
 n_omega [1] $N\Omega$: chains per volume times the volume of a solvent molecule (gel)
@@ -102,7 +108,7 @@ diffusivity [length^2/time] $D$: with which pressure evens out in the confined b
 flow.alpha [1] $\alpha$: Biot's coefficient: share of a growth in volume that the fluid takes; 1: hard grains
 material.storage [1/pressure] $S$: of its flow
 flow.storage [1/pressure] $S$: fluid taken in per pressure while the volume stays; 0: hard grains and fluid
-holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^exponent exp(M (J^2 - 1)/2) of that at rest
+holmes_mow: permeability of pores that close, ((J - phi0)/(1 - phi0))^alpha exp(M (J^2 - 1)/2) of that at rest
 phi0 [1] $\phi_0$: the solid's share of the volume at rest
 M [1] $M$: how fast the permeability falls with the volume beyond that share
 formulation: displacement alone, or mixed with a pressure for nu near 0.5
@@ -116,8 +122,8 @@ time [time] $t_0$: at which the power law's modulus is `material.E`
 E_star [pressure] $E^*$: plane-strain modulus E / (1 - nu^2)
 
 ## Indenter
-R [length] $R$: radius of the tip: of the ball, or of the paraboloid at its apex
-half_angle [degrees] $\alpha$: angle between the axis and the flank (a pyramid: the face)
+R [length] $R$: radius of the tip: of the ball, or of a paraboloid or hyperboloid at its apex
+half_angle [degrees] $\alpha$: angle between the axis and the flank (a pyramid: the face, a hyperboloid: the asymptote)
 tip_radius [length] $\rho$: radius that rounds the apex (and a pyramid's edges, a profile's corners); 0: sharp
 faces [1]: number of faces of the pyramid, all alike
 rotation [degrees]: turn of the pyramid about z; at 0 one face's normal points along x
@@ -190,6 +196,8 @@ h_edge [length]: element size at the sharp edge of a flat punch; without it a fr
 h_corner [length]: element size at the corners of the section that the contact feels: where a fixed face meets a free
   one, and where it ends close to a side; without it a given h_contact has none of its own there
 h_inclusions [length]: element size inside each inclusion, in their order; without it by what the force feels of each
+h_layers [length]: element size inside each skin of a cap or ball, from the outermost; without it a share of its
+  thickness
 grading [1]: growth of the element size per unit distance, outside the contact
 h_far [length] $h_\infty$: largest element size, far from the tip
 order [1]: polynomial order of the displacement; linear elements (1) are gone

@@ -148,6 +148,42 @@ class Cone(_Pointed):
 
 
 @dataclass(frozen=True)
+class Hyperboloid(_Tip):
+    """f = R cot^2(half_angle) (sqrt(1 + (r tan(half_angle)/R)^2) - 1): round at the apex, towards a cone far from it.
+
+    Written r^2/(R (1 + sqrt(1 + (r tan(half_angle)/R)^2))), which keeps its digits for r << R.
+    """
+
+    R: Length
+    half_angle: HalfAngle
+    shape: Literal["hyperboloid"] = "hyperboloid"
+
+    def height(self, x: Expr, y: Expr) -> Expr:
+        """f(x, y) [length]."""
+        square = x * x + y * y
+        return square / (self.R * (1 + self._root(square)))
+
+    def gap_current(self, x: Expr, y: Expr, depth: Expr) -> Expr:
+        """(f - depth) / |grad(f - z)| at the deformed point, a length that vanishes on the tip."""
+        square = x * x + y * y
+        return (self.height(x, y) - depth) / sqrt(1 + square / (self.R * self._root(square)) ** 2)
+
+    def slope(self, r: Expr) -> Expr:
+        """f'(r)."""
+        return r / (self.R * self._root(r * r))
+
+    def _root(self, square: Expr) -> Expr:
+        """sqrt(1 + (r tan(half_angle)/R)^2) of r^2."""
+        t = tan(self.half_angle) / self.R
+        return sqrt(1 + square * t * t)
+
+    def radius_at(self, depth: float) -> float:
+        """Radius of the tip's section `depth` above its apex [length]."""
+        slope = 1 / tan(self.half_angle)
+        return float(sqrt(depth * (2 * self.R + depth / slope**2)))
+
+
+@dataclass(frozen=True)
 class FlatPunch(_Tip):
     """f = 0 for r <= radius, nothing beyond; with edge_radius > 0 the edge is a quarter circle."""
 
@@ -399,7 +435,9 @@ def _largest(values: Sequence[Expr]) -> Expr:
     return values[0]
 
 
-Indenter = Paraboloid | Sphere | Cone | FlatPunch | Plate | Pyramid | Berkovich | Vickers | CubeCorner | Profile
+Indenter = (
+    Paraboloid | Sphere | Cone | Hyperboloid | FlatPunch | Plate | Pyramid | Berkovich | Vickers | CubeCorner | Profile
+)
 
 
 def reach(tip: Indenter) -> float:

@@ -73,6 +73,7 @@ LENGTH, PRESSURE, FORCE, TIME, ANGLE = map(Unit, ("length", "pressure", "force",
 STIFFNESS = Unit("pressure/length")  # epsilon_n, gamma
 ADHESION = Unit("energy/length^2")  # work of adhesion; in plane strain too, where a force is per length
 
+SurfaceTension = Annotated[float, Ge(0), ADHESION]
 Coordinate = Annotated[float, LENGTH]
 Length = Annotated[float, Gt(0), LENGTH]
 LengthOrZero = Annotated[float, Ge(0), LENGTH]

@@ -138,7 +138,7 @@ class ResultFolder:
         if self._fields is None:
             return
         with uninterrupted(), self._writing():
-            self._fields.write(state.step, state.delta, fields)
+            self._fields.write(state.step, state.delta, fields, state.t)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
         """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not written now goes."""

@@ -32,7 +32,11 @@ SHEAR_ARRAYS: Kinds = {"shear": ("Node", "Scalar", ())}  # where the tip drags o
 FLUID_ARRAYS: Kinds = {"pore_pressure": ("Node", "Scalar", ())}  # where there is fluid in the pores
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
-GRID = re.compile(r'<Grid Name="step (?P<step>\d{1,9})".*?Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n', re.DOTALL)
+GRID = re.compile(
+    r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
+    r'Name="delta" Value="(?P<delta>[^"]*)".*?</Grid>\n',
+    re.DOTALL,
+)
 XDMF_HEAD = '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
 XDMF_HEAD += '<Grid Name="indent-sim" GridType="Collection" CollectionType="Temporal">\n'
 TAIL = "</Grid>\n</Domain>\n</Xdmf>\n"
@@ -44,6 +48,7 @@ class _Kept:
 
     step: int
     delta: float
+    time: float
     texts: dict[str, str]
 
 
@@ -51,9 +56,10 @@ class FieldWriter:
     """A growing time series of the fields of `ARRAYS` on one mesh, and of the tip above it.
 
     body: points (n, 2) or (n, 3) [length], two columns being (x, z), cells (m, 3) or (m, 4) of their numbers, regions
-    (m,), and the tip. All states are kept, or the deepest and the last. The time of a state is its step, for depths may
-    go back. With `done` the states of the first so many steps that are there stay (`continued`), unless the files are
-    missing, damaged or of another mesh: then they begin anew. arrays: what each state has.
+    (m,), and the tip. All states are kept, or the deepest and the last. The time of a state is its own where time
+    passes, a last digit later where two have one, else its step, for depths may go back. With `done` the states of the
+    first so many steps that are there stay (`continued`), unless the files are missing, damaged or of another mesh:
+    then they begin anew. arrays: what each state has.
     """
 
     def __init__(
@@ -66,6 +72,7 @@ class FieldWriter:
         self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}
         found = self._found(done) if done is not None else None
         self.continued, self._kept = found is not None, found or []
+        self._time = max((state.time for state in self._kept), default=-np.inf)  # of the last state
         if not self.continued:
             self._fields.mkdir(exist_ok=True)
             kinds = {name: "<f8" if values.dtype.kind == "f" else "<i8" for name, values in self._mesh.items()}
@@ -74,13 +81,14 @@ class FieldWriter:
             (self.directory / OLD).unlink(missing_ok=True)
         self._save()
 
-    def write(self, step: int, delta: float, fields: Mapping[str, np.ndarray]) -> None:
-        """Add one state: its fields by name, displacement (n, 2 or 3). OSError on a full disk."""
+    def write(self, step: int, delta: float, fields: Mapping[str, np.ndarray], t: float | None = None) -> None:
+        """Add one state: its fields by name, displacement (n, 2 or 3), and its time. OSError on a full disk."""
         values = {**fields, "displacement": in_space(fields["displacement"])}
         arrays = {name: np.reshape(values[name], self._shape(name)).astype("<f8") for name in self._arrays}
         arrays["tip_displacement"] = self._tip.at(delta).astype("<f8")
         write_atomically(self._fields / _file(step), _hdf5(arrays), sync=False)
-        state = self._state(step, delta)
+        self._time = float(step) if t is None else max(t, np.nextafter(self._time, np.inf))
+        state = self._state(step, delta, self._time)
         if self._keep == "all":
             for name, text in state.texts.items():
                 append_whole(self.directory / name, text.encode(), sync=False, tail=TAIL.encode())
@@ -100,7 +108,8 @@ class FieldWriter:
             if not all(np.array_equal(mesh[name], values) for name, values in self._mesh.items()):
                 return None
             grids = GRID.finditer(content(self.directory / XDMF).decode("utf-8"))
-            kept = [self._state(int(grid["step"]), float(grid["delta"])) for grid in grids if int(grid["step"]) <= done]
+            said = ((int(grid["step"]), float(grid["delta"]), float(grid["time"])) for grid in grids)
+            kept = [self._state(*one) for one in said if one[0] <= done]
             files = (_arrays(self._fields / _file(state.step)) for state in kept)  # one in memory at a time
             are_whole = all(file[name].shape == self._shape(name) for file in files for name in self._arrays)
             return kept if are_whole else None
@@ -111,11 +120,11 @@ class FieldWriter:
         center, _, components = self._arrays[name]
         return (len(self._mesh["points" if center == "Node" else "cells"]), *components)
 
-    def _state(self, step: int, delta: float) -> _Kept:
-        body = self._grid(step, delta, "", self._arrays, LASTING_ARRAYS)
-        return _Kept(step, delta, {XDMF: body, TIP: self._grid(step, delta, "tip_", OF_TIP, {})})
+    def _state(self, step: int, delta: float, time: float) -> _Kept:
+        body = self._grid(step, delta, time, "", self._arrays, LASTING_ARRAYS)
+        return _Kept(step, delta, time, {XDMF: body, TIP: self._grid(step, delta, time, "tip_", OF_TIP, {})})
 
-    def _grid(self, step: int, delta: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
+    def _grid(self, step: int, delta: float, time: float, prefix: str, arrays: Kinds, lasting: Kinds) -> str:
         """A state of the mesh whose arrays begin with a prefix."""
         points, cells = (self._mesh[f"{prefix}{name}"] for name in ("points", "cells"))
         counts = {"Node": len(points), "Cell": len(cells)}
@@ -123,7 +132,7 @@ class FieldWriter:
         items += [_attribute(name, kind, counts, MESH, "", "Int") for name, kind in lasting.items()]
         corners = cells.shape[1]
         many = f' NodesPerElement="{corners}"' if corners == 2 else ""
-        head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{step}"/>\n'
+        head = f'<Grid Name="step {step}" GridType="Uniform">\n<Time Value="{time:.17g}"/>\n'
         head += f'<Information Name="delta" Value="{delta:.17g}"/>\n'
         topology = f'<Topology TopologyType="{TOPOLOGY_TYPES[corners]}"{many} NumberOfElements="{len(cells)}">'
         topology += f"{_item(MESH, f'{prefix}cells', cells.shape, 'Int')}</Topology>\n"

@@ -178,9 +178,8 @@ class Run:
         said = {"asked": asked, "title": plan.title, "units": plan.units, "gap": physics.gap, "method": scene.method}
         center, auto = [c * physics.scales.length for c in physics.center], left_open(self.config, decided)
         planned = {"choices": list(plan.choices), "prediction": prediction, "scales": physics.scales, "auto": auto}
-        if physics.path.times:
-            why = next(choice.why for choice in plan.choices if choice.key == "time")
-            said["time"] = {"way": "steps", "method": _method(scene), "why": why}
+        if plan.time and physics.path.times:
+            said["time"] = plan.time.report
         said |= {"control": physics.path.control, "center": center, "plan": planned, "warnings": list(plan.warnings)}
         return said | {"ranks": self.comm.size, "memory_before_MB": round(memory(), 1)}
 
@@ -231,13 +230,6 @@ class Run:
             return found
 
         return self._beside("a run beside this one", followed, [])
-
-
-def _method(scene: Scene) -> str:
-    """By what a body followed row by row goes from one row to the next."""
-    if scene.physics.permeable:
-        return "SDIRK2"
-    return "exponentials" if scene.physics.relaxing else "equilibria"
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:
@@ -364,10 +356,13 @@ def mpi() -> Any:
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:
-    from indent_sim.results.pictures import canvas, experiment, forces
+    from indent_sim.results.pictures import canvas, experiment, forces, history
 
     draw = amend(directory, report)
     picture = directory / canvas.FORCE_PICTURE
+    if history.is_of_body(report):
+        draw(canvas.FORCE_PICTURE, lambda: history.draw(read(directory), picture), None)
+        return
     draw(canvas.FORCE_PICTURE, lambda: forces.force_indentation(read(directory), picture), None)
     if (directory / EXPERIMENT).exists() or "time" in report:
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

@@ -223,7 +223,7 @@ def _range(scene: Scene, theory: Solution) -> tuple[float, float]:
         return left / (SAME_PROBLEM_FACTOR * coarse), SAME_PROBLEM_FACTOR * coarse
     height, rim = scene.physics.body.height, scene.physics.body.rim_distance(scene.physics.center)
     feels_a_half_space = theory.a <= HALF_SPACE_CONTACT * min(height, rim) and height <= PILLAR_HEIGHT * rim
-    if scene.physics.body.inclusions or not feels_a_half_space:
+    if scene.physics.body.inclusions or scene.physics.part.skins or not feels_a_half_space:  # skins bend as shells
         return 0.0, float("inf")
     may_stiffen = not scene.physics.small_strain and theory.delta > SHALLOW * theory.a
     return left / (HALF_SPACE_FACTOR * coarse), float("inf") if may_stiffen else HALF_SPACE_FACTOR * coarse

@@ -92,6 +92,8 @@ def _mesh(config: Config, scene: Scene) -> Any:
     mesh = _decided(config.mesh, h_contact=near, h_far=far, grading=sizes.grading, symmetry=symmetry)
     if sizes.inclusions and mesh.h_inclusions is None:
         mesh = dataclasses.replace(mesh, h_inclusions=tuple(h * L for _, h in sizes.inclusions))
+    if sizes.skins:
+        mesh = _decided(mesh, h_layers=tuple(h * L for _, h in sizes.skins))
     if config.mesh.h_contact != "auto":
         return mesh
     own = {name: length * L for name in ("h_axis", "h_edge", "h_corner") if (length := getattr(sizes, name))}

@@ -35,7 +35,8 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 # 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up to 1e-12 of them at most
 AUDIT_FLOOR = 1e-4
 
-SWOLLEN = 100.0  # of E height^2, what supports hold of a body that swells, as Newton takes it
+SWOLLEN = 100.0  # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
+DISPLACED = 1e-3  # of a^2 delta: a smaller outflow is none beside what flows inside the body
 
 Progress = Callable[[State, int, int], None]
 
@@ -167,8 +168,18 @@ class Simulation:
             raise
         finally:
             worst = self._worst_audit if self.scene.is_meshed else None
+            self._note_time()
             self.record.note(**summary(self.scene, self.states, self.clock, worst, self.record.alone))
         return self.states
+
+    def _note_time(self) -> None:
+        """Say how a history was followed row by row, the parts before this one included."""
+        if not (self.scene.plan.time and self.scene.physics.path.times):
+            return
+        before = (self.record.earlier.report.get("time") or {}) if self.record.earlier else {}
+        before = before if "cuts" in before else {}  # of a run that was killed stages are the planned ones
+        done = {name: count + int(before.get(name, 0)) for name, count in self._walk.counts.items()}
+        self.record.note(time=self.scene.plan.time.report | done)
 
     def experiment(self) -> None:
         """Compute and write what the experiment makes of the curve; nothing without one."""
@@ -183,10 +194,10 @@ class Simulation:
             with self.clock.stage("experiment"):
                 findings = self.record.beside(EXPERIMENT, lambda: conduct(self.scene, equilibrium), Findings([]))
         self.record.write_experiment([] if self.scene.history else findings.rows, findings.dynamic)
-        said = {"experiment": findings.report} if self.scene.experiment else {}
-        self.record.note(
-            **said, **({"time": findings.time} if findings.time else {}), timings=stages(self.clock.stages)
-        )
+        said: dict[str, Any] = {"experiment": findings.report} if self.scene.experiment else {}
+        if self.scene.plan.time and findings.time:
+            said["time"] = self.scene.plan.time.report | findings.time
+        self.record.note(**said, timings=stages(self.clock.stages))
         self.record.warn(*findings.warnings)
 
     def release(self) -> None:
@@ -237,7 +248,9 @@ class Simulation:
         physics, a = self.scene.physics, self.scene.plan.prediction["a"]
         attraction = physics.scales.unscaled(physics.contact).adhesion
         pull = attraction.work * a if attraction else 0.0  # about; the force may be less, where as much pushes
-        swollen = SWOLLEN * physics.scales.force if physics.swells else 0.0  # with or without a tip
+        swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
+        if physics.permeable:
+            swollen = SWOLLEN * physics.scales.force * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
         largest = max([swollen, abs(state.force), *(abs(earlier.force) for earlier in self.states)])
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
@@ -251,7 +264,9 @@ class Simulation:
 
     def _audit_fluid(self, state: State) -> None:
         """What has left the body and what is missing in it must be one, beside the most that ever left."""
-        largest = max(abs(one.outflow or 0.0) for one in (*self.states, state))
+        a, depth = self.scene.plan.prediction["a"], max(abs(one.delta) for one in (*self.states, state))
+        left = max(abs(one.outflow or 0.0) for one in (*self.states, state))
+        largest = max(left, DISPLACED * a ** (self.scene.physics.scales.dim - 1) * depth)
         unbalanced = state.unbalanced / largest if largest > 0 else 0.0
         self._worst_audit = max(self._worst_audit, unbalanced)
         if not unbalanced <= AUDIT_TOLERANCE:

@@ -410,6 +410,10 @@ def mesh(config: Config, given: Given, sizes: Sizes, fineness: Fineness | None) 
         inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.inclusions)
         why = "as given" if wanted.h_inclusions else "by what the force feels of each; sizes grow from this around them"
         choices.append(Choice("mesh.h_inclusions", inside, why))
+    if sizes.skins:
+        inside = ", ".join(f"{h * L:.4g}" for _, h in sizes.skins)
+        why = "as given" if wanted.h_layers else "by the thickness of each skin; sizes grow from this on both sides"
+        choices.append(Choice("mesh.h_layers", inside, why))
     return choices
 
 
@@ -432,6 +436,8 @@ def steps(given: Given, physics: Physics, sizes: Sizes) -> Choices:
     method = "SDIRK2" if physics.permeable else "the exponentials' own"
     why.append(f"{given.per_doubling} of each length in every piece of the history, then twice as long; {method}")
     first = first_step(given, physics, sizes.h_contact)
+    if given.history.control == "force" and given.history.jumps and not physics.path.sudden:
+        why.append("a sudden force on this column has no equilibrium: its row is the first step's")
     if physics.bath_ramp and any(physics.bath_pressure(one, physics.bath_ramp) for one in physics.permeable):
         why.append(f"the bath comes within {physics.bath_ramp:.3g}, since a sudden one has no equilibrium")
     return [Choice("time.first_step", float(f"{first:.4g}"), "; ".join(why))]

@@ -15,7 +15,7 @@ import numpy as np
 from indent_sim.mesh.modelled_part import Part
 from indent_sim.mesh.part_from_file import MeshedPart
 from indent_sim.mesh.sizes import Sizes
-from indent_sim.model.body import UNIT_BALLS, Inclusion
+from indent_sim.model.body import Inclusion, Shell
 
 PLANE = {"cells": 2.63, "nodes": 5.58, "vertices": 1.45}  # per size^2
 # Per size^3 of the volume, and per size^2 of its surface, where gmsh's elements are as small but lie on one side only:
@@ -98,6 +98,7 @@ def _counts(sizes: Sizes, part: Part) -> dict[str, float]:
         nodes = 2 * size.points + size.cells + (0 if part.dim == 2 else size.outside / 2)  # by Euler, holes left out
         return {"cells": size.cells * fold, "nodes": nodes * fold, "vertices": size.points * fold}
     within = sum(_elements_of(*one, sizes, part) for one in sizes.inclusions)
+    within += sum(_elements_in(*one, sizes, part) for one in sizes.skins)
     if part.dim == 2:
         area = _inverse_area(sizes, part) + within
         return {name: factor * area for name, factor in PLANE.items()}
@@ -142,14 +143,24 @@ def _elements_of(inclusion: Inclusion, inside: float, sizes: Sizes, part: Part) 
     dim = part.dim
     spread = np.concatenate([[0.0], np.geomspace(inside / 4, part.longest, 200)])
     size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
-    spans = inclusion.spans if dim == 3 else [((axis,), inclusion.half(axis)) for axis in (0, 2)]
-    volume = np.prod([UNIT_BALLS[len(axes)] * (half + spread) ** len(axes) for axes, half in spans], axis=0)
+    volume = inclusion.swollen(spread, dim)
     shares = part.copies * (2 if part.symmetry == "axisymmetric" else 1)
     *across, z = inclusion.center
     r = np.linalg.norm([c - axis for c, axis in zip(across, (*sizes.axis, 0.0), strict=False)])
     there = sizes.at(np.array(r), np.array(-z))
     beyond = [np.maximum(1 / h**dim - 1 / there**dim, 0.0) for h in (inside, size)]
     return float(volume[0] * beyond[0] + (np.diff(volume) * beyond[1]).sum()) / shares
+
+
+def _elements_in(skin: Shell, inside: float, sizes: Sizes, part: Part) -> float:
+    """Elements in and around a skin beyond those without it, of the section of a cap or ball."""
+    spread = np.concatenate([[0.0], np.geomspace(inside / 4, skin.outer, 200)])
+    size = np.minimum(inside + sizes.grading * (spread[1:] + spread[:-1]) / 2, sizes.h_far)
+    inwards = np.diff(np.maximum(skin.inner - spread, 0.0) ** 2) / -2
+    angle = np.arccos(1 - part.height / skin.outer) if part.height < 2 * skin.outer else pi
+    areas = np.concatenate([[(skin.outer**2 - skin.inner**2) / 2], inwards]) * angle
+    beyond = 1 / np.concatenate([[inside], size]) ** 2 - 1 / sizes.h_far**2
+    return float((areas * np.maximum(beyond, 0.0)).sum())
 
 
 def candidates(sizes: Sizes, part: Part) -> float:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
-from math import exp, inf, log, pi
+from math import exp, inf, isfinite, log, pi
+from typing import Any
 
 import numpy as np
 
@@ -13,17 +16,22 @@ from indent_sim.mesh.modelled_part import Part
 from indent_sim.mesh.sizes import Sizes
 from indent_sim.model.body import Dome
 from indent_sim.model.contact import Friction
+from indent_sim.model.materials import Material
 from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Sphere
-from indent_sim.scene.given import Given, Physics
-from indent_sim.scene.theories import half_space_depth, half_space_force
+from indent_sim.scene.given import Durations, Given, Physics, fastest, remaining
+from indent_sim.scene.theories import half_space_depth, half_space_force, relaxed, undrained
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.surface import no_slip
+from indent_sim.theory.surface.drainage import paraboloid_left
 from indent_sim.theory.surface.no_slip import Rubbed
 
 PROFILE_POWERS: dict[type, float] = {Paraboloid: 2.0, Sphere: 2.0, Cone: 1.0, FlatPunch: inf}  # of the tip's profile
 SIDE_WALL_ROOM = 2.0  # thicknesses, or contact radii, to the side walls of a layer that feels them little
 NEGLIGIBLE_PERCENT = 1.0  # per cent that stick changes: less is not worth a sentence
+NEARLY = 2.0  # per cent from an elastic limit: up to this a body is said to be one
+MOST_LIKE = 0.6  # contact radii in a height, up to which what is left of a paraboloid's force is that of the table
+RAMP_POINTS = 1000  # of the integral over a ramp
 REACH_ROUNDING = 1e-9  # of a length
 PULLS = 6.0  # edge elements in the rim that would pull, at most: Newton goes round in a circle from 5 on, measured
 NEARLY_STICK = 5.0  # the friction that stands for stick then: 0.05 % of the force less, measured at nu = 0
@@ -45,14 +53,16 @@ def prediction_of(given: Given) -> dict[str, float]:
             found[f"{asked}_JKR"] = getattr(contact, asked, None)
     else:
         closed, solution = None, given.solution(delta) if delta > 0 else None
-        found[asked] = delta if largest is not None else solution.force if solution else None
+        if not physics.evolves:  # else `InTime` says it
+            found[asked] = delta if largest is not None else solution.force if solution else None
         if scales.dim == 3:
             closed = half_space_force(tip, delta, E_star) if largest is None else half_space_depth(tip, largest, E_star)
         found[f"{asked}_half_space"] = closed[1] if closed else None
         if theory and delta > 0:
             found |= {f"{asked}_{name}": theory.formula_at(name, delta, largest) for name in theory.formulas}
     known = {name: value * unit for name, value in found.items() if value is not None}
-    return {"a": given.a * scales.length} | known
+    ell = given.elastocapillary_length
+    return {"a": given.a * scales.length} | ({"elastocapillary_length": ell * scales.length} if ell else {}) | known
 
 
 @dataclass(frozen=True)
@@ -84,6 +94,188 @@ class Stick:
         return f"pure stick instead of no friction would change this force by {change}"
 
 
+@dataclass(frozen=True)
+class InTime:
+    """What is known of a scene that is followed in time before it is, in the user's units.
+
+    way: curve | steps, by which method and why. D [length^2/time]: of the fluid, None without. times [time]: what it
+    needs through the contact (a^2/D), the body (H^2/D) and an element (h_contact^2/D), the longest `relaxation`, the
+    `way_in` to the largest value, and the whole `history`. stages: equilibria of a run that cuts no step. limits: the
+    largest force, or the depth of the largest force prescribed, `undrained` and `drained`, and where something relaxes
+    `unrelaxed` and `relaxed`; None where theory does not know it. about: the force between them that is expected.
+    words: the cheapest elastic model of the scene, if there is one.
+    """
+
+    way: str
+    method: str
+    why: str
+    D: float | None
+    times: dict[str, float]
+    stages: int | None
+    limits: dict[str, float | None]
+    about: float | None
+    words: str
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """As run.json has it."""
+        return {name: value for name, value in vars(self).items() if name != "about"}
+
+    def prediction(self, asked: str) -> dict[str, float]:
+        """Its limits as predictions of what is asked for, force or delta."""
+        said = {f"{asked}_{name}": value for name, value in self.limits.items() if value is not None}
+        return ({} if self.about is None else {asked: self.about}) | said
+
+
+def followed(given: Given, physics: Physics, h_contact: float | None, why: str) -> InTime | None:
+    """What is known of the scene in time; None where no time passes. h_contact [length] of a mesh; why: of its way."""
+    history = given.history
+    if history is None:
+        return None
+    times, D = {"way_in": history.way_in, "history": history.span}, None
+    if physics.permeable and h_contact is not None:
+        D, fluid = fastest(physics) * physics.scales.length**2, Durations.of(given, physics, h_contact)
+        times |= {"contact": fluid.contact, "height": fluid.height, "element": fluid.element}
+        times = {name: t for name, t in times.items() if isfinite(t)}
+    if relaxations := _relaxations(given, physics):
+        times["relaxation"] = max(relaxations)
+    passages = [found for find in (_drains, _relaxes) if (found := find(given, physics))]
+    limits = {name: value for one in passages for name, value in one.limits(given).items()}
+    words = "; ".join(one.words(times) for one in passages)
+    about = passages[0].about(given) if len(passages) == 1 else None
+    way, stages = ("steps", _stages(physics)) if physics.path.times else ("curve", None)
+    return InTime(way, _method(given, physics), why, D, times, stages, limits, about, words)
+
+
+def _stages(physics: Physics) -> int:
+    """Equilibria of a path in time: two of each step in which fluid flows, one of a jump."""
+    t, found = 0.0, 0
+    for step in range(1, len(physics.path.values) + 1):
+        for _, end in physics.path.leg(step):
+            found += 2 if physics.permeable and end > t else 1
+            t = end
+    return found
+
+
+def _method(given: Given, physics: Physics) -> str:
+    """By what a scene goes from one row of its history to the next."""
+    if not physics.path.times:
+        return "time steps" if given.is_stepped else "quadrature" if given.relaxation else "equilibria"
+    if physics.permeable:
+        return "SDIRK2"
+    return "exponentials" if physics.relaxing else "equilibria"
+
+
+def _relaxations(given: Given, physics: Physics) -> list[float]:
+    """The times of all terms that relax."""
+    laws = [given.relaxation, *(region.material.relaxation for region in physics.relaxing)]
+    return [time for law in laws if law for _, time in law.prony or ()]
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """What a body passes from one elastic limit to another: their names with the law of each, its slowest time by name,
+    what is left of the difference at the end of the way in, and at the end of the history; None where nobody knows."""
+
+    first: tuple[str, Callable[[Material], Material]]
+    last: tuple[str, Callable[[Material], Material]]
+    slowest: tuple[str, str]
+    left: float | None
+    left_at_end: float | None
+    ratio: float  # of the first force to the last one, at a depth
+
+    def limits(self, given: Given) -> dict[str, float | None]:
+        """The force at the deepest point, or the depth of the largest force [user's units], of both."""
+        return {name: _limit(given, law) for name, law in (self.first, self.last)}
+
+    def about(self, given: Given) -> float | None:
+        """The force to expect at the end of the way in [user's units]."""
+        first, last = self.limits(given).values()
+        if None in (first, last, self.left) or given.physics.path.control == "force":
+            return None
+        return last + self.left * (first - last)  # type: ignore[operator]
+
+    def words(self, times: Mapping[str, float]) -> str:
+        """The cheapest elastic model, at the end of the way in and of the history."""
+        (name, said), t = self.slowest, times["way_in"]
+        share = f", {t / times[name]:.2g} of {said}" if times.get(name) else ""
+        found = f"the way in takes {t:.3g}{share}: {self._model(self.left)}"
+        if self.left_at_end is not None and self.left_at_end != self.left:
+            found += f"; at the end of the history {self._model(self.left_at_end)}"
+        return found
+
+    def _model(self, left: float | None) -> str:
+        if left is None:
+            return "`require` solves which elastic body that is near"
+        below, above = 100 * (1 - 1 / self.ratio) * (1 - left), 100 * (self.ratio - 1) * left
+        if min(below, above) > NEARLY:
+            beside = f"{_percent(below)} below the {self.first[0]} force, {_percent(above)} above the {self.last[0]}"
+            return f"neither, about {beside}"
+        name, percent = (self.first[0], below) if below < above else (self.last[0], above)
+        return f"{name}, within about {percent:.1g} %"
+
+
+def _percent(change: float) -> str:
+    return f"{change:.2g} %" if change < 99.5 else f"{change:.0f} %"
+
+
+def _drains(given: Given, physics: Physics) -> _Passage | None:
+    """From undrained to drained, by what is left under a paraboloid on a layer (`paraboloid_left`)."""
+    if not physics.permeable or given.swelling:
+        return None
+    assert given.history is not None
+    own, tip = physics.material, physics.drainage.tip
+    power, has_one = power_of(physics.indenter), len(physics.part.regions) == 1 and physics.scales.dim == 3
+    is_like = power in (1.0, 2.0) and has_one and given.a <= MOST_LIKE * physics.body.height
+    left = at_end = None
+    if is_like and physics.drainage.surface == "drained" and (tip == "sealed" or tip == "drained"):
+        through = fastest(physics) / given.a**2
+        left = paraboloid_left(through * given.history.way_in, tip, "ramp")
+        at_end = min(left, paraboloid_left(through * given.history.rest_after, tip, "step"))
+    stiff = undrained(own)
+    laws = ("undrained", undrained), ("drained", lambda material: replace(material, flow=None))
+    return _Passage(*laws, ("contact", "a^2/D"), left, at_end, stiff.E_star / own.E_star)
+
+
+def _relaxes(given: Given, physics: Physics) -> _Passage | None:
+    """From unrelaxed to relaxed, by what is left under a tip whose force grows as depth^1.5 in an incompressible
+    half-space."""
+    law = given.relaxation or next((region.material.relaxation for region in physics.relaxing), None)
+    if law is None or given.history is None:
+        return None
+    history, rest = given.history, remaining(law, given.history)
+    terms = law.prony or ()
+    left = at_end = None
+    if total := sum(fraction for fraction, _ in terms):
+        shares = [fraction / total * _ramped(history.way_in / time) for fraction, time in terms]
+        left = sum(shares)
+        at_end = sum(one * exp(-history.rest_after / time) for one, (_, time) in zip(shares, terms, strict=True))
+    own = physics.material
+    soft = partial(relaxed, left=rest)
+    ratio = 1 / rest if given.relaxation else own.E_star / soft(own).E_star
+    laws = ("unrelaxed", lambda material: material), ("relaxed", soft)
+    return _Passage(*laws, ("relaxation", "the longest relaxation"), left, at_end, ratio)
+
+
+def _ramped(x: float) -> float:
+    """int_0^1 exp(-x (1 - s)) d(s^1.5): what a term leaves of the force at the end of a ramp of x times its time."""
+    s = (np.arange(RAMP_POINTS) + 0.5) / RAMP_POINTS
+    return float(np.exp(-x * (1 - s)) @ np.diff(np.linspace(0, 1, RAMP_POINTS + 1) ** 1.5))
+
+
+def _limit(given: Given, change: Callable[[Material], Material]) -> float | None:
+    """The force at the deepest point, or the depth of the largest force, of a body whose laws are changed so."""
+    assert given.history is not None
+    theory, scales = given.theory_with(change), given.physics.scales
+    if theory is None or given.history.largest <= 0:
+        return None
+    if given.history.control == "force":
+        depth = theory.depth(given.history.largest, given.physics.body.height)
+        return None if depth is None else depth * scales.depth
+    solution = theory.at(given.deepest)
+    return solution.force * scales.force if solution else None
+
+
 def stick(given: Given, physics: Physics, linear: str = "direct") -> Stick | None:
     """What no slip would change at the deepest contact: exactly on a half-space, a range of the map of bonded layers
     elsewhere; None where neither knows the scene, or where nothing slips without friction as it is.
@@ -103,7 +295,13 @@ def stick(given: Given, physics: Physics, linear: str = "direct") -> Stick | Non
 def _at_small_strain(given: Given) -> Stick | None:
     physics, a = given.physics, given.a
     part, tip, power = physics.part, physics.indenter, power_of(physics.indenter)
-    if power is None or not _is_plain(part) or part.kinematics.name == "plane_strain" or a <= 0:
+    if (
+        power is None
+        or physics.surface_tension
+        or not _is_plain(part)
+        or part.kinematics.name == "plane_strain"
+        or a <= 0
+    ):
         return None
     nu, rim = physics.material.constants.nu, physics.body.rim_distance(physics.center)
     if given.is_half_space:

@@ -128,6 +128,7 @@ def fineness_of(target: float, n: float, contacts: Sequence[tuple[float, float, 
 def coarser(sizes: Sizes, ratio: float, height: float) -> Sizes:
     """Sizes that much larger, near and far alike, for a body of this height [length]; finer for a ratio below 1."""
     fine = min(ratio * sizes.h_contact, height)
+    skins = tuple((one, min(ratio * h, max(one.thickness, h))) for one, h in sizes.skins)
     inside = [(one, min(ratio ** (RATE / 2) * h, one.thinnest)) for one, h in sizes.inclusions]
     return replace(
         sizes,
@@ -139,6 +140,7 @@ def coarser(sizes: Sizes, ratio: float, height: float) -> Sizes:
         h_axis=sizes.h_axis and min(ratio * sizes.h_axis, fine),
         h_corner=sizes.h_corner and min(ratio ** (RATE / POWER) * sizes.h_corner, fine),
         inclusions=tuple(inside),
+        skins=skins,
     )
 
 

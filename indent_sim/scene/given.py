@@ -90,6 +90,7 @@ class Physics:
     gap: str = "reference"  # or current
     wall_stiffness: float = 0.0  # of the weak u . n = 0 on the curved wall of a cylinder in three dimensions; 0: none
     anchor: Anchor = "implicit"  # of what comes into contact during a step, with friction
+    surface_tension: float = 0.0  # of the contact surface [pressure length]
     drainage: Drainage = field(default_factory=Drainage)  # of regions with a flow; times are the scene's own
     bath_ramp: float = 0.0  # in which its first bath comes [time]; 0: at once
 
@@ -139,8 +140,8 @@ class Physics:
 
     @property
     def swells(self) -> bool:
-        """Whether a bath lifts its surface."""
-        return any(one.material.bath_pressure(bath) > 0 for one in self.permeable for bath in self.drainage.baths)
+        """Whether a bath makes it swell or shrink."""
+        return any(one.material.bath_pressure(bath) != 0 for one in self.permeable for bath in self.drainage.baths)
 
     @property
     def relaxing(self) -> tuple[Region, ...]:
@@ -204,13 +205,18 @@ class Durations:
     @staticmethod
     def of(given: Given, physics: Physics, h_contact: float) -> Durations:
         """Those of a scene's fastest region; h_contact [length]."""
-        D = max(region.material.diffusivity for region in physics.permeable)
+        D = fastest(physics)
         lengths = (given.a, h_contact, physics.body.height, physics.body.rim_distance(physics.center) / 2)
         return Durations(*(length**2 / D for length in lengths))
 
     def first(self, shortest: float) -> float:
         """Of the steps of a piece, beside what takes a `shortest` one [time]."""
         return max(min(FIRST_STEP * self.contact, shortest), self.element / DRAINS_ELEMENT)
+
+
+def fastest(physics: Physics) -> float:
+    """The largest diffusivity D [length^2/time] of the regions in which fluid flows."""
+    return max(region.material.diffusivity for region in physics.permeable)
 
 
 @dataclass(frozen=True)
@@ -229,8 +235,10 @@ class Given:
     is_stepped: bool  # whether a relaxing body is followed step by step
     per_doubling: int  # steps of each length, where fluid flows
     attraction: Adhesion | None  # of the contact
+    without_tension: Theory | None  # the theory of the same body without a surface tension
     swelling: float  # how far a gel's surface rises at most, where nothing is above it [length]
     radius: Callable[[float], float] = field(repr=False)  # the contact radius [length] to expect at a depth [length]
+    theory_with: Callable[[Callable[[Material], Material]], Theory | None] = field(repr=False)  # all of it changed so
 
     @property
     def is_half_space(self) -> bool:
@@ -249,6 +257,11 @@ class Given:
         if self.held_radii and self.deepest <= 0:  # no other tip touches there
             return max(self.held_radii)
         return max([self.radius(self.deepest), *self.held_radii])
+
+    @property
+    def elastocapillary_length(self) -> float:
+        """gamma/E* [length]: a surface flatter than that is held by what is below it, a sharper one by its tension."""
+        return self.physics.surface_tension / self.physics.material.E_star
 
     @property
     def jkr_limit(self) -> JKRAdhesion | None:
@@ -285,8 +298,9 @@ def given_by(config: Config, piece: Piece | None = None) -> Given:
         return _given(config, meshed_body, meshed_body.layers, None, piece)
     layers = _layers(config)
     if isinstance(body, Cap | Ball):
-        dome = body.dome
-        return _given(config, dome, tuple(replace(layer, thickness=dome.height) for layer in layers), None, None)
+        dome, (*skins, core) = body.dome, layers
+        core = replace(core, thickness=dome.height - sum(layer.thickness or 0.0 for layer in skins))
+        return _given(config, dome, (*skins, core), None, None)
     return _given(config, body, layers, None, None)
 
 
@@ -299,8 +313,20 @@ def on_finite_body(config: Config, given: Given) -> Given:
         deepest = max(deepest, 2 * float(given.physics.indenter.height(given.a, 0.0)))
     if given.attraction:  # or as far as it is felt
         deepest = max(deepest, 2 * ATTRACTION_REACH * (given.attraction.range or 0.0))
-    found = truncate(config.body, config.indenter, _layers(config), deepest * given.physics.scales.length)
+    layers, length = _layers(config), given.physics.scales.length
+    found = truncate(config.body, config.indenter, layers, deepest * length, wider_for_tension(given))
     return _given(config, found.body, found.layers, found, None)
+
+
+def wider_for_tension(given: Given) -> float:
+    """How many times as wide a finite body must be for its surface tension: the force that it adds is felt as far away,
+    and the surface beside the contact is flat over gamma/E*."""
+    ell, plain = given.elastocapillary_length, given.without_tension
+    if not ell or plain is None or given.deepest <= 0:
+        return 1.0
+    stiffer, reference = given.solution(given.deepest), plain.at(given.deepest)
+    force = stiffer.force / reference.force if stiffer and reference else 1.0
+    return max(force, 1.0 + ell / given.physics.body.height)
 
 
 def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation | None, piece: Piece | None) -> Given:
@@ -326,7 +352,8 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
         regions = (*_regions(config, layers), *_inclusions(config, body, scales))
         part, part_why = reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
-    theory, relative = theory_of(whole, layers, tip, center), relative_tip(tip, body)
+    tension = scales.scaled(config.body).surface_tension
+    theory, relative = theory_of(whole, layers, tip, center, tension), relative_tip(tip, body)
     deltas = depths_of(path, theory, relative, material, body.height, scales)
     drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
     has_gel = any(isinstance(material, Gel) for _, material in config.materials())  # its bath has no units
@@ -335,16 +362,22 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     if has_gel and any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
         problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
         raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
-    physics = Physics(scales, body, part, tip, center, path, deltas, drainage=drainage)
+    physics = Physics(scales, body, part, tip, center, path, deltas, surface_tension=tension, drainage=drainage)
     attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
     theory = theory and theory.along(deltas)
+
+    def theory_with(change: Callable[[Material], Material]) -> Theory | None:
+        changed = [replace(layer, material=change(_material_of(layer))) for layer in layers]
+        return theory_of(whole, changed, tip, center, tension)
+
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
     finer = ceil(sqrt(FOLLOWED_TO / (target_of(config.accuracy) or FOLLOWED_TO)))
     steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
-    found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction)
-    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius)
+    plain = theory_of(whole, layers, tip, center) if tension else theory
+    found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)
+    return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
 
 
 def _swelling(drainage: Drainage, layers: Layers) -> float:
@@ -409,10 +442,33 @@ def in_time(given: Given, physics: Physics, h_contact: float) -> Physics:
         first = first_step(given, physics, h_contact)
         physics = replace(physics, bath_ramp=0.0 if physics.small_strain else RAMP_STEPS * first)
         path = given.history.in_steps(first, given.per_doubling)
+        if _is_locked(physics) and path.control == "force":
+            path = _without_sudden(path)
     tip, height = given.relative, physics.body.height
     return replace(
         physics, path=path, deltas=depths_of(path, given.theory, tip, physics.material, height, physics.scales)
     )
+
+
+def _is_locked(physics: Physics) -> bool:
+    """Whether a tip as wide as a body between its walls finds no way to press it while no fluid leaves."""
+    tip, body = physics.indenter, physics.body
+    is_as_wide = isinstance(tip, FlatPunch) and tip.radius >= body.rim_distance(physics.center) * (1 - AT_RIM)
+    is_closed = all(
+        physics.part.supports.get(wall, "free") != "free" for wall in physics.part.distances(physics.center)
+    )
+    is_full = all(one.material.flow and not one.material.flow.storage for one in physics.part.regions)
+    return bool(is_as_wide and is_closed and is_full)
+
+
+def _without_sudden(path: LoadPath) -> LoadPath:
+    """The path without the rows at which a force comes at once: it has no equilibrium, which begins a step later."""
+    if path.sudden and (path.turns or len(path.sudden) == len(path.values)):
+        problem = "holds a sudden force on a column that cannot give way before its fluid does: it has no equilibrium"
+        raise ConfigError(
+            "loading.force_history", problem, "let it grow, or times: auto, whose first row is a step later"
+        )
+    return path.without(path.sudden)
 
 
 def first_step(given: Given, physics: Physics, h_contact: float) -> float:

@@ -136,7 +136,11 @@ def _dome(body: Dome, wanted: str, regions: Regions) -> tuple[Part, str]:
     if wanted not in ("auto", "axisymmetric"):
         raise _refuse(wanted, f"a {body.shape} is modelled about its axis", "use 'auto'")
     supports = {"base": body.base, "r_min": "roller"}
-    part = Part(Axisymmetric(), "axisymmetric", 1, _round_section(body), body.height, regions, supports)
+    outline = _round_section(body)
+    if body.height == 2 * body.radius and len(regions) > 1:  # from a place in the core, as all sections
+        start, (first, *others, last) = (0.0, -body.radius), outline
+        outline = Side("r_min", start, first.start), first, *others, Side("r_min", last.start, start)
+    part = Part(Axisymmetric(), "axisymmetric", 1, outline, body.height, regions, supports)
     mirrored = "; half of the ball, which the plane through its center mirrors, and half of the approach"
     return part, f"tip of revolution on the axis of a {body.shape}{mirrored if body.pieces == 2 else ''}"
 

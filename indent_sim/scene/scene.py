@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from indent_sim.scene.choices import Choice
 from indent_sim.scene.cost import PER_ROW, THEORY_SECONDS, Cost, Work, candidates
 from indent_sim.scene.cost import cost as cost_of
 from indent_sim.scene.doubts import Doubt, doubts, of_fluid, of_material, of_theory, of_whole_contact
-from indent_sim.scene.expected import ExpectedAdhesion, Stick, peakless, prediction_of, rubbed, stick
+from indent_sim.scene.expected import ExpectedAdhesion, InTime, Stick, followed, peakless, prediction_of, rubbed, stick
 from indent_sim.scene.fineness import Fineness
 from indent_sim.scene.given import Given, Physics, given_by, in_time, on_finite_body
 from indent_sim.scene.sizing import AT_END
@@ -50,6 +51,7 @@ class Plan:
     friction: Rubbed | None = None  # what it changes of theory's contact, where that is known
     adhesion: ExpectedAdhesion | None = None  # of a tip that adheres
     jkr: Jkr | None = field(default=None, repr=False)  # the same tip without range, without units
+    time: InTime | None = None  # of a scene that is followed in time
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -59,7 +61,7 @@ class Plan:
     def as_json(self) -> dict[str, Any]:
         """The plan as one JSON object."""
         parts = ("title", "units", "choices", "prediction", "stick", "friction", "adhesion", "warnings")
-        return {name: getattr(self, name) for name in parts}
+        return {name: getattr(self, name) for name in parts} | {"time": self.time.report if self.time else None}
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,8 @@ def _by_theory(config: Config, given: Given, solver: Choice) -> Scene:
     chosen = (*choices.quantities(config), solver, *choices.by_theory(config, given), *of_curve)
     predicted = prediction_of(given) | {"seconds": float(f"{THEORY_SECONDS + PER_ROW * len(physics.deltas):.2g}")}
     against = (*of_material(config, given), *of_theory(given), *of_whole_contact(given))
-    plan = Plan(config.title, config.units, given.theory, None, chosen, against, predicted, stick(given, physics))
+    known = (given.theory, None, chosen, against, predicted, stick(given, physics))
+    plan = Plan(config.title, config.units, *known, time=followed(given, physics, None, _why_so(chosen)))
     settings = replace(config.solver, method="theory")
     return Scene(
         physics, sizing.surface_points(given), settings, plan, given.experiment, given.history, given.relaxation
@@ -207,13 +210,19 @@ def _meshed(config: Config, given: Given, per_radius: float | None) -> Scene:
     of_mesh, of_curve = choices.mesh(config, given, sizes, fineness), choices.curve(config, given, solver, is_in_time)
     of_time = (*of_curve, *choices.steps(given, physics, sizes))
     chosen = (*of_body, *of_contact, *of_peak, *of_mesh, solver, linear, *of_time)
-    predicted = _prediction(given, doubted, cost)
+    time = followed(given, physics, sizes.h_contact, _why_so(of_time))
+    predicted = _prediction(given, doubted, cost, time)
     said, rough = stick(given, physics, str(linear.value)), rubbed(given, physics, config.contact.friction)
-    known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr)
+    known = (given.theory, fineness, chosen, doubted, predicted, said, rough, adhesion, given.jkr, time)
     plan = Plan(config.title, config.units, *known)
     settings = replace(config.solver, method=solver.value, linear=linear.value)  # type: ignore[arg-type]
     history = None if is_in_time else given.history
     return Scene(physics, sizes, settings, plan, given.experiment, history, given.relaxation)
+
+
+def _why_so(chosen: Iterable[Choice]) -> str:
+    """Why a history is followed as it is; empty without one."""
+    return next((choice.why for choice in chosen if choice.key == "time"), "")
 
 
 def _wall(given: Given, sizes: Sizes) -> tuple[float, list[Choice]]:
@@ -250,10 +259,12 @@ def _unaffordable(config: Config, physics: Physics, sizes: Sizes, work: Work, fi
     return ConfigError(key, said, f"use a larger {name}, or symmetry")
 
 
-def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost) -> dict[str, float]:
+def _prediction(given: Given, doubted: tuple[Doubt, ...], cost: Cost, time: InTime | None) -> dict[str, float]:
     """What to expect of the results and of the run, in the user's units."""
     truncation = {"truncation_error": given.truncation.error} if given.truncation else {}
     error = sum(doubt.force_error for doubt in doubted) if given.physics.deltas[-1] > 0 else 0.0
     size = {"cells": round(cost.cells), "dofs": round(cost.dofs), "memory_MB": round(cost.memory / 1e6)}
     effort = size | {"seconds": float(f"{cost.seconds:.2g}")}
-    return prediction_of(given) | truncation | ({"force_error": error} if error else {}) | effort
+    asked = "delta" if given.physics.path.control == "force" else "force"
+    of_time = time.prediction(asked) if time and given.physics.evolves else {}
+    return prediction_of(given) | of_time | truncation | ({"force_error": error} if error else {}) | effort

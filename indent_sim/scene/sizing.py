@@ -49,6 +49,7 @@ KEEN = 0.74  # of (1 + radius/gap), by how much more a punch's radius is felt be
 CORNERS = 0.1  # of the error of the force that all else may cost, what the corners may cost
 RULE = 0.25  # and from what share on they rule how the force converges
 HEARD = 0.25  # of the error of the force that all else may cost, what inclusions may cost
+PER_SKIN = 1.5  # elements across a skin: see `test_skins`
 ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an inclusion, from and to, by dim
 # What the force feels of a missing part of an inclusion, at most; and elements in one with flat faces, which miss none
 # of it, times those in a round one. Measured for moduli of 1e-3 to 1e3 times the body's: 0.02 to 0.1 % at auto
@@ -126,6 +127,7 @@ def sizes(config: Config, given: Given, wanted: Fineness | None, gap: str) -> Si
         settled = replace(settled, h_contact=rounded(a / PER_ADHESIVE), h_axis=rounded(held[0] / PER_ADHESIVE))
     plain = _plain(given, settled, edge, keenness)
     fine = _in_inclusions(_at_corners(plain, given, settled, wanted), config, given, wanted)
+    fine = _in_skins(fine, config, given, wanted)
     _refuse_lost(fine, given, max(part.width, part.height))
     return fine
 
@@ -222,6 +224,15 @@ def _in_inclusions(plain: Sizes, config: Config, given: Given, wanted: Fineness 
     if asked:
         found = [h / given.physics.scales.length for h in asked]
     return replace(plain, inclusions=tuple(zip(inclusions, map(rounded, found), strict=True)))
+
+
+def _in_skins(plain: Sizes, config: Config, given: Given, wanted: Fineness | None) -> Sizes:
+    """The sizes, smaller in the skins of a cap or ball: as many elements across as all else has in the radius, of the
+    number that it has at automatic sizes."""
+    skins, asked, L = given.physics.part.skins, config.mesh.h_layers, given.physics.scales.length
+    finer = max(1.0, (wanted.n if wanted else 0.0) / PER_RADIUS[2])
+    found = [h / L for h in asked] if asked else [skin.thickness / (PER_SKIN * finer) for skin in skins]
+    return replace(plain, skins=tuple(zip(skins, map(rounded, found), strict=True)))
 
 
 def _elements_across(inclusion: Inclusion, given: Given, error: float) -> float:

@@ -13,7 +13,9 @@ import numpy as np
 from indent_sim.model import tips
 from indent_sim.model.body import Body, Dome, Endless, HalfSpace, Meshed
 from indent_sim.model.body import Layer as BodyLayer
+from indent_sim.model.materials import Gel, LinearElastic, Material, NeoHookean, TransverselyIsotropic
 from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, RegularPyramid, Sphere
+from indent_sim.model.units import Scales
 from indent_sim.theory import half_space, profiles
 from indent_sim.theory.films import dimitriadis_force, film_force, gao_modulus, perriot_barthel_modulus
 from indent_sim.theory.half_space import section_depth
@@ -22,6 +24,7 @@ from indent_sim.theory.roots import Curve, depth_of
 from indent_sim.theory.solution import UNSOLVED
 from indent_sim.theory.stack import Ply, Stack
 from indent_sim.theory.strip import Strip
+from indent_sim.theory.surface.drainage import PorousSolid
 from indent_sim.theory.theory import OWN_ERROR, Theory
 
 NO_INCLUSIONS = "theory's body has no inclusions"
@@ -61,6 +64,7 @@ TIPS: dict[type, KnownTip] = {
     Paraboloid: KnownTip(profiles.paraboloid, ("R",), "Hertz", half_space.paraboloid_force),
     Sphere: KnownTip(profiles.sphere, ("R",), "Sneddon (sphere)", half_space.sphere_force),
     tips.Cone: KnownTip(profiles.cone, ("half_angle", "tip_radius"), "Sneddon (cone)", half_space.cone_force),
+    tips.Hyperboloid: KnownTip(profiles.hyperboloid, ("R", "half_angle")),
     FlatPunch: KnownTip(profiles.flat_punch, ("radius", "edge_radius"), *PUNCH),
     Plate: KnownTip(profiles.plane),
     **dict.fromkeys((tips.Pyramid, tips.Berkovich, tips.Vickers, tips.CubeCorner), PYRAMID),
@@ -81,12 +85,33 @@ def first_of(*reasons: tuple[bool, str]) -> str:
     return next((why for applies, why in reasons if applies), "")
 
 
-def theory_of(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
-    """The theory of a tip on a body, its inclusions left out, or None where there is none."""
+def theory_of(
+    body: Body,
+    layers: Sequence[BodyLayer],
+    tip: Indenter,
+    center: tuple[float, ...],
+    surface_tension: float = 0.0,
+) -> Theory | None:
+    """The theory of a tip on a body under a surface tension [pressure length], its inclusions left out, or None where
+    there is none."""
     found = half_space_theory(tip, layers) if isinstance(body, HalfSpace) else layer_theory(body, layers, tip, center)
+    found = _tensed(found, surface_tension) if found and surface_tension else found
     if found is None or not body.inclusions:
         return found
     return replace(found, exact=False, why=NO_INCLUSIONS if found.exact else f"{found.why}; {NO_INCLUSIONS}")
+
+
+def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
+    """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
+    if not isinstance(plain.contact, Layer):
+        return None
+    from indent_sim.theory.surface.tension import KINKED_ERROR, TensedLayer
+
+    contact = TensedLayer.of(plain.contact, surface_tension)
+    has_wall = plain.contact.wall < inf
+    exact, why = plain.exact and not has_wall, "theory's layer is infinitely wide" if has_wall else plain.why
+    error = max(plain.error, KINKED_ERROR) if contact.has_kinks else plain.error
+    return replace(plain, contact=contact, exact=exact, why=why, error=error, formulas={})
 
 
 def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:
@@ -143,7 +168,7 @@ def relative_tip(tip: Indenter, body: Body) -> Indenter:
     if not isinstance(body, Dome):
         return tip
     match tip:
-        case Paraboloid(R=R) | Sphere(R=R):
+        case Paraboloid(R=R) | Sphere(R=R) | tips.Hyperboloid(R=R):
             return Paraboloid(1 / (1 / R + 1 / body.radius))
         case Plate() | FlatPunch():
             return Paraboloid(body.radius)
@@ -254,3 +279,50 @@ def _half_space_formula(tip: Indenter, delta: float, E_star: float) -> tuple[str
         return "", None
     size = {known.takes[0]: getattr(tip, known.takes[0])}
     return known.half_space, partial(known.force, E_star=E_star, **size)
+
+
+def undrained(material: Material) -> Material:
+    """The elastic law of a canonical material from which no fluid leaves; the material itself where none flows.
+
+    At small strain its bulk modulus is K + alpha^2/storage, at finite strain its volume stays what it is; a gel's
+    network is neo-Hookean then.
+    """
+    flow, law = material.flow, material
+    if flow is None:
+        return material
+    E, nu = law.constants
+    if isinstance(law, TransverselyIsotropic):
+        return _undrained_across(law)
+    if isinstance(law, Gel):
+        return NeoHookean(E=3 * law.shear_modulus, nu=0.5)
+    assert flow.permeability is not None
+    solid = PorousSolid(E, nu, flow.permeability, flow.alpha, flow.storage)
+    said = {"nu": solid.undrained_nu, "flow": None, "formulation": "auto"}
+    said |= {"E": solid.undrained_E} if isinstance(law, LinearElastic | NeoHookean) else {}
+    return replace(law, **said)  # type: ignore[arg-type]
+
+
+def _undrained_across(law: TransverselyIsotropic) -> Material:
+    """S_u = S - (S alpha)(S alpha)^T/(alpha S alpha + storage) of the compliance S (Woodbury)."""
+    assert law.flow is not None
+    E, E_z, nu, nu_z, alpha = law.E, law.E_z, law.nu, law.nu_z, law.flow.alpha
+    across, along = alpha * ((1 - nu) / E - nu_z / E_z), alpha * (1 - 2 * nu_z) / E_z
+    give = alpha * (2 * across + along) + law.flow.storage
+    E_u, E_zu = 1 / (1 / E - across**2 / give), 1 / (1 / E_z - along**2 / give)
+    nu_zu = (nu_z / E_z + across * along / give) * E_zu if law.flow.storage else 0.5
+    nu_u = (nu / E + across**2 / give) * E_u if law.flow.storage else 1 - E_u / (2 * E_zu)
+    return replace(law, E=E_u, E_z=E_zu, nu=nu_u, nu_z=nu_zu, flow=None, formulation="auto")
+
+
+def relaxed(material: Material, left: float) -> Material:
+    """The elastic law of a canonical material of which a share of the shear stress is left, and all of the bulk
+    modulus, or where everything relaxes the same share of it; the material itself where nothing does."""
+    if material.relaxation is None:
+        return material
+    (E, nu), law = material.constants, Scales(1.0, 1.0 / left).scaled(replace(material, flow=None))
+    if material.relaxes_in_shear and nu < 0.5:
+        mu, kappa = left * E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
+        nu = (3 * kappa - 2 * mu) / (2 * (3 * kappa + mu))
+        said = {"nu": nu} | ({"E": 2 * mu * (1 + nu)} if isinstance(law, LinearElastic) else {})
+        law = replace(law, **said)  # type: ignore[arg-type]
+    return replace(law, relaxation=None, flow=material.flow)

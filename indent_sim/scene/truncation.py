@@ -48,14 +48,29 @@ class Truncation:
         return f"stands for the {self.stands_for}: {self.ratio:.3g} contact radii {size}, {stiff}"
 
 
-def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float) -> Truncation:
-    """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of that of the body without end."""
+def truncate(body: Endless, tip: Indenter, layers: Sequence[Layer], delta: float, wider: float = 1.0) -> Truncation:
+    """The smallest body whose force at `delta` [length] is within SHARE ACCURACY of that of the body without end.
+    wider: times as wide, and a half-space as high, for what theory without a surface tension does not know."""
     found = _truncated_half_space if isinstance(body, HalfSpace) else _truncated_layer
-    truncation = found(body, tip, layers, delta)  # type: ignore[arg-type]
+    truncation = _widened(found(body, tip, layers, delta), layers, float(f"{wider:.6g}"))  # type: ignore[arg-type]
     shift = (*truncation.body.center, 0.0)  # to where the finite body has its axis
     places = [tuple(x + s for x, s in zip(one.center, shift, strict=True)) for one in body.inclusions or ()]
     placed = tuple(replace(one, center=at) for one, at in zip(body.inclusions or (), places, strict=True))
     return replace(truncation, body=replace(truncation.body, inclusions=placed or None))
+
+
+def _widened(found: Truncation, layers: Sequence[Layer], times: float) -> Truncation:
+    """The same with a body that many times as wide, and as high where it stands for a half-space."""
+    body, ratio = found.body, times * found.ratio
+    if times == 1.0:
+        return found
+    is_deep = found.stands_for == "half-space"
+    height = body.height * (times if is_deep else 1.0)
+    if isinstance(body, Cylinder):
+        finite: Cylinder | Box = replace(body, radius=times * body.radius, height=height)
+    else:
+        finite = replace(body, size=(times * body.size[0], times * body.size[1], height))
+    return replace(found, body=finite, layers=_finite(layers, height) if is_deep else found.layers, ratio=ratio)
 
 
 def _reach(body: Endless) -> float:

@@ -193,7 +193,8 @@ def _told(run: Path, ending: Ending) -> str:
     if code:
         return f"failed ({code}): {reason}"
     found = reader.read_run(run)
-    return f"force {found['force'][-1]:.6g}  {sum(found.report.get('cpu_timings', {}).values()):.2f} s"
+    force, seconds = found["force"][study_table.answer_row(found)], sum(found.report.get("cpu_timings", {}).values())
+    return f"force {force:.6g}  {seconds:.2f} s"
 
 
 def _effort(case: Case) -> float:

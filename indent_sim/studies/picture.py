@@ -1,8 +1,8 @@
 """Pictures of a study: its curves in curves.png, and in study.png what accuracy costs.
 
-curves.png: force over depth of every run, and the last force over each varied number; of histories with a hold what is
-left of the force's fall over the time, and when half of it is over. study.png: force error against
-CPU seconds, and against the varied number if there is one.
+curves.png: force over depth of every run, and the last force, of histories the largest, over each varied number; of
+histories with a hold what is left of the force's fall over the time, and when half of it is over. study.png: force
+error against CPU seconds, and against the varied number if there is one.
 """
 
 from __future__ import annotations
@@ -225,27 +225,33 @@ def _all_held(holds: Holds) -> list[Hold]:
 
 
 def _over(axes: Axes, families: Families, key: str, groups: dict[str, list[Curve]], holds: Holds) -> None:
-    """The last force of every run over a varied number, or when half of its fall in a hold is over; a line for each
-    group of those that differ in it alone."""
+    """The last force of every run, of histories the largest, over a varied number, or when half of its fall in a hold
+    is over; a line for each group of those that differ in it alone."""
     force, held = axis("force", [curve.results for curve in families.curves]), _all_held(holds)
     halves = {id(curve): hold.half_time for curve, hold in zip(families.curves, held, strict=False)}
     for i, (name, curves) in enumerate(groups.items()):
         along = sorted(curves, key=lambda curve: amount(curve.values[key])[0])
         x = [amount(curve.values[key])[0] for curve in along]
-        y = [halves[id(one)] for one in along] if held else force([one.results["force"][-1] for one in along])
+        y = [halves[id(one)] for one in along] if held else force([_told_force(one.results) for one in along])
         look = {"color": canvas.GREY, "marker": "o"} if len(groups) == 1 else curve_look(i, len(groups))
         label = in_picture(name) if 1 < len(groups) <= MOST_GROUPS else None
         axes.plot(x, y, lw=1.0, ms=5, color=look["color"], marker=look["marker"] or ".", label=label)
-    values = families.numbers(key)
+    values, in_time = families.numbers(key), all("t" in curve.results.table for curve in families.curves)
     if min(values) > 0 and (held or max(values) > LOG_SPAN * min(values)):
         axes.set_xscale("log")
     axes.set(
         xlabel=_label(families, key),
-        ylabel=f"half of the fall is over at t{_seconds(families)}" if held else f"last {force.label}",
+        ylabel=f"half of the fall is over at t{_seconds(families)}"
+        if held
+        else f"{'largest' if in_time else 'last'} {force.label}",
     )
     if held:
         axes.set_yscale("log")
         _tick_few_decades(axes, max(values) / min(values))
+
+
+def _told_force(run: Results) -> float:
+    return float(run["force"][study_table.answer_row(run)])
 
 
 def _groups_of(families: Families, key: str) -> dict[str, list[Curve]]:

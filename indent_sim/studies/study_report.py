@@ -89,7 +89,7 @@ def _pictures(folder: Path, record: Report, rows: Sequence[Row], title: str) -> 
     found = []
     families = curve_table.of_runs(folder / RUNS, rows, record["keys"])
     if families.curves:
-        words = "Force over depth, and the last force over each varied number"
+        words = "Force over depth, and the last force, of histories the largest, over each varied number"
         found.append(Picture(canvas.element(partial(picture.draw_curves, families, title)), words, broad=True))
     if study_table.measured(rows):
         cost = partial(picture.draw, rows, record["keys"], title, str(record.get("compare_to")))

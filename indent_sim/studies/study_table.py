@@ -26,6 +26,7 @@ ERRORS = ("force_error_vs", "force_error_worst", "a_error_vs", "p_error_vs")
 EFFORT = ("method", "stiffness", "dofs", "newton_iterations", "substeps")
 SAID = ("stated_error", "warnings", "verdict")
 STUDY_COLUMNS = (*OUTCOME, *ERRORS, *EFFORT, *COSTS, *SAID)
+SAME_FORCE = 1e-6  # relative: rows of a history with one force, but for what the solver leaves of it
 SMALLER_ERROR = 0.999  # an error less than this fraction of another is smaller, not the same but for rounding
 LENGTHS = ("h_contact", "h_axis", "h_edge", "h_corner", "h_far", "grading")
 MESH_KEYS = ("mesh", *(f"mesh.{name}" for name in LENGTHS), "accuracy")
@@ -68,6 +69,15 @@ def write(table: Sequence[Row]) -> str:
     return text.getvalue()
 
 
+def answer_row(found: Results) -> int:
+    """Index of the row that a run is told by: the last one; of a history that of the largest force, the first of
+    several alike, and of one that pulls all the way that of the largest depth."""
+    if "t" not in found.table:
+        return -1
+    force, top = found["force"], np.nanmax(found["force"], initial=0.0)
+    return int(np.argmax(force >= (1 - SAME_FORCE) * top) if top > 0 else np.nanargmax(found["delta"]))
+
+
 def read(text: str) -> list[Row]:
     """A table back from its CSV text: numbers, words, and None where a cell is empty."""
     return [{name: _read(value) for name, value in row.items()} for row in csv.DictReader(io.StringIO(text))]
@@ -103,7 +113,8 @@ def _row(case: Case, keys: Sequence[str], found: Results | None, answer: Answer 
     row |= {"newton_iterations": int(found["newton_iterations"].sum()) if len(found) else None} | _costs(report)
     if row["status"] != "done":  # numbers of a lesser depth are no answer
         return row
-    row |= {name: _known(found[name][-1]) for name in ("force", "a", "p_max", "penetration")} | _said(found)
+    numbers, told = ("force", "a", "p_max", "penetration"), answer_row(found)
+    row |= {name: _known(found[name][told]) for name in numbers} | _said(found, told)
     return row | (_errors(found, answer) if answer else {})
 
 
@@ -130,11 +141,11 @@ def _sum(timings: Mapping[str, float]) -> float | None:
     return round(sum(timings.get(stage, 0.0) for stage in STAGES), 4) if timings else None
 
 
-def _said(found: Results) -> Row:
-    """What a run says itself of its error: a part of the force, and its warnings."""
+def _said(found: Results, told: int) -> Row:
+    """What a run says itself of its error in the row that it is told by: a part of the force, and its warnings."""
     expected = found.report.get("plan", {}).get("prediction", {}).get("force_error", 0.0)
-    bar = found.table["force_error"][-1] if "force_error" in found.table else 0.0
-    measured = _relative(found["force"][-1] + bar, found["force"][-1]) or 0.0
+    bar = found.table["force_error"][told] if "force_error" in found.table else 0.0
+    measured = abs(_relative(found["force"][told] + bar, found["force"][told]) or 0.0)
     return {"stated_error": max(expected, measured), "warnings": " | ".join(found.report.get("warnings", []))}
 
 

@@ -83,6 +83,14 @@ def cone(half_angle: float, tip_radius: float = 0.0) -> Tip:
     return profile(slope, breaks=(junction,))
 
 
+def hyperboloid(R: float, half_angle: float) -> Tip:
+    """f = r^2/(R (1 + sqrt(1 + (r/b)^2))), g = x b/R arctan(x/b), b = R cot(alpha); alpha in degrees between axis and
+    asymptote."""
+    require_positive(R=R)
+    b = R / tangent(half_angle)
+    return Tip(lambda x: x * np.arctan(x / b) * b / R, lambda x: x * x / (R * (1.0 + np.hypot(1.0, x / b))))
+
+
 def equal_sections(half_angle: float, roundness: float, tip_radius: float = 0.0) -> Tip:
     """The cone with sections as large as a pyramid's, of `roundness` times their inner radius."""
     return cone(math.degrees(math.atan(roundness * math.tan(math.radians(half_angle)))), tip_radius)

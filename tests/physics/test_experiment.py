@@ -12,7 +12,7 @@ from scenes import BOX, ELASTIC, PARABOLOID, STRIP, WALLED, placed
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
-from theory_bodies import one_layer
+from theory_bodies import BONDED_PULL_OFF, one_layer
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import NotConverged
@@ -63,25 +63,13 @@ def test_rows_do_not_know_what_else_is_made_of_the_curve() -> None:
     assert one == other
 
 
-BONDED = [
-    (0.3, 1000, -1.50000),
-    (0.3, 1, -1.50246),
-    (0.3, 0.3, -1.56203),
-    (0.3, 0.1, -1.78781),
-    (0.5, 1000, -1.50000),
-    (0.5, 1, -1.50310),
-    (0.5, 0.3, -1.58085),
-    (0.5, 0.1, -1.90534),
-]
-
-
 def sticky(nu: float, h: float, *overrides: str) -> Findings:
     """Equilibria of a bonded layer, E = R = 1, work = 1e-3."""
     layer = LAYER | {"height": h}
     return found(layer, STICKY, *overrides, material=ELASTIC | {"nu": nu}, loading={"delta": 0.01})
 
 
-@pytest.mark.parametrize(("nu", "h", "force"), BONDED)
+@pytest.mark.parametrize(("nu", "h", "force"), BONDED_PULL_OFF)
 def test_both_branches_and_pull_off_from_a_mesh(nu: float, h: float, force: float) -> None:
     """Of the mesh's frictionless curve alone, at automatic sizes: 0.3 % of the numbers at pull-off. Force control by
     five independent digits, of which 0.05 % are used; depth control and both branches by theory, 0.15 % and 0.28 %."""
@@ -99,7 +87,7 @@ def test_both_branches_and_pull_off_from_a_mesh(nu: float, h: float, force: floa
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize(("nu", "h", "force"), BONDED)
+@pytest.mark.parametrize(("nu", "h", "force"), BONDED_PULL_OFF)
 def test_pull_off_from_forty_elements(nu: float, h: float, force: float) -> None:
     """0.15 % of the five digits with 40 elements in the contact that comes off, of which 0.03 % are used."""
     last = min(sticky(nu, h, "solver.method=theory").rows, key=lambda row: row.force)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pytest
 from scenes import scene
 
@@ -87,3 +88,48 @@ def test_without_flow_it_is_at_rest_in_its_bath() -> None:
     (last,) = at([1e4], value=0.1, drainage={"bath": bath})
     assert auto.force == pytest.approx(dry.force, rel=1e-9)
     assert last.force == pytest.approx(dry.force, rel=1e-6)
+
+
+# ---- as Biot's body at small strain, and in time --------------------------------------------------------------------
+
+SOLID = {"model": "linear_elastic", "E": 2.1326438835208883, "nu": 0.49285072}  # of the drained gel at stretch 1.4
+
+
+def at_once_and_at_last(delta: float, material: dict[str, Any]) -> tuple[float, float]:
+    """Forces of a tip pressed in at once, and when nothing flows any more."""
+    loading = {"history": [[0, delta], [1e5, delta]], "times": [0.0, 1e5], "per_doubling": 2}
+    paraboloid = {"shape": "paraboloid", "R": 1.0}
+    base = scene(
+        LAYER, material=material, indenter=paraboloid, mesh={"h_contact": 0.1 * delta**0.5}, loading=loading,
+        drainage={"bath": Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)} if "G" in material else {},
+    )  # fmt: skip
+    first, last = rows(base)
+    return first.force, last.force
+
+
+@pytest.mark.verify
+def test_a_gel_under_a_shallow_tip_is_a_linear_porous_body() -> None:
+    """Its differences to Biot's body fall with the depth, both limits: extrapolated to none less than 1.5e-3."""
+    biot = SOLID | {"flow": {"diffusivity": 1.0}}
+    depths = (0.0012, 0.005)
+    off = [
+        [own / other - 1 for own, other in zip(at_once_and_at_last(d, WET), at_once_and_at_last(d, biot), strict=True)]
+        for d in depths
+    ]
+    shares = [d**0.5 for d in depths]  # of the contact radius over R
+    for shallow, deep in zip(*off, strict=True):
+        assert abs(shallow) < abs(deep) < 0.01
+        assert abs(shallow - (deep - shallow) * shares[0] / (shares[1] - shares[0])) < 1.5e-3
+
+
+@pytest.mark.verify
+def test_a_deep_hold_of_a_gel_is_of_second_order_in_time() -> None:
+    """0.3 R deep in one bath: four steps of each length against sixteen, and two."""
+    bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)
+    found = {}
+    for per_doubling in (2, 4, 16):
+        loading = {"history": [[0, 0.3], [30, 0.3]], "times": [0.3, 1.0, 3.0, 30.0], "per_doubling": per_doubling}
+        base = gel(loading=loading, drainage={"bath": bath}, mesh={"h_contact": 0.08})
+        found[per_doubling] = np.array([row.force for row in rows(base)])
+    errors = [np.abs(found[n] / found[16] - 1).max() for n in (2, 4)]
+    assert errors[1] < 1.5e-3 and errors[0] > 2.5 * errors[1]

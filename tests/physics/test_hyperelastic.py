@@ -139,6 +139,7 @@ OTHERS = {
     "yeoh": {"C10": 0.5, "C20": -0.05, "C30": 0.02},
     "ogden": {"mu": [0.6, -0.2], "alpha": [1.7, -2.3]},
     "gent": {"mu": 1.0, "Jm": 9.0},
+    "fung": {"mu": 1.0, "b": 2.0},
     "arruda_boyce": {"mu": 1.0, "lambda_m": 2.5},
 }
 MIXED = {"mooney_rivlin", "ogden"}  # in `make test`; the others in `make verify`

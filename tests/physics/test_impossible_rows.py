@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from scenes import CYLINDER, meshed
+from scenes import scene as made
 
 from indent_sim.config.scene_file import load
+from indent_sim.fe import solver
 from indent_sim.process.errors import VerificationError
 from indent_sim.results.reader import read
 from indent_sim.run import simulation
@@ -35,6 +38,18 @@ def test_the_rows_before_stay(scene, tmp_path, monkeypatch):
         simulate(load(scene), directory=tmp_path / "out")
     found = read(tmp_path / "out")
     assert list(found["step"]) == [1] and (found.report["status"], found.report["exit_code"]) == ("failed", 6)
+
+
+def test_a_surface_moved_up_into_the_tip_overlaps_it() -> None:
+    """A body moved up by 0.05 below a tip at rest: so deep is it inside the tip at its apex, and the first facet beside
+    that, whose far end counts, by the height of the tip there less."""
+    contact, mesh = {"method": "auto", "gap": "current"}, {"h_contact": 0.02}
+    base = made(CYLINDER, contact=contact, mesh=mesh, solver={"method": "newton"})
+    found = solver.equilibrium(base, meshed(base))
+    x = found.problem.x.copy()
+    x.array[found.problem.unknowns.places("u").reshape(-1, 2)[:, 1]] = 0.05
+    found.problem.body.set_solution(x)
+    assert 0.05 - 0.03**2 < found.numbers()["overlap"] <= 0.05
 
 
 @pytest.mark.parametrize("method", ["augmented_lagrangian", "penalty", "nitsche", "active_set"])

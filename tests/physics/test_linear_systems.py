@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -145,6 +146,21 @@ def test_where_symmetric_factors_fail_others_take_their_place(tmp_path, monkeypa
     with tuned(mat_mumps_icntl_14=60):
         assert solved(tmp_path).states[-1].force == pytest.approx(FORCE, rel=0.02)
     assert tried == [True, False]
+
+
+def test_only_what_mumps_could_not_do_is_a_failed_step():
+    """PETSc's error 76 is that of a library; another one, as of memory, is not lost in shorter steps."""
+
+    def newton(code):
+        def solve(*_):
+            raise PETSc.Error(code)
+
+        return SimpleNamespace(snes=SimpleNamespace(solve=solve), _create=lambda symmetric: "anew")
+
+    failed = newton(76)
+    assert not Newton._runs(failed, None) and failed.snes == "anew"
+    with pytest.raises(PETSc.Error):
+        Newton._runs(newton(55), None)
 
 
 @pytest.mark.parametrize("method", ["newton", "condensed"])

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from indent_sim.fe import compat
 from indent_sim.fe.discrete_body import symbolic
-from indent_sim.model.materials import ArrudaBoyce, Gent, LinearElastic, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from indent_sim.model.materials import ArrudaBoyce, Fung, Gent, LinearElastic, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
 I = np.eye(3)
 GRID = mesh.create_unit_square(MPI.COMM_SELF, 1, 1)
@@ -24,6 +24,7 @@ LAWS: dict[str, Any] = {
     "yeoh": Yeoh(C10=0.5, C20=-0.05, C30=0.02, nu=0.3),
     "ogden": Ogden(mu=(0.6, -0.2), alpha=(1.7, -2.3), nu=0.3),
     "gent": Gent(mu=1.0, Jm=9.0, nu=0.3),
+    "fung": Fung(mu=1.0, b=1.5, nu=0.3),
     "arruda_boyce": ArrudaBoyce(mu=1.0, lambda_m=2.5, nu=0.3),
 }
 # Where stretches meet roots are kept off zero by 1e-6 or 3e-6 (model/algebra.py): 1e-11 of energies and stresses, a few
@@ -131,7 +132,8 @@ def test_simple_shear() -> None:
 
 
 def incompressible_uniaxial(name: str, stretch: float) -> float:
-    """Nominal stress of a bar, written out for each law (Treloar 1975, Ogden 1972, Gent 1996, Arruda & Boyce 1993)."""
+    """Nominal stress of a bar, written out for each law (Treloar 1975, Ogden 1972, Gent 1996, Fung 1967, Arruda
+    & Boyce 1993)."""
     law, I1 = LAWS[name], stretch**2 + 2 / stretch
     strain = stretch - stretch**-2
     match name:
@@ -146,6 +148,8 @@ def incompressible_uniaxial(name: str, stretch: float) -> float:
             return sum(mu * (stretch ** (alpha - 1) - stretch ** (-alpha / 2 - 1)) for mu, alpha in pairs)
         case "gent":
             return strain * law.mu * law.Jm / (law.Jm - I1 + 3)
+        case "fung":
+            return strain * law.mu * np.exp(law.b * (I1 - 3))
     c = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
     return 2 * strain * law.mu * sum((i + 1) * c[i] * (I1 / law.lambda_m**2) ** i for i in range(5))
 
@@ -271,6 +275,7 @@ SAME = {
     # what is left of the next term, (I1 - 3)^2 / (4 Jm) and (I1^2 - 9) / (20 lambda_m^2), with I1 near 3
     "gent": (Gent(mu=1.0, Jm=1e8, nu=0.3), NEO, 1e-7),
     "arruda_boyce": (ArrudaBoyce(mu=1.0, lambda_m=1e4, nu=0.3), NEO, 1e-7),
+    "fung": (Fung(mu=1.0, b=1e-12, nu=0.3), NEO, 1e-11),  # b (I1 - 3)/2 of the energy
 }
 
 

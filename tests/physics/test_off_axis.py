@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
-from scenes import CYLINDER, PARABOLOID, WALLED, force, scene, solve
+from dolfinx import fem
+from scenes import CYLINDER, ELASTIC, PARABOLOID, WALLED, force, meshed, scene, solve
 
+from indent_sim.fe import solver
+from indent_sim.fe.terms.wall import Wall
 from indent_sim.process.errors import ConfigError
 
 DEEP = {"loading": {"delta": 0.09, "steps": 1}}
@@ -77,6 +81,26 @@ def test_a_curved_roller_wall_is_stiff_enough_and_not_too_stiff() -> None:
     assert [choice for choice in base.plan.choices if choice.key == "wall"]
     stiffer = base.with_physics(wall_stiffness=10 * base.physics.wall_stiffness)
     assert force(stiffer) == pytest.approx(force(base), rel=2e-4)
+
+
+def test_a_curved_wall_at_finite_strain_feels_how_far_it_moves_out() -> None:
+    """w = |X + u| - |X|: nothing of a turn by 0.5 about the axis, 0.1 |X| of a stretch by that, as at small strain."""
+    energies = []
+    for model in ("linear_elastic", "neo_hookean"):
+        body = WALLED | {"radius": 1.0}
+        sections = {"material": ELASTIC | {"model": model}, "solver": {"method": "newton"}}
+        base = scene(body, mesh={"h_contact": 0.2, "h_far": 0.5, "symmetry": "full"}, **sections)
+        problem = solver.equilibrium(base, meshed(base)).problem
+        X, wall = problem.unknowns.own_space("u").tabulate_dof_coordinates(), Wall(problem.body)
+        turn = np.array([[np.cos(0.5), -np.sin(0.5), 0.0], [np.sin(0.5), np.cos(0.5), 0.0], [0.0, 0.0, 1.0]])
+        for image in (X @ turn.T, X * [1.1, 1.1, 1.0]):
+            x = problem.x.copy()
+            x.array[problem.unknowns.places("u")] = (image - X).ravel()
+            problem.body.set_solution(x)
+            energies.append(fem.assemble_scalar(fem.form(wall.energy)))
+    _, small, turned, stretched = energies
+    assert stretched == pytest.approx(small, rel=1e-12)
+    assert abs(turned) < 1e-12 * stretched
 
 
 def test_condensed_and_newton_agree_beside_the_axis() -> None:

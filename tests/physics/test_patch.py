@@ -12,12 +12,14 @@ solver's tolerance (1e-10) times ten.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from math import hypot, pi, sqrt
 from typing import Any
 
 import numpy as np
 import pytest
 from scenes import PENALTY, scene, solve
+from scipy.optimize import brentq
 
 from indent_sim.model.tips import FlatPunch
 from indent_sim.scene.scene import Scene
@@ -37,7 +39,14 @@ FREE_MODULUS = {"cylinder": E, "strip": E / (1 - NU**2), "box": E}
 MATERIAL = {"model": "linear_elastic", "E": E, "nu": NU}
 
 
-def covered(body: dict[str, Any], symmetry: str = "auto", method: str = "penalty", material: Any = MATERIAL) -> Scene:
+def covered(
+    body: dict[str, Any],
+    symmetry: str = "auto",
+    method: str = "penalty",
+    material: Any = MATERIAL,
+    loading: Any = None,
+    **contact: Any,
+) -> Scene:
     """A body under a punch that reaches beyond its rim, which no config may ask for.
 
     No element is smaller at the rim: nothing is singular there.
@@ -47,8 +56,8 @@ def covered(body: dict[str, Any], symmetry: str = "auto", method: str = "penalty
         body,
         material=material,
         indenter={"shape": "flat_punch", "radius": width / 2},
-        contact=PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method},
-        loading={"delta": DELTA, "steps": 1},
+        contact=(PENALTY | {"epsilon_n": EPSILON_N} if method == "penalty" else {"method": method}) | contact,
+        loading=loading or {"delta": DELTA, "steps": 1},
         mesh={"h_contact": 0.5, "symmetry": symmetry},
     )
     beyond = FlatPunch(radius=1.1 * hypot(3.0, 2.0) / 2 / base.physics.scales.length)
@@ -102,3 +111,44 @@ def test_body_between_two_of_its_walls() -> None:
     """A box held by rollers in x and free in y is in plane strain: E/(1-nu^2)."""
     held = BOX | {"base": "roller", "sides": {"x_min": "roller", "x_max": "roller", "y_min": "free", "y_max": "free"}}
     assert_uniform(covered(held, "full"), held, E / (1 - NU**2))
+
+
+# ---- Fung's law, uniform at finite strain ------------------------------------------------------------
+
+FUNG = {"model": "fung", "mu": 1.0, "b": 0.8, "nu": 0.3}
+
+
+def fung_stresses(*stretches: float) -> np.ndarray:
+    """Nominal principal stresses: P_i l_i = mu exp(b (I1bar - 3)) J^(-2/3) (l_i^2 - I1/3) + kappa ln J, by hand."""
+    squares, J = np.square(stretches), np.prod(stretches)
+    kappa = 2 * FUNG["mu"] * (1 + FUNG["nu"]) / (3 * (1 - 2 * FUNG["nu"]))
+    shrink = J ** (-2 / 3)
+    stiff = FUNG["mu"] * np.exp(FUNG["b"] * (shrink * squares.sum() - 3)) * shrink
+    return (stiff * (squares - squares.mean()) + kappa * np.log(J)) / stretches
+
+
+def free(held: Callable[[float], tuple[float, ...]]) -> float:
+    """The stretch of the free sides, the first of three, at which they bear nothing."""
+    return float(brentq(lambda s: fung_stresses(*held(s))[0], 0.5, 3.0, xtol=1e-15, rtol=1e-15))
+
+
+@pytest.mark.parametrize("formulation", ["displacement", "mixed"])
+@pytest.mark.parametrize("kind", ["uniaxial", "plane", "confined"])
+def test_a_pillar_of_fungs_law(kind: str, formulation: str) -> None:
+    """Pressed to 0.4 of its height in steps: nominal stress times area. 1e-8: Newton's tolerance of 1e-9 of the
+    reaction, which the law's steep tangent does not spoil."""
+    body = {"uniaxial": CYLINDER, "plane": STRIP, "confined": CYLINDER}[kind]
+    held = body | {"base": "roller", "sides": "roller" if kind == "confined" else "free"}
+    path = {"deltas": [0.15 * H, 0.3 * H, 0.45 * H, 0.6 * H]}
+    base = covered(held, "auto", "auto", FUNG | {"formulation": formulation}, path, gap="reference")
+    for state in solve(base):
+        l = 1 - state.delta / H
+        if kind == "uniaxial":
+            s = free(lambda s, l=l: (s, s, l))
+            P = fung_stresses(s, s, l)[2]
+        elif kind == "plane":
+            s = free(lambda s, l=l: (s, 1.0, l))
+            P = fung_stresses(s, 1.0, l)[2]
+        else:
+            P = fung_stresses(1.0, 1.0, l)[2]
+        assert state.force == pytest.approx(-P * AREA[body["shape"]], rel=1e-8)

@@ -51,6 +51,7 @@ NAMES = [
     "small_strain",
     "incompressible",
     "blunt_tip",
+    "surface_tension",
     "friction",
     "stick",
     "adhesion",
@@ -193,6 +194,17 @@ def test_layers_over_the_first_of_them() -> None:
     assert row(film, "layers").percent == pytest.approx(row(film, "substrate").percent, rel=1e-9)
 
 
+def test_layers_that_relax_are_those_that_do_not() -> None:
+    """For all that is no matter of time: of one stiff layer on a soft one, to the last digit."""
+    stiff, soft = ELASTIC | {"E": 6.0}, ELASTIC
+    matter = [{"thickness": 0.4, "material": stiff}, {"thickness": 0.6, "material": soft}]
+    film = CYLINDER | {"body": CYLINDER["body"] | {"layers": matter}}
+    relaxing = film | {"experiment": {"relaxation": {"prony": [[0.3, 0.2]]}, "history": [[0, 0], [1, DEPTH]]}}
+    for name in ("thickness", "substrate", "layers"):
+        known = row(film, name).percent
+        assert known and row(relaxing, name).percent == known
+
+
 def test_what_was_not_solved_says_so() -> None:
     """No sentence about physics comes of a theory that does not know a body, nu < 0."""
     layer = HALF_SPACE | {"body": {"shape": "layer", "height": 0.5}, "material": ELASTIC | {"nu": -0.3}}
@@ -217,6 +229,13 @@ def test_strain_under_a_sharp_punch_by_a_rounded_one() -> None:
     finite |= {"contact": mesh["contact"] | {"gap": "current"}}
     assert found.percent == pytest.approx(100 * (force(finite) / force(keener) - 1), rel=1 / 6)
     assert "edge rounded by 0.05" in found.source
+
+
+def test_a_surface_tension() -> None:
+    """The threshold changes the force by 1 %, and a scene that has it says so."""
+    found = row(HALF_SPACE, "surface_tension")
+    tensed = HALF_SPACE | {"body": HALF_SPACE["body"] | {"surface_tension": threshold(found)}}
+    assert row(tensed, "surface_tension").percent == pytest.approx(1.0, rel=0.05)
 
 
 def test_a_blunt_tip() -> None:
@@ -400,7 +419,9 @@ def test_the_command(scene_file):
     found = json.loads(done.stdout)
     assert done.exit_code == found["exit_code"] == 0 and found["status"] == "done"
     assert [effect["name"] for effect in found["effects"]] == NAMES
-    assert [set(effect) for effect in found["effects"]] == [{"name", "percent", "low", "high", "source", "needs"}] * 17
+    assert [set(effect) for effect in found["effects"]] == [
+        {"name", "percent", "low", "high", "source", "needs"}
+    ] * len(NAMES)
     assert set(found["recommended"]) == {"config", "percent"}
     resolve(from_mapping(found["recommended"]["config"]))
     text = invoke(str(scene_file), "--within", "0.1").stdout

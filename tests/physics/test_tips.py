@@ -17,6 +17,7 @@ from indent_sim.scene.scene import Scene
 PROFILE = {"shape": "profile", "points": [[0, 0], [0.05, 0], [0.1, 0.01], [0.2, 0.04], [0.5, 0.16], [1.0, 0.42]]}
 TIPS: dict[str, dict[str, Any]] = {
     "blunt_cone": {"shape": "cone", "half_angle": 70, "tip_radius": 0.2},
+    "hyperboloid": {"shape": "hyperboloid", "R": 0.02, "half_angle": 65},
     "rounded_punch": {"shape": "flat_punch", "radius": 0.3, "edge_radius": 0.1},
     "profile": PROFILE,
     "smooth_profile": PROFILE | {"tip_radius": 0.2},
@@ -37,6 +38,19 @@ def test_reference_gap_against_layer_theory(tip: dict[str, Any]) -> None:
     base = scene(WALLED, indenter=tip, loading={"delta": 0.02, "steps": 2})
     assert base.physics.part.symmetry == "axisymmetric" and base.solver.method == "condensed"
     assert force(base) == pytest.approx(theory(base), rel=3e-3)
+
+
+@pytest.mark.parametrize("body", [{"shape": "half_space"}, WALLED], ids=["half_space", "layer"])
+def test_hyperboloid_against_theory(body: dict[str, Any]) -> None:
+    """From the paraboloid at its apex (a/b = 0.6) to the cone (a/b = 3), with b = R cot(half_angle): 0.1 %, which is
+    more than `accuracy` asks of the mesh at the last step and 2e-4 of the half-space's finite body."""
+    tip, loading = {"shape": "hyperboloid", "R": 0.005, "half_angle": 65}, {"deltas": [0.0005, 0.005]}
+    base = scene(body, indenter=tip, loading=loading, accuracy=5e-4, solver={"method": "condensed"})
+    exact = scene(body, indenter=tip, loading=loading)
+    assert exact.plan.theory and exact.plan.theory.exact
+    for delta, state in zip(exact.physics.deltas, solve(base), strict=True):
+        found = exact.plan.theory.at(delta)
+        assert found and state.force == pytest.approx(found.force * exact.physics.scales.force, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["blunt_cone", "smooth_profile"])

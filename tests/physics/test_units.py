@@ -60,6 +60,21 @@ def test_the_same_digits_and_iterations(problem: str, method: str) -> None:
             assert back.penetration == pytest.approx(here.penetration, rel=SAME, abs=SAME * here.delta)
 
 
+def test_given_sizes_of_inclusions_are_lengths() -> None:
+    """As all that a scene says of its mesh."""
+
+    def sizes(length: float) -> Any:
+        inclusion = {"shape": "ball", "center": [0.0, 0.0, -0.35 * length], "radius": 0.2 * length, "material": ELASTIC}
+        body = WALLED | {"radius": 2.0 * length, "height": length, "inclusions": [inclusion]}
+        tip, path = {"shape": "paraboloid", "R": length}, {"delta": 0.05 * length, "steps": 1}
+        mesh = {"h_contact": 0.1 * length, "h_inclusions": [0.05 * length]}
+        return scene(body, indenter=tip, loading=path, mesh=mesh).sizes
+
+    ((_, size),) = sizes(1.0).inclusions
+    assert size == pytest.approx(0.05, rel=1e-12)
+    assert sizes(1e3) == sizes(1.0)
+
+
 def test_a_half_space_of_the_same_digits() -> None:
     """Its finite body is so many contact radii large, in feet and pounds too."""
     foot, psi = 1 / 0.3048, 1 / 6894.757

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BOX, CYLINDER, STRIP, assert_audited, scene, solve
+from scenes import BOX, CYLINDER, STRIP, assert_audited, meshed, scene, solve
 
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
@@ -98,6 +98,8 @@ def test_pins_carry_nothing(body: dict[str, Any], h: float, place: float) -> Non
         mesh={"h_contact": h, "symmetry": "full"},
     )
     assert len(base.physics.part.pins) == (1 if body is STRIP else 3)
+    body_mesh = meshed(base)  # a pin that found no vertex would feel nothing either
+    assert all(len(body_mesh.vertices_at(point)) == 1 for point, _ in base.physics.part.pins)
     (state,) = solve(base)
     assert_audited(state, state.force)
     assert state.stray_reaction <= 1e-10 * state.force

@@ -46,6 +46,7 @@ COARSER = {
     "notes/hyperelastic_augmented_lagrangian.yaml": NOTES,
     # frictionless: the path does not matter
     "nucleus.yaml": Run(("loading.steps=2",)),
+    "cell_with_cortex.yaml": Run(("loading.steps=2",)),
     # a cone's contact grows with the depth, not with its root: a single element at the first of ten steps
     "rubber_block.yaml": Run(any=0.02),
     # the pressure is singular at the punch's edge, and what is asked for there is 1 %

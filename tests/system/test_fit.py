@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import html_page
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
@@ -96,11 +97,72 @@ def test_no_curve_at_all_is_exit_5(command, tmp_path):
     assert missing.exit_code == 2 and "there is no curve nothing.csv" in missing.output
 
 
-def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "afmformats", None)
-    (tmp_path / "curve.jpk-force").write_bytes(b"PK")
-    done = command("fit", "curve.jpk-force", "--scene", "scene.yaml", "--vary", "material.E")
+@pytest.mark.parametrize("package, name", [("afmformats", "curve.jpk-force"), ("pyfmreader", "curve.spm")])
+def test_an_afm_file_without_its_reader_is_exit_7(command, tmp_path, monkeypatch, package, name):
+    monkeypatch.setitem(__import__("sys").modules, package, None)
+    (tmp_path / name).write_bytes(b"PK")
+    done = command("fit", name, "--scene", "scene.yaml", "--vary", "material.E")
     assert done.exit_code == 7 and "make setup AFM=1" in done.output
+
+
+def test_a_design_says_what_a_measurement_would_tell(command, tmp_path):
+    before = sorted(tmp_path.rglob("*"))
+    words = ("fit", "--design", "scene.yaml", "--vary", "material.E", "--noise", 0.01)
+    found = json.loads(command(*words, "--json").stdout)
+    stated = found["parameters"]["material.E"]
+    assert found["exit_code"] == 0 and stated["low"] < stated["value"] == 1.0 < stated["high"]
+    assert found["tied"] == {"material.E": 1.0} and 0.1 <= found["baseline"] <= 1.5 and found["points"] == 300
+    assert [set(one["change"]) for one in found["helps"]] == [{"loading.delta"}, {"indenter.R"}, {"indenter.R"}]
+    told = command(*words, "--points", 1200).stdout
+    assert "as it stands" in told and "1200 points, noise" in told and "loading.delta = 1 " in told
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("words, code, said", [
+    (("--design", "scene.yaml"), 2, "needs --noise"), (("--noise", "0.01"), 2, "belong to --design"),
+    ((), 2, "needs CURVE_OR_FOLDER"), (("--design", "scene.yaml", "--noise", "0"), 2, "is not in the range"),
+    (("curves", "--design", "scene.yaml", "--noise", "0.01"), 2, "takes no curves"),
+    (("--design", "nothing.yaml", "--noise", "0.01"), 2, "cannot read the config"),
+    (("--design", "scene.yaml", "--noise", "0.01", "--vary", "loading.delta"), 3, "loading.delta: is nothing"),
+    (("--design", "scene.yaml", "--noise", "0.01", "--set", "loading.delta=-1"), 3, "loading.delta"),
+])  # fmt: skip
+def test_a_design_with_wrong_words(command, words, code, said):
+    done = command("fit", "--vary", "material.E", *words)
+    assert done.exit_code == code and said in done.output, done.output
+
+
+def test_what_a_scene_requires_for_a_curve(command, tmp_path):
+    """The same as for the scene with the curve's modulus and depth, and the models of its fit."""
+    words = ("require", "scene.yaml", "--curve", "curves/c2.csv")
+    found = json.loads(command(*words, "--json").stdout)
+    curve = found["curve"]
+    stated = curve["parameters"]["material.E"]
+    assert stated["low"] < 2 < stated["high"] and curve["depth"] == pytest.approx(0.6, abs=0.01)
+    there = ("--set", f"material.E={stated['value']!r}", "--set", f"loading.delta={curve['depth']!r}")
+    assert found["effects"] == json.loads(command("require", "scene.yaml", *there, "--json").stdout)["effects"]
+    models = {one["name"]: one for one in found["models"]}
+    assert set(models) == {"thickness", "adhesion", "tip"} and {one["verdict"] for one in found["models"]} == {
+        "not excluded"
+    }
+    assert models["thickness"]["low"] < 2 and "body.height" in models["thickness"]["parameters"]
+
+
+@pytest.mark.parametrize("words, code, said", [
+    (("--curve", "short.csv"), 5, "short.csv: 2 points"), (("--curve", "nothing.csv"), 2, "cannot read nothing.csv"),
+    (("--columns", "a,b"), 2, "belong to --curve"), (("--curve", "short.csv", "--columns", "x,y"), 3, "no column 'x'"),
+    (("--curve", "short.csv", "--set", "material.E=-1"), 3, "material.E"),
+])  # fmt: skip
+def test_a_curve_that_requires_nothing(command, tmp_path, words, code, said):
+    (tmp_path / "short.csv").write_text("delta,force\n1,2\n2,3\n")
+    done = command("require", "scene.yaml", *words)
+    assert done.exit_code == code and said in done.output, done.output
+
+
+def test_a_way_without_a_spring_is_warned_of(command, tmp_path):
+    text = (tmp_path / "curves" / "c2.csv").read_text().replace("Depth [nm]", "z [nm]")
+    (tmp_path / "way.csv").write_text(text)
+    done = command("fit", "way.csv", "--scene", "scene.yaml", "--vary", "material.E", "--output", "way")
+    assert done.exit_code == 0 and "warning: no spring is known" in done.stderr
 
 
 def test_results_and_curves_side_by_side(command, tmp_path):
@@ -144,6 +206,48 @@ def test_a_study_compared_with_a_measured_curve(command, tmp_path):
     assert done.exit_code == 0, done.output
     off = [row["force_error_vs"] for row in rows]
     assert off[0] == pytest.approx(-0.5, abs=0.01) and off[1] == pytest.approx(0.0, abs=0.01)  # noise of 0.1 %
+
+
+def test_the_report_of_a_fit_is_one_page_by_itself(command, tmp_path):
+    (tmp_path / "curves" / "short.csv").write_text("delta,force\n1,2\n2,3\n")
+    assert command(*FIT, "--set", "title=<b>gel</b>", "--output", "out").exit_code == 0
+    assert command("report", "out").stdout == "out/report.html\n"
+    text = (tmp_path / "out" / "report.html").read_text()
+    html_page.check(text)
+    assert "<b>gel" not in text and "&lt;b&gt;gel" in text
+    told = ("scene.yaml fitted to 4 curves", "3 of 4 curves fitted", "short: refused, 2 points", "Rows of fit.csv")
+    for words in (*told, "c2: E = 2.0", "title: "):
+        assert words in text, words
+    assert text.count("<svg") == 4
+    again = command(*FIT, "--set", "title=<b>gel</b>", "--output", "out")
+    assert again.exit_code == 0 and command("report", "out", "--output", "page.html").exit_code == 0
+
+
+def test_the_report_of_one_curve_has_its_windows_and_models(command, tmp_path):
+    """A stiffer half of the curve, as over a substrate: other models are asked, and drawn from the curve's table."""
+    table = np.loadtxt(tmp_path / "curves" / "c2.csv", delimiter=";", skiprows=1)
+    table[:, 1] *= 1 + 0.8 * np.maximum(table[:, 0] / 600, 0)
+    np.savetxt(tmp_path / "stiff.csv", table, delimiter=";", header="Depth [nm];Load [pN]", comments="")
+    assert command("fit", "stiff.csv", *FIT[2:], "--output", "one").exit_code == 0
+    assert command("report", "one").exit_code == 0
+    text = (tmp_path / "one" / "report.html").read_text()
+    html_page.check(text)
+    named = json.loads((tmp_path / "one" / "fit.json").read_text())["curves"][0]["cause"]
+    assert {"thickness", "tip"} & set(named)
+    assert all(f"{name} instead" in text for name in named if name in ("thickness", "tip"))
+    assert "Fits to a part of the depth" in text and "Other models" in text and text.count("<svg") == 1
+
+
+@pytest.mark.parametrize(
+    "damage", [{}, {"curves": 3}, {"curves": [{"status": "done"}]}, {"request": {"scene": {"body": 1}}}]
+)
+def test_a_damaged_fit_has_no_report(command, tmp_path, damage):
+    assert command("fit", "curves/c1.csv", *FIT[2:], "--output", "out").exit_code == 0
+    path = tmp_path / "out" / "fit.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | damage if damage else {"program": record["program"]}))
+    done = command("report", "out")
+    assert done.exit_code == 2 and "out holds no fit that can be read" in done.output, done.output
 
 
 def test_the_figure_of_a_notebook(command, tmp_path):

@@ -193,6 +193,49 @@ def test_same_curves_on_two_ranks(mpirun: Mpirun) -> None:
     assert_same_on(2, SCENES, mpirun)
 
 
+RAMP = {"history": [[0, 0], [0.01, 0.02], [0.1, 0.02]], "times": [0.005, 0.01, 0.02, 0.1], "per_doubling": 2}
+WET = ELASTIC | {"flow": {"diffusivity": 1.0}}
+IN_TIME: dict[str, dict[str, Any]] = {
+    "draining": {"body": CYLINDER, "material": WET, "loading": RAMP, "mesh": {"h_contact": 0.03}},
+    "box": {"body": BOX, "material": WET, "loading": RAMP | {"times": [0.01, 0.1]}, "mesh": {"h_contact": 0.2}},
+    "rough": {
+        "body": CYLINDER,
+        "material": {"model": "mooney_rivlin", "C10": 0.15, "C01": 0.05, "nu": 0.45,
+                     "relaxation": {"prony": [[0.4, 0.05]], "of": "shear"}},
+        "contact": {"friction": 0.3},
+        "loading": RAMP,
+        "mesh": {"h_contact": 0.05},
+    },
+    "lifted": {
+        "body": CYLINDER | {"base": "roller", "sides": "free"},
+        "material": {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4, "flow": WET["flow"]},
+        "loading": {"force_history": [[0, 0], [3, 0], [3, 0.1], [6, 0.1]], "times": [1.0, 3.0, 6.0]},
+        "mesh": {"h_contact": 0.1},
+    },
+}  # fmt: skip
+OF_TIME = ("t", "delta", "force", "a", "outflow", "pore_pressure_max", "converged")
+
+
+@pytest.mark.parametrize("names", [("draining",), pytest.param((*IN_TIME,), marks=pytest.mark.verify)], ids=len)
+def test_same_histories_on_two_ranks(names: tuple[str, ...], mpirun: Mpirun) -> None:
+    """Draining, relaxing with friction, swelling under a tip that is lifted and a weight: to 1e-9 of the largest, and
+    what is found by a search to its own tolerance."""
+    program = PROGRAM.replace(repr(NUMBERS), repr(OF_TIME)).replace(" + [state.newton_iterations, state.converged]", "")
+    scenes = json.dumps(
+        {name: {"indenter": PARABOLOID, "material": ELASTIC} | data for name, data in IN_TIME.items() if name in names}
+    )
+    two, one = (parsed(mpirun(ranks, "-c", program, scenes)) for ranks in (2, 1))
+    for name in names:
+        assert two[name]["agreed"], f"the ranks differ among themselves about {name}"
+        here, there = (np.array(result[name]["rows"], dtype=float) for result in (one, two))
+        assert here[:, -1].all() and there[:, -1].all()
+        for column, what in enumerate(OF_TIME[:-1]):
+            slack = (1e-7 if name == "lifted" else SAME) * np.nanmax(np.abs(here[:, column]), initial=1e-12)
+            assert there[:, column] == pytest.approx(here[:, column], rel=SAME, abs=slack, nan_ok=True), (
+                f"{what} of {name}"
+            )
+
+
 TOGETHER = """
 from indent_sim.fe.condensed import compliance
 compliance._fits_every_rank = lambda body: False

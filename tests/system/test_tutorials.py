@@ -36,6 +36,7 @@ def environment(folder: Path) -> dict[str, str]:
 def test_a_tutorial_can_be_followed(page, tmp_path):
     """Python blocks of a page share their names, as the cells of a notebook do."""
     before, printed = environment(tmp_path), ""
+    os.symlink(ROOT / "configs", tmp_path / "configs")
     blocks = BLOCK.findall(page.read_text(encoding="utf-8"))
     python = ""
     for kind, text in blocks:
@@ -111,6 +112,7 @@ INSTEAD = {  # the same with fewer runs
     "set: {loading.steps: 5}": "set: {loading.steps: 2}",
     "base: ../../hertz.yaml": "base: configs/hertz.yaml",
     "indent-sim fit curves/ --scene scene.yaml --vary material.E": "indent-sim fit --help",  # tests/system/test_fit.py
+    "indent-sim require scene.yaml --curve measured.csv": "indent-sim require --help",  # tests/system/test_fit.py
     "indent-sim study STUDY.yaml --jobs 4": "indent-sim study STUDY.yaml --jobs 2",
 }
 DIFFERS = "indent-sim compare results/reference results/current"  # as its page says: exit code 6

@@ -63,6 +63,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
     "gmsh": ("mesh/gmsh.py", "fe/compat.py"),
     "meshio": ("mesh/mesh_file.py",),
     "afmformats": ("results/measured/afm_file.py",),
+    "pyfmreader": ("results/measured/nanoscope_file.py",),
     "h5py": ("results/", "mesh/mesh_file.py"),
     "matplotlib": ("results/pictures/", "studies/picture.py", "fitting/fit_picture.py"),
     "scipy": ("theory/", "fe/", "fitting/"),

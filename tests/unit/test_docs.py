@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import re
+import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 from reference_pages import pages
 
@@ -46,3 +49,11 @@ def anchors(page: Path) -> set[str]:
 def test_named_configs_exist(page):
     named = CONFIG.findall(page.read_text(encoding="utf-8"))
     assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_curve_of_the_tutorial_is_what_its_script_makes():
+    """To the last digit but one: the sums of another numpy may round otherwise."""
+    script = runpy.run_path(str(ROOT / "scripts" / "make_example_curve"))
+    shipped, made = (np.loadtxt(io.StringIO(text), delimiter=",", skiprows=2) for text in (
+        (ROOT / "configs" / "curves" / "thin_gel.csv").read_text(encoding="utf-8"), script["text"]()))  # fmt: skip
+    np.testing.assert_allclose(made, shipped, atol=2e-3)

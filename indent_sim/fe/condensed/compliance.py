@@ -80,7 +80,7 @@ class Condenser:
             everything = PETSc.IS().createStride(matrix.getSize()[0], 0, 1, MPI.COMM_SELF)
             matrix = matrix.createSubMatrices([everything], [everything])[0]
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        if body.unknowns.names == ("u",):
+        if body.unknowns.names == ("u",) and not (matter.tension and body.scene.physics.part.dome):  # it pushes there
             matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._pc = PETSc.PC().create(self._comm)
         self._pc.setOperators(matrix)

@@ -13,14 +13,18 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Effort:
-    """Linear solves, and iterations of these; None where none is iterative."""
+    """Linear solves, and iterations of these, None where none is iterative; equilibria that were found, stages of
+    steps in time among them, and changes of what a tip seals."""
 
     newton: int
     krylov: int | None = None
+    stages: int = 0
+    switches: int = 0
 
     def __sub__(self, earlier: Effort) -> Effort:
         krylov = None if self.krylov is None or earlier.krylov is None else self.krylov - earlier.krylov
-        return Effort(self.newton - earlier.newton, krylov)
+        stages, switches = self.stages - earlier.stages, self.switches - earlier.switches
+        return Effort(self.newton - earlier.newton, krylov, stages, switches)
 
 
 class Equilibrium(Protocol):

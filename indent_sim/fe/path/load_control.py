@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 
 FORCE_SLACK = 1e-8  # of the force, where round-off leaves no depth between two tries: that of the audit
 TRIES = 60
+FURTHER = 4.0  # times the step before, the next one at most
 NEIGHBOURS = 3  # points of the curve taken on each side of a force
 
 Pair = tuple[float, float]  # force, depth
@@ -48,7 +49,7 @@ class LoadControl:
     def renew(self, force: float, delta: float, slope: float) -> bool:
         """Stand at the depth of a force > 0 on a curve that is another one now, near `delta`, where it rises by about
         `slope` if nothing better is known; by secants, and by halves of the bracket where these leave it."""
-        tried, low, high = list[Pair](), -math.inf, math.inf
+        tried, low, high, longest = list[Pair](), -math.inf, math.inf, math.inf
         slope = self._slope or slope
         for _ in range(TRIES):
             found, reached = self._reach(delta)
@@ -68,7 +69,8 @@ class LoadControl:
                 slope = self._slope = rise / run
             elif not found:
                 slope /= 2  # out of contact: it may be further away
-            delta = reached + (force - found) / slope
+            step = min(max((force - found) / slope, -longest), longest)  # a first touch tells little of the rest
+            delta, longest = reached + step, FURTHER * abs(step)
             if not low < delta < high:
                 delta = (low + high) / 2
         self.failure = f"{TRIES} depths gave other forces"

@@ -59,7 +59,7 @@ class Walk:
         self._before = self._points  # the search for a force
         self._found: Point | None = None  # and not accepted yet
         self._steps = self._step_rule()
-        self._substeps = 0  # so far
+        self._substeps = self._cuts = 0  # so far
         self._t = 0.0  # at which a force is searched for
         self._rise = 0.0  # of a tip that just touches, in the step before
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
@@ -124,6 +124,13 @@ class Walk:
         return is_there
 
     @property
+    def counts(self) -> dict[str, int]:
+        """Equilibria found, stages of steps in time among them, steps that failed and were cut, and changes of what the
+        tip seals, all those of searches for a force too."""
+        effort = self.equilibrium.effort
+        return {"stages": effort.stages, "cuts": self._cuts, "switches": effort.switches}
+
+    @property
     def failure(self) -> str:
         """Why the last value was not reached."""
         return self._control.failure or f"{self.equilibrium.failure}, in shorter and shorter substeps too"
@@ -169,10 +176,11 @@ class Walk:
             return self._substeps - substeps if self._control.press(force, expected) else 0
         if force == 0:
             return self._substeps - substeps if self._touch() else 0
-        radius = self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
+        delta, a = self._last.delta or expected, self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
         for _ in range(MOST_SEARCHES):
-            if not self._control.renew(force, self._last.delta or expected, 2 * physics.material.E_star * radius):
+            if not self._control.renew(force, delta, 2 * physics.material.E_star * a):
                 return 0
+            delta = self._pair[1]  # not accepted: the same step is searched again where the tip seals another vertex
             if self.equilibrium.is_settled():
                 break
         return self._substeps - substeps
@@ -233,6 +241,7 @@ class Walk:
                 if goal == end:
                     return substeps
             else:
+                self._cuts += 1
                 self._steps.failed((self.equilibrium.effort - before).newton)
         return 0
 

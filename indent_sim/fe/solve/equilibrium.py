@@ -40,6 +40,7 @@ class BodyEquilibrium:
         self.scene = scene = body.scene
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
+        self._stages = 0  # found so far
         self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
         self.snapshot, self.restore = problem.snapshot, problem.restore
         self._largest_inside_out = INSIDE_OUT * scene.plan.prediction["a"] / scene.physics.scales.length
@@ -49,8 +50,10 @@ class BodyEquilibrium:
 
     @property
     def effort(self) -> Effort:
-        """Linear solves so far, and their iterations; None of these where systems are factored."""
-        return Effort(self.newton.iterations, self.newton.krylov_iterations)
+        """What was solved so far; no iterations of linear solves where systems are factored."""
+        valve = self.matter.valve
+        switches = valve.setting if valve else 0
+        return Effort(self.newton.iterations, self.newton.krylov_iterations, self._stages, switches)
 
     @property
     def failure(self) -> str:
@@ -95,6 +98,7 @@ class BodyEquilibrium:
                 self.problem.take(before)
                 return False
             self.problem.end(stage)
+            self._stages += 1
         return True
 
     def _with_valve(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:

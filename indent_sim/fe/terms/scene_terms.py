@@ -15,6 +15,7 @@ from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.flow import Flow, Valve
 from indent_sim.fe.terms.relaxing import Relaxing
 from indent_sim.fe.terms.strain import Strain, pressures
+from indent_sim.fe.terms.surface_tension import SurfaceTension
 from indent_sim.fe.terms.term import Term
 from indent_sim.fe.terms.wall import Wall
 from indent_sim.scene.scene import Scene
@@ -22,16 +23,17 @@ from indent_sim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Matter:
-    """The terms of a body without contact: strain energies, first of the region under the tip, a curved wall, and the
-    fluid in its pores with its way out."""
+    """The terms of a body without contact: strain energies, first of the region under the tip, a curved wall, the fluid
+    in its pores with its way out, and the tension of its surface."""
 
     strains: tuple[Strain, ...]
     walls: tuple[Wall, ...]
     flow: Flow | None = None
     valve: Valve | None = None
+    tension: SurfaceTension | None = None
 
     def __iter__(self) -> Iterator[Term]:
-        yield from (term for term in (*self.strains, *self.walls, self.flow, self.valve) if term)
+        yield from (term for term in (*self.strains, *self.walls, self.flow, self.valve, self.tension) if term)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,9 @@ def matter_of(body: Body) -> Matter:
     physics = body.scene.physics
     strains = tuple((Relaxing if region.relaxing else Strain)(body, region) for region in physics.part.regions)
     walls = (Wall(body),) if physics.wall_stiffness else ()
-    return Matter(strains, walls, Flow(body), Valve(body)) if physics.permeable else Matter(strains, walls)
+    tension = SurfaceTension(body) if physics.surface_tension else None
+    flow, valve = (Flow(body), Valve(body)) if physics.permeable else (None, None)
+    return Matter(strains, walls, flow, valve, tension)
 
 
 def touch_of(body: Body, below: Strain) -> Touch:

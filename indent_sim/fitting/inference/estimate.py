@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged
+from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
 from indent_sim.fitting.scene_forces import SceneForces
 
 FEWEST_POINTS, FEWEST_PUSHING = 30, 20
@@ -34,6 +34,8 @@ OFFSETS = (0.0, -1.2, 1.2, -2.4, 2.4)  # of a parameter's coordinate from the sc
 LINEAR_OFFSETS = (0.0, -0.1, 0.1)
 BEGINNINGS = 3  # that are followed to their end
 AT_BOUND = 1e-6
+SNAPS, SNAP_ROUNDS, MOST_SNAPS = (-3, -2, -1, 0, 1, 2, 3), 6, 5  # samples by which a contact point is moved, and rounds
+CLEAR_SNAP = 5.0  # deviations of the noise: a snap-in that shows between which samples it lies
 
 
 class Refused(Exception):
@@ -121,8 +123,7 @@ class Model:
         """Derivatives of the modelled forces by all parameters (n, p), by central differences."""
         columns = [self._along(p, k, 1e-4) for k in range(self.size)]
         columns.append(self._along(p, self.size, 1e-5 * self.forces.deepest))
-        most = 50.0 * max(float(np.ptp(self.samples.force)), 1e-300) / self.forces.deepest
-        columns[-1] = np.clip(columns[-1], -most, most)  # where the tip snaps in
+        columns[-1] = np.where(self._snaps(p, 1e-5 * self.forces.deepest), 0.0, columns[-1])
         J = np.column_stack([*columns, np.ones(len(self.samples)), self._slope])
         return J * self.free
 
@@ -131,6 +132,15 @@ class Model:
         step[k] = h
         low, high = (self._inside(p - step), self._inside(p + step))
         return (self.contact(high) - self.contact(low)) / max(high[k] - low[k], 1e-300)
+
+    def _snaps(self, p: np.ndarray, h: float) -> np.ndarray:
+        """Which samples lie as near to where a tip snaps in: no derivative knows of that."""
+        return self.forces.adheres & (np.abs(self.samples.x - p[self.size]) <= h)  # type: ignore[no-any-return]
+
+    @property
+    def spacing(self) -> float:
+        """The distance of samples [length]."""
+        return float(np.median(np.abs(np.diff(self.samples.x))))
 
     def _inside(self, p: np.ndarray) -> np.ndarray:
         """The parameters, none beyond its bounds."""
@@ -242,7 +252,7 @@ class Estimate:
 
 def estimated(model: Model, start: np.ndarray) -> Estimate:
     """The estimate of a model from these parameters on."""
-    ordinary, _ = model.fitted(start)
+    ordinary = _beside_snaps(model, model.fitted(start)[0])
     found = averaged_at(model, ordinary)
     if found.likeliest == WHITE:
         return Estimate(model, ordinary, ordinary, found)
@@ -252,13 +262,62 @@ def estimated(model: Model, start: np.ndarray) -> Estimate:
     return Estimate(model, general, ordinary, averaged_at(model, general))
 
 
+def _beside_snaps(model: Model, p: np.ndarray) -> np.ndarray:
+    """The parameters with the contact point between the samples where it leaves least: a tip that snaps in makes the
+    sum of squares jump at each of them, and descents end there."""
+    if not model.forces.adheres or model.origin.contact_point is not None:
+        return p
+    held = replace(model, held=model.held | {model.size})
+    size = math.inf
+    for _ in range(MOST_SNAPS):
+        moved = [p + shift * model.spacing * np.eye(len(p))[model.size] for shift in SNAPS]
+        best, least = min((held.fitted(one, rounds=SNAP_ROUNDS) for one in moved), key=lambda found: found[1])
+        if least >= size * (1 - SETTLED_SQUARES):
+            break
+        p, size = model.fitted(best)
+    return p
+
+
 def averaged_at(model: Model, p: np.ndarray, noises: list[Noise] | None = None) -> Averaged:
     """What the residuals at these parameters say of the fitted ones; of those that are known nothing varies."""
     free = model.free
     found = averaged(model.jacobian(p)[:, free], model.residual(p), noises)
     covariance, step = np.zeros((len(free), len(free))), np.zeros(len(free))
     covariance[np.ix_(free, free)], step[free] = found.covariance, found.step
-    return replace(found, covariance=covariance, step=step)
+    return replace(found, covariance=_beside_snap(covariance, model, p, found.s2), step=step)
+
+
+def _beside_snap(covariance: np.ndarray, model: Model, p: np.ndarray, s2: float) -> np.ndarray:
+    """The covariance where a tip snaps in and tells the contact point to a sample's distance d: deviation d/sqrt(3),
+    since the least squares end at either of two samples."""
+    if not model.free[model.size] or _snap_of(model, p) < CLEAR_SNAP * math.sqrt(s2):
+        return covariance
+    along = covariance[model.size]
+    return covariance - np.outer(along, along) / (model.spacing**2 / 3.0 + along[model.size])
+
+
+def _snap_of(model: Model, p: np.ndarray) -> float:
+    """The force with which a tip snaps in [force]; 0 of one that does not adhere."""
+    if not model.forces.adheres:
+        return 0.0
+    theta, touch = p[: model.size], np.array([0.0])
+    return abs(float(model.forces.rigid(theta)(touch)[0]))
+
+
+def deviation(estimate: Estimate, k: int, known: Sequence[int] = ()) -> float:
+    """Standard deviation of a coordinate in the likeliest noise, s sqrt((J'V^-1 J)^-1_kk); infinite where nothing
+    depends on it. known: the varied keys that are not fitted beside it."""
+    model = replace(estimate.model, held=estimate.model.held | set(known))
+    free, noise = model.free, estimate.found.likeliest
+    J = model.jacobian(estimate.p)
+    scale = np.sqrt((J * J).sum(axis=0))
+    if not scale[k] > 0:
+        return math.inf if free[k] else 0.0
+    J = J[:, free] / np.where(scale > 0, scale, 1.0)[free]
+    inverted, _ = inverse(J.T @ noise.whitened(J)[0])
+    covariance = np.zeros((len(free), len(free)))
+    covariance[np.ix_(free, free)] = estimate.found.s2 * inverted / np.outer(scale[free], scale[free])
+    return math.sqrt(max(float(_beside_snap(covariance, model, estimate.p, estimate.found.s2)[k, k]), 0.0))
 
 
 def _rms(model: Model, p: np.ndarray) -> float:
@@ -348,7 +407,9 @@ def fit(forces: SceneForces, samples: Samples, origin: Origin) -> Estimate:
     """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them."""
     starts = beginnings(forces, samples, origin)
     if not starts:
-        raise Refused("no contact: the force does not rise with the depth")
+        other = Samples(samples.x, -samples.force, samples.t)
+        turned = " (it falls: one that pushes in counts > 0)" if beginnings(forces, other, origin) else ""
+        raise Refused(f"no contact: the force does not rise with the depth{turned}")
     few = Model(forces, samples.means(MOST_PILOT), origin)
     followed = [_followed(few, start) for start in starts]
     best = min((one for one in followed if one), key=lambda one: one[1], default=None)

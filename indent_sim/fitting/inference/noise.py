@@ -136,13 +136,13 @@ def _under(noise: Noise, X: np.ndarray, freedom: int) -> tuple[float, np.ndarray
     VX, log_V = noise.whitened(X)
     M = X.T @ VX
     A, b, c = M[:-1, :-1], M[:-1, -1], float(M[-1, -1])
-    inverse, log_A = _inverse(A)
-    step = inverse @ b
+    cov, log_A = inverse(A)
+    step = cov @ b
     s2 = max((c - float(b @ step)) / max(freedom, 1), 1e-300)
-    return -0.5 * (log_V + log_A + freedom * math.log(s2)), s2 * inverse, step, s2
+    return -0.5 * (log_V + log_A + freedom * math.log(s2)), s2 * cov, step, s2
 
 
-def _inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
+def inverse(A: np.ndarray) -> tuple[np.ndarray, float]:
     """Inverse and ln|A| of a symmetric matrix, directions on which nothing depends having large variances."""
     values, vectors = np.linalg.eigh(0.5 * (A + A.T))
     values = np.maximum(values, 1e-14 * max(values[-1], 1e-300))
@@ -162,8 +162,8 @@ def _rest(X: np.ndarray, noise: Noise) -> float:
     scale = np.sqrt((X[:, :-1] ** 2).sum(axis=0))
     X = np.column_stack([X[:, :-1] / np.where(scale > 0, scale, 1.0), X[:, -1]])
     M = X.T @ noise.whitened(X)[0]
-    inverse, _ = _inverse(M[:-1, :-1])
-    return float(M[-1, -1] - M[:-1, -1] @ inverse @ M[:-1, -1])
+    cov, _ = inverse(M[:-1, :-1])
+    return float(M[-1, -1] - M[:-1, -1] @ cov @ M[:-1, -1])
 
 
 def f_test(gained: float, m: int, left: float, freedom: int) -> float:

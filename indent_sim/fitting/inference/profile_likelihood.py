@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from indent_sim.fitting.elastic_table import NoTable
-from indent_sim.fitting.inference.estimate import Estimate, averaged_at
+from indent_sim.fitting.inference.estimate import Estimate, deviation
 from indent_sim.fitting.inference.noise import NORMAL_95
 
 WIDE = 0.2  # half width of a coordinate from which on a parabola is not enough
@@ -30,9 +30,7 @@ def profiled(estimate: Estimate) -> Estimate:
 
 
 def _interval(estimate: Estimate, k: int) -> tuple[float, float]:
-    noise = estimate.found.likeliest
-    own = float(averaged_at(estimate.model, estimate.p, [noise]).sd[k])
-    reach = (NORMAL_95 * float(estimate.sd[k]) / max(own, 1e-300)) ** 2
+    reach = (NORMAL_95 * float(estimate.sd[k]) / max(deviation(estimate, k), 1e-300)) ** 2
     return _end(estimate, k, -1.0, reach), _end(estimate, k, 1.0, reach)
 
 

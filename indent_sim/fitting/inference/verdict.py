@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.inference.estimate import Estimate, averaged_at
+from indent_sim.fitting.inference.estimate import Estimate, Model, deviation
 from indent_sim.fitting.inference.models import Other
 from indent_sim.fitting.inference.noise import NORMAL_95, averaged, f_test, gain
 from indent_sim.fitting.inference.windows import Window
@@ -21,7 +21,7 @@ from indent_sim.fitting.inference.windows import Window
 COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
 NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
 FEWEST_BEFORE_CONTACT, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
-SUSPECT_SHAPE, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 2.5, 1e-3  # where other models are asked
+SUSPECT_SHAPE, SUSPECT_POWER, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 1e-2, 2.5, 1e-3  # where other models are asked
 WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
 NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
 UNKNOWN_FACTOR = 3.0  # an interval beyond it is none
@@ -123,16 +123,27 @@ class Verdict:
         return max(ends[0] / ends[1], ends[1] / ends[2])
 
 
-def is_suspect(windows: Sequence[Window], p_shape: float, p_baseline: float | None) -> bool:
+@dataclass(frozen=True)
+class Bends:
+    """Probabilities that the residuals bend so by accident: in any shape, and along another power of the depth."""
+
+    shape: float
+    power: float
+
+
+def is_suspect(windows: Sequence[Window], bends: Bends, p_baseline: float | None) -> bool:
     """Whether other models are worth asking."""
     moves = any(np.any(np.abs(window.z) > SUSPECT_Z) for window in windows)
-    return moves or p_shape < SUSPECT_SHAPE or (p_baseline is not None and p_baseline < SUSPECT_BASELINE)
+    noisy = p_baseline is not None and p_baseline < SUSPECT_BASELINE
+    return moves or noisy or bends.shape < SUSPECT_SHAPE or bends.power < SUSPECT_POWER
 
 
-def shape_of(estimate: Estimate) -> float:
-    """The probability that the residuals look so wavy by accident: an F test of eight cosines in the contact.
+def bends_of(estimate: Estimate) -> Bends:
+    """F tests of eight cosines in the contact, and of the one direction F ln(delta/depth), in which thickness, adhesion
+    and other tips bend a curve, where eight waves may see nothing.
 
-    The noise is found with and without them; the larger probability counts, since either may take one for the other.
+    The noise is found with and without the cosines; of the shape the larger probability counts, since either may take
+    one for the other. The power is tested beside them: it only asks.
     """
     model, p = estimate.model, estimate.ordinary
     J, r = model.jacobian(p)[:, model.free], model.residual(p)
@@ -140,8 +151,16 @@ def shape_of(estimate: Estimate) -> float:
     begin, end = c - BEFORE * estimate.depth, float(x.max())
     u = np.clip((x - begin) / (end - begin), 0.0, 1.0)
     waves = np.column_stack([np.where(x >= begin, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINES + 1)])
-    with_them = averaged(np.column_stack([J, waves]), r).likeliest
-    return max(gain(J, waves, r, noise) for noise in {with_them, estimate.found.likeliest})
+    beside = averaged(np.column_stack([J, waves]), r).likeliest
+    shape = max(gain(J, waves, r, noise) for noise in {beside, estimate.found.likeliest})
+    return Bends(shape, gain(J, _along_power(model, p)[:, None], r, beside))
+
+
+def _along_power(model: Model, p: np.ndarray) -> np.ndarray:
+    """F ln(delta/depth): by which a force changes with the exponent of the depth."""
+    force = model.contact(p)
+    delta = model.samples.x - p[model.size] - model.forces.experiment.compliance * force
+    return force * np.log(np.maximum(delta / max(float(delta.max()), 1e-300), 1e-9))  # type: ignore[no-any-return]
 
 
 def baseline_of(estimate: Estimate) -> float | None:
@@ -162,24 +181,10 @@ def baseline_of(estimate: Estimate) -> float | None:
 
 def tied(estimate: Estimate) -> list[float]:
     """Half width of each coordinate over that with all other varied keys known."""
-    ratios = []
-    for k in range(estimate.model.size):
-        held = [j for j in range(estimate.model.size) if j != k]
-        ratios.append(_alone(estimate, k, held))
-    return ratios
-
-
-def _alone(estimate: Estimate, k: int, held: Sequence[int]) -> float:
-    if not held:
-        return 1.0
-    model = estimate.model
-    free = model.free.copy()
-    free[list(held)] = False
-    J, noise = model.jacobian(estimate.p)[:, free], estimate.found.likeliest
-    covariance = estimate.found.s2 * np.linalg.pinv(J.T @ noise.whitened(J)[0])
-    place = int(np.count_nonzero(free[:k]))
-    whole = averaged_at(model, estimate.p, [noise]).sd[k]
-    return float(whole / max(math.sqrt(max(covariance[place, place], 0.0)), 1e-300))
+    size = estimate.model.size
+    others = [[j for j in range(size) if j != k] for k in range(size)]
+    pairs = ((deviation(estimate, k), deviation(estimate, k, known)) for k, known in enumerate(others))
+    return [whole / max(alone, 1e-300) for whole, alone in pairs]
 
 
 def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:

@@ -9,16 +9,13 @@ from typing import Any
 import numpy as np
 
 from indent_sim.process.errors import BackendError
-from indent_sim.results.measured.measurement import Measured, NoCurve, Uncalibrated
+from indent_sim.results.measured.measurement import INSTALL, SI, STIFFNESS_KEY, Measured, NoCurve, Uncalibrated
 
 SUFFIXES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw", ".h5", ".zip")
 MAYBE = (".txt", ".csv", ".tab")  # text that may be an AFM's
 HEIGHT_COLUMNS = ("height (measured)", "height (piezo)")
 TIP_COLUMN = "tip position"
-INSTALL = "install it with `make setup AFM=1`, or `pip install --no-deps afmformats igor2 jprops`"
 OF_RELAXATION = {1: "approach", 2: "hold", 3: "retract"}  # 0: a pause before it
-SI = {"length": "m", "force": "N", "time": "s"}
-STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 
 
 def read_afm(path: Path, stiffness: float | None = None) -> list[Measured] | None:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import content
-from indent_sim.results.measured import afm_file
+from indent_sim.results.measured import afm_file, nanoscope_file
 from indent_sim.results.measured.delimited_text import read_text
-from indent_sim.results.measured.measurement import Measured
+from indent_sim.results.measured.measurement import SI, Measured
 
 METADATA = re.compile(r"# BEGIN METADATA\n(.*?)# END METADATA", re.DOTALL)  # of a .tab file
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".tab", ".asc")
@@ -27,7 +27,11 @@ def curve_files(path: Path) -> list[Path]:
         if not path.exists():
             raise UsageError(f"there is no curve {path}", file=str(path))
         return [path]
-    found = [one for one in sorted(path.iterdir()) if one.suffix.lower() in (*TEXT, *afm_file.SUFFIXES)]
+    found = [
+        one
+        for one in sorted(path.iterdir())
+        if one.suffix.lower() in (*TEXT, *afm_file.SUFFIXES, *nanoscope_file.SUFFIXES)
+    ]
     if not found:
         raise UsageError(f"{path} holds no file of curves", f"they end in {', '.join(TEXT)}", str(path))
     return found
@@ -47,6 +51,9 @@ def read_measured(
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    if suffix in nanoscope_file.SUFFIXES:
+        _refuse_unreadable(path)
+        return nanoscope_file.read_nanoscope(path, stiffness)
     if suffix in (*afm_file.SUFFIXES, *afm_file.MAYBE) and not columns:
         _refuse_unreadable(path)
         found = afm_file.read_afm(path, stiffness)
@@ -54,7 +61,7 @@ def read_measured(
             return found
     data = _content(path)
     if match := METADATA.search(data[:100_000].decode("latin-1").replace("\r", "")):
-        curve = read_text(path, data, columns, afm_file.SI | dict(given or {}))
+        curve = read_text(path, data, columns, SI | dict(given or {}))
         return [replace(curve, stiffness=_stiffness(match[1]))]
     return [read_text(path, data, columns, given)]
 

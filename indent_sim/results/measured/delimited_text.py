@@ -197,9 +197,21 @@ def _chosen(layout: _Layout, asked: Sequence[str] | None, file: str) -> dict[str
         places = [titles.index(word) for word in known if word in titles]
         if places:
             found[name] = places[0]
+    if not found:
+        found = _by_units(layout)
     if "force" not in found or not {"delta", "z"} & found.keys():
         missing = "force" if "force" not in found else "depth"
         raise NoCurve(f"no column of {missing} among {', '.join(layout.titles)[:200]}: say it with --columns")
+    return found
+
+
+def _by_units(layout: _Layout) -> dict[str, int]:
+    """The only column of a length as depth and the only one of a force, whatever their titles are in."""
+    found = {}
+    for name in ("delta", "force", "t"):
+        places = [k for k, title in enumerate(layout.titles) if _title(title, DIMENSIONS[name])[1]]
+        if len(places) == 1:
+            found[name] = places[0]
     return found
 
 

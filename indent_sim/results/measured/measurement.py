@@ -20,6 +20,10 @@ PLATEAU = 0.01  # of the range of depths: what is nearer to the deepest may be a
 LEAST_HOLD, FEWEST_HELD = 0.1, 10
 TURNED = 0.1  # of the range: a path that goes back by less has not turned
 DIMENSIONS = {"delta": "length", "z": "length", "force": "force", "t": "time"}
+SI = {"length": "m", "force": "N", "time": "s"}
+PACKAGES = "afmformats igor2 jprops pyfmreader tifffile 'pandas<3' pytz tzdata"  # that read AFM files
+INSTALL = f"install it with `make setup AFM=1`, or `pip install --no-deps {PACKAGES}`"
+STIFFNESS_KEY = "--set experiment.cantilever.stiffness=..."
 UNITS_REMEDY = "add units: {length: um, force: nN} to the scene"
 
 

@@ -17,6 +17,7 @@ KIND_EXAMPLES = {"length": "nm, um, mm", "force": "pN, nN, mN", "pressure": "Pa,
 BASE_UNITS = {"length": "m", "force": "N", "pressure": "Pa", "line": "N/m"}
 SHOWN_UNITS = "shown_units"  # entry of a report: units asked for in a picture, by kind
 NAMES = {"delta": ("depth δ", "length"), "force": ("force F", "force"), "a": ("contact radius a", "length")}
+NAMES |= {"pore_pressure_max": ("largest pore pressure p", "pressure")}
 FLAT_NAMES = {"a": ("contact half-width a", "length"), "force": ("force F per length", "line")}
 
 
@@ -78,6 +79,11 @@ def middle_of(runs: Sequence[Results]) -> tuple[float, str]:
     if len(places) == 1:
         return places.pop(), first_axis(runs[0])
     return 0.0, "distance from the tip's axis"
+
+
+def time_axis(runs: Sequence[Results], name: str = "time t") -> Axis:
+    """The axis of times: seconds, of runs whose numbers have units."""
+    return Axis(name, unit="s" if all((run.report.get("units") or {}).get("length") for run in runs) else "")
 
 
 def axis(column: str, runs: Sequence[Results]) -> Axis:

@@ -4,14 +4,14 @@ says."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from indent_sim.results.folder import read_report
-from indent_sim.results.pictures.axes import axis, in_print
+from indent_sim.results.pictures.axes import Axis, axis, time_axis
 from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, canvas, head, legend_below, save
 from indent_sim.results.pictures.curves import smooth
 from indent_sim.results.pictures.names import config_of
@@ -31,7 +31,8 @@ def draw(folder: Path, path: Path | None = None) -> None:
     panels = ["depth", *(["base"] if has_base else []), *(["time"] if has_times else ["radius"])]
     with canvas((3.1 + 3.3 * len(panels), 4.4)) as figure:
         drawn: dict[str, Axes] = figure.subplot_mosaic([panels, ["legend"] * len(panels)])
-        said = read_report(folder).get("experiment") or {}
+        report = read_report(folder)
+        by = (report.get("experiment") or {}).get("by") or (report.get("time") or {}).get("method", "?")
         effects = [
             name
             for name in ("adhesion", "relaxation", "cantilever")
@@ -40,25 +41,24 @@ def draw(folder: Path, path: Path | None = None) -> None:
         head(
             figure,
             results.report.get("title") or folder.name,
-            "  \N{MIDDLE DOT}  ".join([f"by {said.get('by', '?')}", *effects]),
+            "  \N{MIDDLE DOT}  ".join([f"by {by}", *effects]),
         )
         force, depth = axis("force", [results]), axis("delta", [results])
-        _draw(drawn["depth"], rows, "delta", depth, force)
+        draw_branches(drawn["depth"], rows, "delta", depth, force)
         if has_base:
-            _draw(drawn["base"], rows, "z", depth, force, "way of the base z")
+            draw_branches(drawn["base"], rows, "z", replace(depth, name="way of the base z"), force)
+        t = time_axis([results])
         if has_times and has_forces:
-            _draw(drawn["time"], rows, "t", None, depth, "time t", "delta")
+            draw_branches(drawn["time"], rows, "t", t, depth, "delta")
         elif has_times:
-            _draw(drawn["time"], rows, "t", None, force, "time t")
+            draw_branches(drawn["time"], rows, "t", t, force)
         else:
-            _draw(drawn["radius"], rows, "a", axis("a", [results]), force)
+            draw_branches(drawn["radius"], rows, "a", axis("a", [results]), force)
         legend_below(figure, drawn["legend"], drawn["depth"])
         save(figure, path or folder / EXPERIMENT_PICTURE)
 
 
-def _draw(
-    axes: Axes, rows: Mapping[str, np.ndarray], name: str, x: Any, y: Any, label: str = "", of: str = "force"
-) -> None:
+def draw_branches(axes: Axes, rows: Mapping[str, np.ndarray], name: str, x: Axis, y: Axis, of: str = "force") -> None:
     """A column over another, a line for each branch that is one piece of the table."""
     seen: set[str] = set()
     branches = rows["branch"]
@@ -66,11 +66,9 @@ def _draw(
     for begin, end in pairwise([0, *changes, len(branches)]):
         branch, piece = str(branches[begin]), slice(max(begin - 1, 0), end)
         colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
-        across = rows[name][piece]
-        curve = smooth(across if x is None else x(across), y(rows[of][piece]))
+        curve = smooth(x(rows[name][piece]), y(rows[of][piece]))
         axes.plot(*curve, color=colour, ls=style, lw=1.5, label=None if branch in seen else branch)
         seen.add(branch)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
-    named = label if x is None else x.label if not label else f"{label} [{in_print(x.unit)}]" if x.unit else label
-    axes.set(xlabel=named, ylabel=y.label)
+    axes.set(xlabel=x.label, ylabel=y.label)
     axes.locator_params(axis="x", nbins=5)

@@ -14,7 +14,7 @@ from indent_sim.model.body import Ball, Box, Cap, Cylinder, HalfSpace, InfiniteL
 from indent_sim.model.contact import AugmentedLagrangian, AutoContact
 from indent_sim.model.experiment import Experiment
 from indent_sim.model.loading import Loading
-from indent_sim.model.materials import Gel, LinearElastic
+from indent_sim.model.materials import LinearElastic
 from indent_sim.model.tips import Cone, Indenter, RegularPyramid
 from indent_sim.process.errors import BackendError, ConfigError, IndentSimError, NotConverged
 from indent_sim.run.chain import condense, states
@@ -43,21 +43,10 @@ class Bench:
     def __init__(self, config: Config, scene: Scene):
         self.config, self.scene = config, scene
         self.delta = max(scene.physics.deltas) * scene.physics.scales.depth
-        if self.delta <= 0:
-            problem = "never presses the tip into the body: no force depends on anything"
-            raise ConfigError("loading", problem, "give a depth > 0")
-        if scene.physics.permeable:
-            problem = "is no effect that can be told from the others yet"
-            raise ConfigError("material.flow", problem, "leave it out: nu as given is drained, nu: 0.5 undrained")
-        if any(isinstance(material, Gel) for _, material in config.materials()):
-            problem = "gel: is no effect that can be told from the others yet"
-            raise ConfigError("material.model", problem, "use a neo_hookean law of its shear modulus and Poisson ratio")
-        if scene.physics.relaxing:
-            problem = "shear: is no effect that can be told from the others yet"
-            raise ConfigError("material.relaxation.of", problem, "of: all, on a linear body without friction")
         tip: Any = config.indenter
         is_aside = isinstance(config.body, Cylinder) and any(config.center or ())
         self.is_stood_for = isinstance(config.body, Box) or is_aside  # by a cylinder up to its nearest side
+        self.is_from_file = isinstance(config.body, MeshFromFile)
         self.is_dome = isinstance(config.body, Cap | Ball)
         self.is_cone = isinstance(tip, RegularPyramid)  # of equal sections, for the pyramid
         half_angle = degrees(atan(tip.roundness * tan(radians(tip.half_angle)))) if self.is_cone else 0.0
@@ -95,13 +84,18 @@ class Bench:
 
     @cached_property
     def _given(self) -> Config:
-        """That scene; a body that only a mesh in three dimensions has is a cylinder up to its nearest side."""
-        own, body = self.own_body, self.config.body
+        """That scene on the body that stands for its own."""
+        return self.stand_in(self.own_body)
+
+    def stand_in(self, own: Config) -> Config:
+        """A scene of this body; one that only a mesh in three dimensions has is a cylinder up to its nearest side."""
+        body = own.body
         is_round = all(inclusion.is_about((0.0, 0.0)) for inclusion in body.inclusions or ())
         if isinstance(body, Box | Cylinder):
             kept = body.inclusions if is_round and not self.is_stood_for else None  # they have their place in the whole
             cylinder = Cylinder(body.rim_distance(self.config.center or body.center), body.height, base=body.base)
             cylinder = replace(cylinder, sides=self.walls[0], layers=body.layers, inclusions=kept)
+            cylinder = replace(cylinder, surface_tension=body.surface_tension)
             return varied(own, body=cylinder, center=None)
         center = own.center if isinstance(body, Strip | MeshFromFile) else None
         if not is_round and body.dim == 3:
@@ -254,7 +248,8 @@ class Bench:
         elif not isinstance(body, MeshFromFile):
             return on_half_space(self.plain)
         way = Loading(delta=self.delta / pieces, steps=1)
-        return varied(self.plain, body=HalfSpace(), material=self.touched, indenter=tip, center=None, loading=way)
+        below = HalfSpace(surface_tension=self.plain.body.surface_tension)
+        return varied(self.plain, body=below, material=self.touched, indenter=tip, center=None, loading=way)
 
     @property
     def touched(self) -> LinearElastic:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
 
@@ -20,15 +20,17 @@ from indent_sim.model.tips import Paraboloid, Sphere
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.requirements import variations
 from indent_sim.run.requirements.bench import Bench
-from indent_sim.run.requirements.effects import Effect
+from indent_sim.run.requirements.effects import Effect, Requirement
+from indent_sim.run.requirements.evolution import Evolution, Limit, limits_of
 from indent_sim.run.requirements.table import REQUIREMENTS
 from indent_sim.run.requirements.variations import Document, varied
 from indent_sim.scene.given import with_used_material
-from indent_sim.scene.scene import resolve
+from indent_sim.scene.scene import Scene, resolve
 
 BODIES = {"half_space": variations.on_half_space, "layer": variations.on_layer}
 BODIES |= {"no inclusions": variations.without_inclusions}
 ENDLESS = {"half_space": "a half-space", "layer": "an infinitely wide layer"}  # of them, in words
+BATHED = "fluid from a bath swells or shrinks it, and no elastic body has its force"
 EXPERIMENT_PARTS = {"adhesion": ("adhesion",), "rate": ("relaxation",), "cantilever": ("cantilever", "frame")}
 
 
@@ -57,18 +59,83 @@ def require(config: Config, within: float = 0.01) -> Requirements:
     try:
         scene = resolve(config)
         config = with_used_material(config, scene.physics.part)
-        bench = Bench(config, scene)
+        if scene.physics.evolves:
+            return _of_evolution(config, Evolution(config, scene), within)
+        return _of_elastic(config, _bench(config, scene), within)
     except ConfigError as error:
         raise located(config, error) from None
-    effects = tuple(requirement.effect(bench, within) for requirement in REQUIREMENTS)
-    by_name = {effect.name: effect for effect in effects}
-    model, best = _Model(dropped=()), config
-    for candidate in _models(config, by_name):
-        if runs := candidate.of(config):  # the last one that does is the best there is
+
+
+def _bench(config: Config, scene: Scene) -> Bench:
+    bench = Bench(config, scene)
+    if bench.delta <= 0:
+        problem = "never presses the tip into the body: no force depends on anything"
+        raise ConfigError("loading", problem, "give a depth > 0")
+    return bench
+
+
+def _of_elastic(config: Config, bench: Bench, within: float) -> Requirements:
+    """What a scene requires whose body does not change with time."""
+    effects = {requirement.name: requirement.effect(bench, within) for requirement in REQUIREMENTS}
+    model, best = _cheapest(config, effects, (), within)
+    words = _sentence(model, best, effects, within)
+    return Requirements(tuple(effects.values()), variations.shown(best), model.percent, words)
+
+
+def _of_evolution(config: Config, evolution: Evolution, within: float) -> Requirements:
+    """What a scene requires whose body changes with time: what that does to the force, and the other rows of the
+    elastic body that is nearest; the scene itself where no elastic body is within the tolerance."""
+    own = {effect.name: effect for effect in evolution.effects}
+    beside = _beside(evolution, {one.name: one for one in REQUIREMENTS if one.name not in own}, within)
+    effects = tuple(own.get(one.name) or beside[one.name] for one in REQUIREMENTS)
+    effects += tuple(effect for name, effect in own.items() if name == "drainage")
+    if not evolution.is_bathed:
+        passed = tuple(limit.dropped for limit in evolution.nearest)
+        model, best = _cheapest(evolution.elastic, beside, passed, within)
+        if model.is_within(within):
+            words = f"{_sentence(model, best, beside, within)} {_passed(evolution)}"
+            return Requirements(effects, variations.shown(best), model.percent, words)
+    is_small = any(law.small_strain for law in variations.matter(config))
+    lacking = {"paraboloid": isinstance(config.indenter, Paraboloid), "small_strain": is_small}
+    model = _Model(tuple(beside[name] for name, lacks in lacking.items() if lacks and beside[name].applies))
+    words = f"Model the scene as it is, in time: {_off(model)}. {_passed(evolution)}"
+    return Requirements(effects, variations.shown(config), model.percent, words)
+
+
+def _beside(evolution: Evolution, rows: Mapping[str, Requirement], within: float) -> dict[str, Effect]:
+    """Other effects of an evolving scene: those of its nearest elastic body, at the depth of its largest force."""
+    if evolution.is_bathed:
+        return {name: Effect(name, None, None, None, f"not solved: {BATHED}") for name in rows}
+    config, names = evolution.at_its_depth, ", ".join(limit.name for limit in evolution.nearest)
+    bench = _bench(config, resolve(config))
+    found = {name: row.effect(bench, within) for name, row in rows.items()}
+    return {name: replace(one, source=f"{one.source}; of the {names} body, elastic") for name, one in found.items()}
+
+
+def _passed(evolution: Evolution) -> str:
+    """How far the elastic limits are off the scene, in words."""
+    said = [f"the {limit.name} body {_beyond(limit)}" for effect in evolution.effects for limit in limits_of(effect)]
+    return f"{BATHED[0].upper()}{BATHED[1:]}." if evolution.is_bathed else f"Off the scene's force: {', '.join(said)}."
+
+
+def _beyond(limit: Limit) -> str:
+    if limit.percent is None or limit.percent <= -100:
+        return "by an unknown part"
+    return f"by {100 * (100 / (100 + limit.percent) - 1):+.2g} %"
+
+
+def _cheapest(
+    config: Config, effects: Mapping[str, Effect], passed: tuple[Effect, ...], within: float
+) -> tuple[_Model, Config]:
+    """The cheapest model within the tolerance, and its scene, else the last that can be run, which is the best there
+    is; passed: what the config has left out of the scene."""
+    model, best = _Model(dropped=passed), config
+    for candidate in _models(config, effects, passed):
+        if runs := candidate.of(config):
             model, best = candidate, runs
             if candidate.is_within(within):
                 break
-    return Requirements(effects, variations.shown(best), model.percent, _sentence(model, best, by_name, within))
+    return model, best
 
 
 @dataclass(frozen=True)
@@ -112,8 +179,9 @@ class _Model:
         return None
 
 
-def _models(config: Config, effects: Mapping[str, Effect]) -> Iterator[_Model]:
-    """The models of a scene, from the cheapest on; the last one has every effect that a model can have."""
+def _models(config: Config, effects: Mapping[str, Effect], passed: tuple[Effect, ...]) -> Iterator[_Model]:
+    """The models of a scene, from the cheapest on; the last one has every effect that a model can have but those that
+    the scene has `passed` over."""
     is_finite = not all(layer.material.small_strain for layer in config.layers if layer.material)
     rough = _of_contact(config)
     knows_finite = effects["small_strain"].percent is not None
@@ -139,7 +207,9 @@ def _models(config: Config, effects: Mapping[str, Effect]) -> Iterator[_Model]:
         dropped += [effects[rough]] if rough and smooth else []
         change = variations.of_finite_strain if finite else variations.of_small_strain
         applying = tuple(effect for effect in dropped if effect.applies)
-        yield _Model(applying, body, None if finite == is_finite else change, sphere, bool(smooth and rough))
+        yield _Model(
+            (*passed, *applying), body, None if finite == is_finite else change, sphere, bool(smooth and rough)
+        )
 
 
 def own_parts(config: Config) -> set[str]:
@@ -167,14 +237,14 @@ def _sentence(model: _Model, config: Config, effects: Mapping[str, Effect], with
     body += " without its inclusions" if model.body == "no inclusions" else ""
     strain = "small strain" if all(one.small_strain for one in variations.matter(config)) else "finite strain"
     tip, kept = config.indenter.shape.replace("_", " "), _of_contact(config)
-    off = "by less than the tolerance" if model.percent is None else f"by {model.percent:+.2g} %"
     words = f"Model {body} under a {tip} at {strain}, " + (f"with its {kept}" if kept else "without friction")
     if not model.is_within(within):
-        words += f": that is off {off}; no model here has all of the effects at once."
+        words += f": {_off(model)}; no model here has all of the effects at once."
     else:
-        words += f": that is off {off}." if model.dropped else ": nothing simpler is within the tolerance."
+        words += f": {_off(model)}." if model.dropped else ": nothing simpler is within the tolerance."
     own = "friction" if effects["friction"].applies else "stick"  # what may come of any only where there is none
     several = [name for name in (own, "rate", "adhesion", "cantilever", "calibration") if name != kept]
+    several = [name for name in several if name in effects]
     felt = [name for name in several if effects[name].size > 100 * within and (effects[name].low or effects[name].high)]
     parts = own_parts(config)
     computed = [name for name in felt if parts & set(EXPERIMENT_PARTS.get(name, ()))]
@@ -183,6 +253,13 @@ def _sentence(model: _Model, config: Config, effects: Mapping[str, Effect], with
     if unknown := [name for name in felt if name not in computed]:
         words += f" Beside it, more than {100 * within:g} % may come of {_listed(unknown)}."
     return words
+
+
+def _off(model: _Model) -> str:
+    """How far a model is off, in words."""
+    return (
+        "that is off by less than the tolerance" if model.percent is None else f"that is off by {model.percent:+.2g} %"
+    )
 
 
 def _listed(names: list[str]) -> str:

@@ -59,6 +59,15 @@ class Effect:
         return bool(self.percent != 0.0 or self.needs or self.low or self.high)
 
 
+def solved(name: str, find: Callable[[], Effect]) -> Effect:
+    """An effect as it is found; where something could not be solved that is said, with the reason."""
+    try:
+        with np.errstate(all="ignore"):  # theories try depths beyond a tip's end
+            return find()
+    except (NotConverged, ConfigError, *UNSOLVED) as error:
+        return Effect(name, None, None, None, f"not solved: {error}")
+
+
 @dataclass(frozen=True)
 class Known:
     """The change of the force from elsewhere: relative, between two, and a number where it is one."""
@@ -121,11 +130,7 @@ class Requirement:
 
     def effect(self, bench: Bench, within: float) -> Effect:
         """What it does to the force; a scene that could not be solved is said to be that, with the reason."""
-        try:
-            with np.errstate(all="ignore"):  # theories try depths beyond a tip's end
-                return self._effect(self.said(bench, within), bench, within)
-        except (NotConverged, ConfigError, *UNSOLVED) as error:
-            return Effect(self.name, None, None, None, f"not solved: {error}")
+        return solved(self.name, lambda: self._effect(self.said(bench, within), bench, within))
 
     def _effect(self, said: Said, bench: Bench, within: float) -> Effect:
         match said:

@@ -13,7 +13,7 @@ from indent_sim.model.body import Layer as Ply
 from indent_sim.model.contact import Friction
 from indent_sim.model.loading import History
 from indent_sim.model.materials import LinearElastic, Relaxation
-from indent_sim.model.tips import FlatPunch, Indenter, Paraboloid, Plate, Profile, Sphere
+from indent_sim.model.tips import FlatPunch, Hyperboloid, Indenter, Paraboloid, Plate, Profile, Sphere
 from indent_sim.run.requirements import variations
 from indent_sim.run.requirements.bench import Bench, history_of
 from indent_sim.run.requirements.effects import Known, Pair, Requirement, Said, Start, Unknown, absent
@@ -28,6 +28,7 @@ FRICTIONS: tuple[Friction, ...] = (0.1, 0.3, "stick")  # that tell what may come
 RANGE_MARGIN = 1e-3  # of the force, by which a range is wider than half of itself to either side
 RADIUS_CHANGE = 0.02  # relative change of R that says how the force grows with it
 # Of a contact with adhesion, where its search begins; of the depth, instead of one below 0
+TINY_TENSION = 0.01  # of E* delta, where the search for a surface tension that matters begins
 WIDER, TINY_DEPTH = 1e-3, 1e-6
 # Of a flat punch's radius: that of its edge where it is too sharp to solve at finite strain, whose effect hangs little
 # on it: at nu = 0.3, delta/a = 0.1 it is 1.18 to 1.23 % for edges of 0.005 to 0.1, 1.6 % for a sharp one
@@ -201,6 +202,24 @@ def _incompressible(bench: Bench, within: float) -> Said:
     return Start("nu", change, 0.01, f"theory{bench.how}", lambda x: 0.5 - x, " down", end=0.5, digits=4)
 
 
+def _surface_tension(bench: Bench, within: float) -> Said:
+    own: Any = bench.config.body
+    if isinstance(own, MeshFromFile) or own.dim == 2:
+        return absent("a mesh from a file has none" if own.dim == 3 else "there is no theory of it in plane strain")
+    if own.surface_tension:
+        without = varied(bench.plain, body=replace(bench.plain.body, surface_tension=0.0))  # type: ignore[arg-type]
+        return Pair(bench.plain, without, f"the body with its surface tension over one without{bench.how}")
+    known = bench.without_sides or bench.flat
+    if known is None:
+        return Unknown("no theory of this tip and body")
+    start = TINY_TENSION * bench.scene.physics.material.E_star * bench.scene.physics.scales.pressure * bench.delta
+
+    def tensed(gamma: float) -> Config:
+        return varied(known, body=replace(known.body, surface_tension=gamma))  # type: ignore[union-attr, arg-type]
+
+    return Start("body.surface_tension", bench.over(known, tensed), start, f"theory{bench.how}")
+
+
 def _friction(bench: Bench, within: float) -> Said:
     rough, known = bench.in_contact.get("friction"), bench.scene.plan.friction
     if not rough:
@@ -234,6 +253,8 @@ def _adhesion(bench: Bench, within: float) -> Said:
         words = f"the contact law with its range over the one without, on one mesh{bench.how}"
         return Pair(bench.meshed(bench.whole, adhesion=own), bench.meshed(bench.whole), words)
     experiment = bench.config.experiment
+    if bench.config.body.surface_tension:
+        return Unknown("not known together with a surface tension")
     if experiment and experiment.adhesion:
         with_it = history_of(bench, "adhesion")
         said = bench.findings(with_it).report["adhesion"]
@@ -264,6 +285,8 @@ def _work(bench: Bench, within: float) -> Said:
 
 def _rate(bench: Bench, within: float) -> Said:
     law = next((material.relaxation for _, material in bench.config.materials()), None)
+    if bench.config.body.surface_tension:
+        return Unknown("a surface tension does not relax")
     if law is None:
         needs = f"above {100 * within:g} % from a fraction of the modulus that relaxes before the deepest point"
         return Unknown("Lee & Radok: the force falls by that fraction at most", f"{needs} = {within:.2g}")
@@ -319,7 +342,7 @@ def _calibration(bench: Bench, within: float) -> Said:
 def _of_radius(bench: Bench) -> tuple[float, str]:
     """d ln F/d ln R of a tip that has one, and what the force owes to an uncertain instrument."""
     tip, words = bench.tip, "an error of the spring is one of the force"
-    if not isinstance(tip, Paraboloid | Sphere):
+    if not isinstance(tip, Paraboloid | Sphere | Hyperboloid):
         return 0.0, words
     ratio = bench.ratio(bench.under(replace(tip, R=(1 + RADIUS_CHANGE) * tip.R)), bench.plain)
     steep = log(ratio) / log(1 + RADIUS_CHANGE)
@@ -327,6 +350,6 @@ def _of_radius(bench: Bench) -> tuple[float, str]:
 
 
 OF_BODY = (_paraboloid, _thickness, _side_walls, _substrate, _layers, _inclusions, _anisotropy, _small_strain)
-OF_CONTACT = (_incompressible, _blunt_tip, _friction, _stick, _adhesion)
+OF_CONTACT = (_incompressible, _blunt_tip, _surface_tension, _friction, _stick, _adhesion)
 ROWS = (*OF_BODY, *OF_CONTACT, _rate, _cantilever, _contact_point, _calibration)
 REQUIREMENTS = tuple(Requirement(said.__name__.removeprefix("_"), said) for said in ROWS)

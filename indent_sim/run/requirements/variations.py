@@ -10,8 +10,9 @@ from typing import Any
 
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, SolverSettings, Source
-from indent_sim.model.body import HalfSpace, Inclusion, InfiniteLayer, Layer, MeshFromFile
+from indent_sim.model.body import Ball, Cap, HalfSpace, Inclusion, InfiniteLayer, Layer, MeshFromFile
 from indent_sim.model.materials import LinearElastic, Material, NeoHookean, TransverselyIsotropic
+from indent_sim.scene import theories
 
 Document = dict[str, Any]  # a scene as nested mappings, shaped like its file
 Change = Callable[[Material], Material]
@@ -56,6 +57,23 @@ def elastic(material: Material) -> Material:
     return replace(material, relaxation=None)
 
 
+def drained(material: Material) -> Material:
+    """The material in whose pores nothing flows any more."""
+    return replace(material, flow=None)
+
+
+def undrained(material: Material) -> Material:
+    """The elastic material from whose pores nothing flows yet; any other as it is."""
+    return theories.undrained(material.canonical()) if material.flow else material
+
+
+def rounded_law(material: Material) -> Material:
+    """A material whose numbers came of others, which have no more than twelve digits."""
+    numbers = {one.name: getattr(material, one.name) for one in fields(material)}
+    short = {name: float(f"{x:.12g}") for name, x in numbers.items() if isinstance(x, float)}
+    return replace(material, **short)  # type: ignore[arg-type]
+
+
 def linear(material: Material) -> Material:
     """The linear elastic material of equal constants; an anisotropic one is that already."""
     own = material.canonical()
@@ -95,10 +113,11 @@ def without_inclusions(config: Config) -> Config:
 def without_contrast(config: Config) -> Config:
     """The scene with its inclusions of the matter that is around them: on the mesh of the scene that has them."""
     body: Any = config.body
-    depths = [-depth for depth in accumulate(layer.thickness or inf for layer in config.layers)]
+    depths = list(accumulate(layer.thickness or inf for layer in config.layers))
 
     def around(inclusion: Inclusion) -> Inclusion:
-        layer = next((k for k, z in enumerate(depths) if inclusion.center[2] > z), -1)
+        below = body.dome.room_beside(inclusion) if isinstance(body, Cap | Ball) else -inclusion.center[2]
+        layer = next((k for k, depth in enumerate(depths) if below < depth), -1)
         return replace(inclusion, material=config.layers[layer].material)  # type: ignore[arg-type]
 
     return varied(config, body=replace(body, inclusions=tuple(map(around, body.inclusions))))
@@ -107,14 +126,15 @@ def without_contrast(config: Config) -> Config:
 def on_half_space(config: Config) -> Config:
     """The scene on the half-space of its body's matter: the last of its layers goes on without end."""
     layers = config.body.layers
+    tension = config.body.surface_tension
     deep = layers and (*layers[:-1], replace(layers[-1], thickness=None))
-    return varied(without_inclusions(config), body=HalfSpace(layers=deep), center=None)
+    return varied(without_inclusions(config), body=HalfSpace(layers=deep, surface_tension=tension), center=None)
 
 
 def on_layer(config: Config) -> Config:
     """The scene on the infinitely wide layer that its body is without its sides."""
     body: Any = config.body
-    layer = InfiniteLayer(body.height, base=body.base, layers=body.layers)
+    layer = InfiniteLayer(body.height, base=body.base, layers=body.layers, surface_tension=body.surface_tension)
     return varied(without_inclusions(config), body=layer, center=None)
 
 

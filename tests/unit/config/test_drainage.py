@@ -10,7 +10,6 @@ from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.model.body import Conductance
 from indent_sim.model.loading import ladder
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.requirements.cheapest import require
 from indent_sim.scene.scene import resolve
 
 FLOW = {"permeability": 0.9}
@@ -62,11 +61,6 @@ def test_what_does_not_go_with_fluid_is_refused(sections: dict[str, Any], key: s
     with pytest.raises(ConfigError, match=words) as error:
         resolve(from_mapping(SCENE | sections))
     assert key.replace("\\", "") in str(error.value)
-
-
-def test_requirements_of_fluid_are_refused() -> None:
-    with pytest.raises(ConfigError, match="no effect that can be told"):
-        require(from_mapping(SCENE))
 
 
 def test_a_scene_comes_back_from_its_own_text() -> None:
@@ -153,3 +147,18 @@ def test_what_is_doubtful_is_said() -> None:
     assert "early" in keys(loading=jump)
     endless = {"shape": "half_space"}
     assert "diffusion" in keys(body=endless, loading={"history": [[0, 0], [1, 0.02], [1e6, 0.02]]})
+
+
+def test_a_sudden_force_on_a_closed_column_comes_with_the_first_step() -> None:
+    """Nothing gives way before the fluid does; between free sides, or with storage, it does."""
+    punch = {"shape": "flat_punch", "radius": 2.0}
+    sudden = {"force_history": [[0, 0.1], [1, 0.1]]}
+
+    def first(**sections: Any) -> float:
+        given = SCENE | {"indenter": punch, "loading": sudden, "mesh": {"h_contact": 0.2}} | sections
+        return resolve(from_mapping(given)).physics.path.times[0]
+
+    assert first() > 0
+    assert first(body=SCENE["body"] | {"sides": "free"}) == 0
+    assert first(material=WET | {"flow": FLOW | {"storage": 1.0}}) == 0
+    assert first(loading={"history": [[0, 0.02], [1, 0.02]]}) == 0

@@ -9,7 +9,6 @@ import pytest
 from indent_sim.config.scene_file import from_mapping, loads, to_yaml
 from indent_sim.model.materials import Gel
 from indent_sim.process.errors import ConfigError
-from indent_sim.run.requirements.cheapest import require
 from indent_sim.scene.scene import Scene, resolve
 
 GEL: dict[str, Any] = {"model": "gel", "G": 1.0, "n_omega": 1e-3, "chi": 0.6, "stretch": 1.4}
@@ -71,12 +70,6 @@ def test_a_bath_of_a_gel_has_no_unit() -> None:
     text = to_yaml(from_mapping(SCENE | {"units": {"length": "mm", "force": "mN"}}))
     with pytest.raises(ConfigError, match="over kT"):
         resolve(loads(text.replace("bath: 0.0", "bath: 5 kPa")))
-
-
-def test_requirements_of_a_gel_are_refused() -> None:
-    dry = {key: value for key, value in SCENE.items() if key != "drainage"}
-    with pytest.raises(ConfigError, match="no effect that can be told"):
-        require(from_mapping(dry | {"material": GEL, "loading": {"delta": 0.1}}))
 
 
 def test_a_scene_comes_back_from_its_own_text() -> None:

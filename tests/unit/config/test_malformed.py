@@ -234,8 +234,8 @@ MALFORMED = [
     (
         round_body("shape: ball\n  radius: 1.0\n  layers: [{thickness: 1.0}]"),
         6,
-        "body.layers",
-        "'ball' has no parameter 'layers'",
+        "body.layers[0].thickness",
+        "the last layer of a ball is its core, which has no thickness",
     ),
     (
         round_body("shape: ball\n  radius: 1.0", "shape: plate\n  center: [0.1, 0.0]"),

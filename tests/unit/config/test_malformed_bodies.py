@@ -57,6 +57,10 @@ def brick(x: float, y: float, z: float, *size: float) -> dict[str, Any]:
     return {"shape": "box", "center": [x, y, z], "size": list(size), "material": ELASTIC}
 
 
+def egg(x: float, y: float, z: float, *semi_axes: float) -> dict[str, Any]:
+    return {"shape": "ellipsoid", "center": [x, y, z], "semi_axes": list(semi_axes), "material": ELASTIC}
+
+
 def holding(body: dict[str, Any], *inclusions: Any) -> dict[str, Any]:
     return body | {"inclusions": list(inclusions)}
 
@@ -82,11 +86,115 @@ MALFORMED: list[tuple[dict[str, Any], str, str]] = [
     (HALF_SPACE | layers(0.4, 1.0), "body.layers[1].thickness", "its substrate, which has no thickness"),
     (HALF_SPACE | layers(None, None), "body.layers[0].thickness", "missing"),
     (LAYER | layers(0.4, None), "body.layers[1].thickness", "missing"),
-    (CAP | layers(1.0), "body.layers", "'cap' has no parameter 'layers'"),
     # sizes of bodies
     (BOX | {"size": [2.0, 2.0]}, "body.size", "a list of 3 numbers > 0"),
     (CYLINDER | {"radius": 1e6}, "body.height", "lengths of a body may differ by a factor of 100000"),
     (CAP | {"contact_angle": 53.0}, "body.contact_angle", "contradicts height"),
+    # skins
+    (CAP | layers(0.1, 0.9), "body.layers[1].thickness", "the last layer of a cap is its core, which has no thickness"),
+    (BALL | layers(0.1, 0.2), "body.layers[1].thickness", "the last layer of a ball is its core"),
+    (BALL | layers(0.1), "body.layers[0].thickness", "is its core"),
+    (BALL | layers(None, None), "body.layers[0].thickness", "missing"),
+    (CAP | layers(0.1, None, None), "body.layers[1].thickness", "missing"),
+    (BALL | layers(-0.1, None), "body.layers[0].thickness", "must be > 0"),
+    (BALL | layers(0.0, None), "body.layers[0].thickness", "must be > 0"),
+    (BALL | layers("thin", None), "body.layers[0].thickness", "a number"),
+    (BALL | layers(1.0, None), "body.layers", "are 1 thick together, which leaves no core"),
+    (BALL | layers(0.6, 0.5, None), "body.layers", "are 1.1 thick together"),
+    (BALL | {"base": "fixed"} | layers(1.2, None), "body.layers", "which leaves no core"),
+    (CAP | layers(1.0, None), "body.layers", "a core that does not reach the base"),
+    (CAP | layers(0.99, None), "body.layers", "a core that does not reach the base"),
+    (CAP | {"base_radius": 0.5} | layers(0.3, None), "body.layers", "a core that does not reach the base"),
+    (BALL | layers(5e-4, None), "body.layers", "0.0005 thick on a ball of radius 1 is too thin to mesh"),
+    (BALL | {"layers": [{"thickness": 0.1, "stuff": 1}, {}]}, "body.layers[0].stuff", ""),
+    (BALL | {"layers": []}, "body.layers", "a list of 1 to 50 sections"),
+    (BALL | {"layers": {"thickness": 0.1}}, "body.layers", "list"),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), ball(0, 0, -0.25)),
+        "body.inclusions[0]",
+        "crosses the inner face of body.layers[0], 0.1 below the surface, by 0.05",
+    ),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), ball(0, 0, -1.75)),
+        "body.inclusions[0]",
+        "crosses the inner face of body.layers[0], 0.1 below the surface, by 0.05",
+    ),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), ball(0, 0, -0.301)),
+        "body.inclusions[0]",
+        "is 0.001 from the inner face of body.layers[0]",
+    ),
+    (
+        holding(CAP | layers(0.1, None), ball(0, 0, -0.301)),
+        "body.inclusions[0]",
+        "is 0.001 from the inner face of body.layers[0]",
+    ),
+    (
+        holding(CAP | layers(0.2, 0.3, None), ball(0, 0, -0.6)),
+        "body.inclusions[0]",
+        "crosses the inner face of body.layers[1]",
+    ),
+    (
+        holding(CAP | layers(0.1, None), upright(0, 0, -0.5, 1.2, 0.3)),
+        "body.inclusions[0]",
+        "crosses the inner face of body.layers[0]",
+    ),
+    # surface tension
+    (BALL | {"surface_tension": -0.1}, "body.surface_tension", "must be >= 0"),
+    (BALL | {"surface_tension": "wet"}, "body.surface_tension", "a number"),
+    (FILE | {"surface_tension": 0.1}, "body.surface_tension", "'mesh' has no parameter 'surface_tension'"),
+    (
+        CYLINDER | {"layers": [{"thickness": 1.0, "surface_tension": 0.1}]},
+        "body.layers[0].surface_tension",
+        "",
+    ),
+    # ellipsoids
+    (
+        holding(CYLINDER, egg(0, 0, -0.2, 0.3, 0.3, 0.25)),
+        "body.inclusions[0]",
+        "crosses the top at z = 0: it spans z = -0.45",
+    ),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.3, 2.1, 0.2)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.1",
+    ),
+    (
+        holding(BOX, egg(0.5, 1.0, -0.5, 0.6, 0.1, 0.2)),
+        "body.inclusions[0]",
+        "leaves the body through its side, by 0.1",
+    ),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2)), "body.inclusions[0].semi_axes", "a list of 3 numbers > 0"),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, -0.1)), "body.inclusions[0].semi_axes[2]", "must be > 0"),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.0)), "body.inclusions[0].semi_axes[2]", "must be > 0"),
+    (holding(CYLINDER, egg(0, 0, -0.5, 0.3, 0.2, 0.1) | {"radius": 1.0}), "body.inclusions[0].radius", "no parameter"),
+    (
+        holding(CAP, egg(0, 0, -0.5, 0.3, 0.2, 0.1)),
+        "body.inclusions[0]",
+        "semi-axes of 0.3 along x and 0.2 along y differ",
+    ),
+    (holding(CAP, egg(0.1, 0, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "it is off the axis"),
+    (holding(STRIP, egg(2.0, 0.1, -0.5, 0.2, 0.2, 0.1)), "body.inclusions[0]", "a strip is the same all along y"),
+    (
+        holding(CYLINDER, egg(0, 0, -0.5, 0.5, 0.5, 0.1), ball(0, 0, -0.2505, radius=0.15)),
+        "body.inclusions[1]",
+        "overlaps or touches body.inclusions[0]",
+    ),
+    (
+        holding(CYLINDER | layers(0.4, 0.6), egg(0, 0, -0.5, 0.5, 0.5, 0.15)),
+        "body.inclusions[0]",
+        "crosses the interface below body.layers[0] at z = -0.4",
+    ),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), egg(0, 0, -1.0, 0.95, 0.95, 0.2)),
+        "body.inclusions[0]",
+        "crosses the inner face of body.layers[0], 0.1 below the surface, by 0.05",
+    ),
+    (
+        holding(BALL | {"base": "fixed"} | layers(0.1, None), egg(0, 0, -1.0, 0.899, 0.899, 0.2)),
+        "body.inclusions[0]",
+        "is 0.001 from the inner face of body.layers[0]",
+    ),
     # inclusions
     (holding(CYLINDER, ball(0, 0, -0.1)), "body.inclusions[0]", "crosses the top at z = 0: it spans z = -0.3 to 0.1"),
     (holding(CYLINDER, ball(0, 0, -0.9)), "body.inclusions[0]", "crosses the base at z = -1"),

@@ -207,6 +207,20 @@ def test_what_is_remembered_knows_neither_guesses_nor_cuts(reach: float) -> None
     assert body.worn == pytest.approx(1.5, abs=1e-12)  # sums of exact binary fractions, but for thirds of a step
 
 
+@pytest.mark.parametrize("control", ["depth", "force"])
+def test_rows_close_together_are_predicted_from_the_last_three(control: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And no more than these are kept for a resume, however many there were."""
+    body, seen = Spring(), []
+    monkeypatch.setattr(body, "predict", lambda depth, earlier: seen.append((depth, [state[0] for state in earlier])))
+    depths = (1.0, 1.05, 1.1, 1.15)
+    walk = Walk(body)  # type: ignore[arg-type]
+    path = LoadPath(control, depths if control == "depth" else tuple(depth**2 for depth in depths))
+    assert len(list(walk.states(path, lambda step: False))) == len(depths)
+    assert len(walk.points) == 3
+    tried = [earlier for depth, earlier in seen if depth == pytest.approx(1.15, rel=1e-6)]
+    assert tried[-1] == pytest.approx(depths[:3], rel=1e-6)
+
+
 def test_a_long_way_of_which_each_longer_step_fails_is_walked() -> None:
     """Steps above 0.3 never work: each doubling fails, and two steps after it do not."""
     rule, at, failures = StepRule(), 0.0, 0

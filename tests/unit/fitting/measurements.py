@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from indent_sim.config.scene_file import from_mapping
@@ -10,7 +11,7 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.inference.noise import Noise
 from indent_sim.fitting.scene_forces import SceneForces
 
-N = 300
+N, LONGEST = 300, 8  # samples, and records of 1/f noise that the longest wave has
 LAYER = {"shape": "layer", "height": 1.0}
 HALF_SPACE = {"shape": "half_space"}
 NOISES = {"white": Noise(), "AR 3": Noise(3.0, 0.0003), "AR 10": Noise(10.0, 0.0003), "mixed 10": Noise(10.0, 0.5)}
@@ -34,6 +35,16 @@ def drawn(noise: Noise, n: int, draw: np.random.Generator) -> np.ndarray:
     rho, before = noise.rho, int(20 * max(noise.tau, 1))
     slow = lfilter([np.sqrt(1 - rho**2)], [1, -rho], draw.standard_normal(n + before))[before:]
     return np.sqrt(noise.w) * draw.standard_normal(n) + np.sqrt(1 - noise.w) * slow
+
+
+def covariance(noise: Noise | None, n: int) -> np.ndarray:
+    """Of noise of variance 1 (n, n); None: of a spectrum 1/f, which no process of one correlation time has."""
+    if noise is None:
+        size = LONGEST * n
+        spectrum = np.append(0.0, 1.0 / np.arange(1, size // 2 + 1))
+        row = np.fft.irfft(spectrum)[:n]
+        return toeplitz(row / row[0])
+    return noise.times(np.eye(n))
 
 
 def measured(truth: SceneForces, theta, x: np.ndarray, noise: np.ndarray, c: float = 0.013, t=None):  # type: ignore[no-untyped-def]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,15 @@ def test_copies_of_the_outline_are_the_whole_cross_section(symmetry: str, copies
         part = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2}).physics.part
         assert part.copies == copies
         assert part.copies * part.area == pytest.approx(area, rel=1e-12)
+
+
+@pytest.mark.parametrize("body", [CYLINDER, BOX])
+def test_what_is_modelled_lies_where_x_and_y_grow(body: dict[str, Any]) -> None:
+    """From the mirror planes, which run through the tip."""
+    for symmetry, planes in (("half", 1), ("quarter", 2)):
+        base = scene(body, mesh={"symmetry": symmetry, "h_contact": 0.2})
+        lows = [low for low, _ in base.physics.part.extent[:2]]
+        assert sum(low == pytest.approx(c) for low, c in zip(lows, base.physics.center, strict=True)) == planes
 
 
 def test_a_side_knows_its_normal_and_an_arc_has_none() -> None:

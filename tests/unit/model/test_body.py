@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from indent_sim.model.body import Ball, Cap, Dome
+from indent_sim.model.body import (
+    Ball,
+    BallInclusion,
+    BoxInclusion,
+    Cap,
+    CylinderInclusion,
+    Dome,
+    EllipsoidInclusion,
+    Inclusion,
+)
+from indent_sim.model.materials import LinearElastic
 from indent_sim.model.units import Scales
 
 TINY = 1e-14  # rounding of numbers near 1
@@ -47,3 +57,68 @@ def test_pieces_share_approach_and_energy() -> None:
     scales = Scales(2.0, 3.0, pieces=2)
     assert (scales.depth, scales.force, scales.energy) == (4.0, 12.0, 48.0)
     assert scales.of("depth") == scales.depth and scales.of("force") == scales.force
+
+
+# ---- inclusions: where they end ------------------------------------------------------------
+
+MATTER = LinearElastic(E=1.0, nu=0.3)
+PLACE = (0.1, -0.2, 0.3)
+POINTS = ((2.0, 1.0, 0.5), (0.1, -0.2, 3.0), (0.1, -0.2, 0.35), (0.0, 0.0, -5.0), (0.4, -0.1, 0.32), (0.1, 1.0, 0.3))
+
+
+def on_unit_ball(count: int) -> np.ndarray:
+    """Points spread evenly (count, 3): a spiral of the golden angle."""
+    z, turn = 1 - (2 * np.arange(count) + 1) / count, np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    return np.column_stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z])
+
+
+@pytest.mark.parametrize("semi_axes", [(1.0, 1.0, 1.0), (0.3, 0.5, 0.9), (1.0, 1.0, 0.1), (0.02, 1.0, 0.5)])
+def test_an_ellipsoid_ends_where_its_surface_is(semi_axes: tuple[float, ...]) -> None:
+    """Nearest and farthest of 4e5 points of it, 0.006 apart, along all axes and along two: 1e-4."""
+    found = EllipsoidInclusion(PLACE, semi_axes, MATTER)
+    surface = np.array(PLACE) + on_unit_ball(400_000) * semi_axes
+    for point in POINTS:
+        away = np.linalg.norm(surface - point, axis=1)
+        is_inside = bool(found.holds(point))
+        assert is_inside == bool((((np.array(point) - PLACE) / semi_axes) ** 2).sum() <= 1)
+        assert found.distance(point) == pytest.approx(0.0 if is_inside else away.min(), abs=3e-4)
+        assert found.farthest(point) == pytest.approx(away.max(), abs=1e-4)
+        across = np.linalg.norm(surface[:, :2] - point[:2], axis=1)
+        assert found.farthest(point, (0, 1)) == pytest.approx(across.max(), abs=1e-4)
+    assert found.volume == pytest.approx(4 / 3 * np.pi * np.prod(semi_axes), rel=1e-14)
+
+
+def test_an_ellipsoid_of_equal_semi_axes_is_a_ball() -> None:
+    """Whatever is asked of either, to rounding; the distance of many points at once too."""
+    ball, round_ = BallInclusion(PLACE, 0.4, MATTER), EllipsoidInclusion(PLACE, (0.4, 0.4, 0.4), MATTER)
+    for point in POINTS:
+        assert round_.holds(point) == ball.holds(point)
+        assert round_.distance(point) == pytest.approx(ball.distance(point), rel=1e-14, abs=1e-15)
+        assert round_.farthest(point) == pytest.approx(ball.farthest(point), rel=1e-11)
+        assert round_.farthest(point, (0, 1)) == pytest.approx(ball.farthest(point, (0, 1)), rel=1e-11)
+    assert round_.distance(np.array(POINTS).T) == pytest.approx(ball.distance(np.array(POINTS).T), abs=1e-15)
+    assert (round_.volume, round_.thinnest) == (pytest.approx(ball.volume), ball.thinnest)
+    assert round_.is_about(PLACE[:2]) and not round_.is_about((0.0, 0.0))
+
+
+BLUNT = EllipsoidInclusion((0.0, 0.0, 0.0), (0.5, 0.3, 0.1), MATTER)
+
+
+@pytest.mark.parametrize(
+    ("other", "gap"),
+    [
+        (BallInclusion((0.9, 0.0, 0.0), 0.3, MATTER), 0.1),
+        (BallInclusion((0.0, 0.0, 0.5), 0.3, MATTER), 0.1),
+        (BoxInclusion((0.0, 0.9, 0.0), (4.0, 1.0, 0.1), MATTER), 0.1),
+        (CylinderInclusion((0.0, 0.0, -0.45), 2.0, 0.5, MATTER), 0.1),
+        (EllipsoidInclusion((1.1, 0.0, 0.0), (0.5, 2.0, 0.3), MATTER), 0.1),
+        (EllipsoidInclusion((0.0, 0.0, 0.4), (0.05, 0.05, 0.2), MATTER), 0.1),
+        (BallInclusion((0.45, 0.27, 0.09), 0.25, MATTER), 0.0),
+        (EllipsoidInclusion((0.0, 0.0, 0.0), (0.4, 0.2, 0.05), MATTER), 0.0),  # one in the other
+    ],
+)
+def test_inclusions_overlap_where_they_are_nearer(other: Inclusion, gap: float) -> None:
+    """Than their distance along an axis; either asks the other."""
+    for one, two in ((BLUNT, other), (other, BLUNT)):
+        assert one.overlaps(two, gap + 1e-6)
+        assert not gap or not one.overlaps(two, gap - 1e-6)

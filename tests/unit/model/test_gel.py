@@ -222,19 +222,19 @@ def test_solvent_moves_by_its_diffusivity() -> None:
     assert SOFT.permeability(1e12, 2.0) == pytest.approx(2e-3, rel=1e-11)
 
 
-@pytest.mark.parametrize("law", [HolmesMow(M=2.0, phi0=0.2, exponent=2.0), HolmesMow(M=0.0, phi0=0.4, exponent=1.0)])
+@pytest.mark.parametrize("law", [HolmesMow(M=2.0, phi0=0.2, alpha=2.0), HolmesMow(M=0.0, phi0=0.4, alpha=1.0)])
 def test_pores_widen_and_close(law: HolmesMow) -> None:
     assert law.factor(1.0) == pytest.approx(1.0, rel=1e-14)
     assert law.factor(law.phi0) == 0.0
     J = np.linspace(law.phi0, 1.5, 20)
     assert np.all(np.diff(law.factor(J)) > 0)
-    # d ln k/dJ at rest = exponent/(1 - phi0) + M, by a central difference of 1e-5: 1e-9
+    # d ln k/dJ at rest = alpha/(1 - phi0) + M, by a central difference of 1e-5: 1e-9
     slope = (math.log(law.factor(1 + 1e-5)) - math.log(law.factor(1 - 1e-5))) / 2e-5
-    assert slope == pytest.approx(law.exponent / (1 - law.phi0) + law.M, rel=1e-8)
+    assert slope == pytest.approx(law.alpha / (1 - law.phi0) + law.M, rel=1e-8)
 
 
 @pytest.mark.parametrize("J", [0.7, 1.0, 1.3])
 def test_permeabilities_are_the_same_in_forms_and_in_numbers(J: float) -> None:
-    law = HolmesMow(M=2.0, phi0=0.2, exponent=2.0)
+    law = HolmesMow(M=2.0, phi0=0.2, alpha=2.0)
     assert law.factor(ufl.as_ufl(J) * ufl.as_ufl(1.0))(()) == pytest.approx(law.factor(J), rel=1e-14)
     assert SOFT.permeability(ufl.as_ufl(J), 3.0)(()) == pytest.approx(SOFT.permeability(J, 3.0), rel=1e-14)

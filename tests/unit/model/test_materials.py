@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from indent_sim.config.scene_file import from_mapping
-from indent_sim.model.materials import Gent, MooneyRivlin, Ogden, TransverselyIsotropic, Yeoh
+from indent_sim.model.materials import Fung, Gent, MooneyRivlin, Ogden, TransverselyIsotropic, Yeoh
 from indent_sim.process.errors import ConfigError
 from indent_sim.scene.scene import resolve
 
@@ -20,6 +20,7 @@ from indent_sim.scene.scene import resolve
         (Yeoh(C10=0.5, C20=3.0, nu=0.4), 1.0),
         (Ogden(mu=(0.6, -0.2), alpha=(1.5, -2.0), nu=0.4), 0.65),
         (Gent(mu=1.3, Jm=9.0, nu=0.4), 1.3),
+        (Fung(mu=1.3, b=2.0, nu=0.4), 1.3),
     ],
 )
 def test_small_strain_modulus(law: Any, mu: float) -> None:
@@ -79,6 +80,8 @@ WRONG = {
     "empty": ({"model": "ogden", "nu": 0.3}, "mu"),
     "three": ({"model": "neo_hookean", "E": 1.0, "nu": 0.3, "mu": 1.0}, "exactly two of"),
     "no_Jm": ({"model": "gent", "mu": 1.0, "nu": 0.3}, "material.Jm: missing"),
+    "no_b": ({"model": "fung", "mu": 1.0, "nu": 0.3}, "material.b: missing"),
+    "flat_b": ({"model": "fung", "mu": 1.0, "b": 0, "nu": 0.3}, "material.b"),
     "no_mu": ({"model": "gent", "Jm": 9.0, "nu": 0.3}, "material.mu: missing"),
     "no_C10": ({"model": "yeoh", "C20": 1.0, "nu": 0.3}, "material.C10: missing"),
     "no_lambda_m": ({"model": "arruda_boyce", "mu": 1.0, "nu": 0.3}, "material.lambda_m: missing"),

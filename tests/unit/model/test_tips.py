@@ -14,6 +14,7 @@ from indent_sim.model.tips import (
     Cone,
     CubeCorner,
     FlatPunch,
+    Hyperboloid,
     Indenter,
     Paraboloid,
     Plate,
@@ -30,6 +31,7 @@ SMOOTH: dict[str, Indenter] = {
     "paraboloid": Paraboloid(1.3),
     "sphere": Sphere(1.3),
     "cone": Cone(65.0, 0.2),
+    "hyperboloid": Hyperboloid(0.2, 50.0),
     "flat_punch": FlatPunch(1.0, 0.3),
     "pyramid": Pyramid(65.0, tip_radius=0.2),
     "triangle": Pyramid(50.0, faces=3, rotation=20.0, tip_radius=0.1),
@@ -168,6 +170,23 @@ def test_numpy_and_ufl_evaluate_alike(tip: Indenter) -> None:
 def ufl_value(expression: Any) -> float:
     """The value of a UFL expression."""
     return float(ufl.as_ufl(expression)(()))
+
+
+def test_hyperboloid_between_its_limits() -> None:
+    """Near the apex the paraboloid, to (r/b)^2/4 with b = R cot(half_angle); far away the cone, R cot^2 lower, to b/r
+    of that; and f + R cot^2 over r is on the hyperbola, to rounding."""
+    tip, r = Hyperboloid(0.2, 50.0), np.geomspace(1e-9, 1e-3, 20)
+    slope = 1 / np.tan(np.radians(50))
+    assert on_axis_plane(tip, r) == approx(on_axis_plane(Paraboloid(0.2), r), rel=1e-5)
+    far = np.array([1e3, 1e5])
+    assert on_axis_plane(tip, far) - on_axis_plane(Cone(50.0), far) == approx(-0.2 * slope**2, rel=1e-3)
+    s = np.linspace(0.1, 3.0, 9)
+    above = on_axis_plane(tip, s) / (0.2 * slope**2) + 1
+    assert above**2 - (s / (0.2 * slope)) ** 2 == approx(1.0, rel=1e-12)
+    assert tip.radius_at(float(on_axis_plane(tip, s)[4])) == approx(s[4], rel=1e-14)
+    assert (tip.slope(s + 1e-6) + tip.slope(s)) / 2 * 1e-6 == approx(
+        np.diff([*map(tip.height, (s, s + 1e-6), (0.0, 0.0))], axis=0)[0], rel=1e-8
+    )
 
 
 def test_blunt_pyramid_between_its_limits() -> None:

@@ -67,6 +67,17 @@ def test_a_unit_needs_one_in_the_scene():
         read("depth [um],force\n" + rows(",")).in_units({"length": "", "force": ""})
 
 
+def test_titles_in_another_language_are_told_by_their_units():
+    head = "Zeit (s);Eindringtiefe (µm);Kraft (nN)\n"
+    lines = "".join(f"{k};{line}\n" for k, line in enumerate(rows(";", ",").splitlines()))
+    curve = read(head + lines)
+    np.testing.assert_allclose(curve.delta, DEPTHS, **DIGITS)
+    np.testing.assert_allclose(curve.force, FORCES, **DIGITS)
+    assert curve.units == {"length": "µm", "force": "nN", "time": "s"} and curve.t[-1] == 60
+    with pytest.raises(NoCurve, match="no column of depth"):  # which of two lengths?
+        read("Weg (µm);Tiefe (µm);Kraft (nN)\n" + lines)
+
+
 def test_columns_by_title_or_number():
     table = "a,b,c\n" + "".join(f"{k},{f:.9f},{x:.9f}\n" for k, (x, f) in enumerate(zip(DEPTHS, FORCES, strict=True)))
     for columns in (["c", "b"], ["3", "2", "1"], ["C", "2"]):

@@ -804,3 +804,21 @@ class TestCompare:
         self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.3,0\n", rtol=0).check()
         with pytest.raises(VerificationError):
             self.pair(tmp_path, "1,0.1,0.3,0\n", "1,0.1,0.30000000000000004,0\n", rtol=0).check()
+
+
+def test_the_time_of_a_state_is_its_own_where_time_passes(tmp_path: Path) -> None:
+    """Of two rows of one time, at a jump, the second is a last digit later; a resumed file goes on."""
+    points, cells = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]]), np.array([[0, 1, 2]])
+    tip = outline(Sphere(R=1.0), (0.0,), 1.0, "axisymmetric", 1)
+    fields = {"displacement": np.zeros((3, 2))}
+    kinds = {"displacement": ARRAYS["displacement"]}
+
+    def times(done: int | None, *states: tuple[int, float | None]) -> list[float]:
+        writer = FieldWriter(tmp_path, points, cells, np.zeros(1), tip, keep="all", done=done, arrays=kinds)
+        for step, t in states:
+            writer.write(step, 0.1, fields, t)
+        return [float(value) for value in re.findall(r'<Time Value="([^"]*)"', (tmp_path / "fields.xdmf").read_text())]
+
+    assert times(None, (1, 0.5), (2, 0.5), (3, 2.0)) == [0.5, np.nextafter(0.5, 1.0), 2.0]
+    assert times(2, (3, 0.5)) == [0.5, np.nextafter(0.5, 1.0), np.nextafter(np.nextafter(0.5, 1.0), 1.0)]
+    assert times(None, (1, None), (2, None)) == [1.0, 2.0]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from indent_sim.config.scene_file import from_mapping
+from indent_sim.model.tips import FlatPunch
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.resolved import resolved
-from indent_sim.scene.expected import Stick
+from indent_sim.scene.expected import Stick, pulling_rim
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 4.0, "height": 1.0, "base": "fixed", "sides": "roller"}
@@ -202,6 +204,13 @@ def test_a_surface_that_would_pull_slips_a_little(nu: float, h: float, friction:
         {"friction": "stick"}, material=SOFT | {"nu": nu}, indenter=punch | {"edge_radius": 0.01}, mesh={"h_contact": h}
     )
     assert rounded.physics.contact.friction == "stick"
+
+
+@pytest.mark.parametrize(("nu", "dim", "is_seen"), [(0.1, 2, False), (0.1, 3, True), (0.4, 2, False), (0.4, 3, False)])
+def test_elements_that_cross_the_edge_see_the_rim_that_would_pull(nu: float, dim: int, is_seen: bool) -> None:
+    """The facets of a solid do at 0.1, however large they are, and no longer at 0.4: measured."""
+    sizes = SimpleNamespace(edge=0.1, h_edge=0.01)
+    assert (pulling_rim(FlatPunch(0.1), nu, sizes, dim) > 0) == is_seen  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("method", "smallest"), [("auto", 0.01), ("augmented_lagrangian", 0.01), ("penalty", 0.1)])

@@ -196,3 +196,28 @@ def test_elements_larger_than_a_tip_are_refused(tip):
     with pytest.raises(ConfigError, match="are larger than the tip's radius"):
         scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={"h_contact": 0.01})
     assert scene(indenter=tip, loading={"delta": 0.01, "steps": 1}, mesh={}).sizes.finest < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("tip", "where"),
+    [
+        ({"shape": "cone", "half_angle": 70}, "sharp apex"),
+        ({"shape": "cone", "half_angle": 70, "tip_radius": 1e-4}, "apex (rounded by less than an element)"),
+        ({"shape": "flat_punch", "radius": 0.1}, "sharp edge"),
+        ({"shape": "flat_punch", "radius": 0.1, "edge_radius": 1e-5}, "edge (rounded by less than an element)"),
+    ],
+)
+def test_a_pressure_without_a_peak_says_where(tip, where):
+    (why,) = (
+        choice.why for choice in scene(indenter=tip, mesh={"h_contact": 0.01}).plan.choices if choice.key == "p_max"
+    )
+    assert f"the tip's {where} is the mesh's own" in why
+
+
+def test_layers_on_a_half_space_end_where_its_finite_body_does():
+    """The last one is as thick as the films leave room for: 1e-9 is the rounding of sizes."""
+    matter = [{"model": "linear_elastic", "E": E, "nu": 0.3} for E in (3.0, 1.0)]
+    body = {"shape": "half_space", "layers": [{"thickness": 0.1, "material": matter[0]}, {"material": matter[1]}]}
+    given = {"body": body, "indenter": {"shape": "paraboloid", "R": 1.0}, "loading": {"delta": 0.01, "steps": 1}}
+    part = resolve(from_mapping(given | {"solver": {"method": "condensed"}})).physics.part
+    assert part.regions[-1].bottom == pytest.approx(-part.height, rel=1e-9)

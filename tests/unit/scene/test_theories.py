@@ -11,7 +11,18 @@ import pytest
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.body import Cylinder, Dome, Layer, Strip, StripSides
 from indent_sim.model.materials import LinearElastic
-from indent_sim.model.tips import Cone, FlatPunch, Indenter, Paraboloid, Plate, Profile, Pyramid, Sphere, reach
+from indent_sim.model.tips import (
+    Cone,
+    FlatPunch,
+    Hyperboloid,
+    Indenter,
+    Paraboloid,
+    Plate,
+    Profile,
+    Pyramid,
+    Sphere,
+    reach,
+)
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.scene.theories import (
     TIPS,
@@ -29,6 +40,7 @@ STRIP = Strip(4.0, 1.0, sides=StripSides("roller", "roller"))
 SHARP = {"paraboloid": Paraboloid(1.0), "sphere": Sphere(0.5), "cone": Cone(60.0), "flat_punch": FlatPunch(0.3)}
 OTHERS = {
     "blunt_cone": Cone(60.0, 0.1),
+    "hyperboloid": Hyperboloid(0.2, 50.0),
     "rounded_punch": FlatPunch(0.3, 0.05),
     "pyramid": Pyramid(60.0),
     "profile": Profile(((0.0, 0.0), (0.1, 0.01), (0.5, 0.2))),
@@ -74,6 +86,20 @@ def test_the_depth_of_a_force_is_that_depth(tip: Indenter, body: Cylinder | Stri
     assert theory and theory.exact and (solution := theory.at(delta))
     # both are searched to 1e-11 of the contact's size
     assert theory.depth(solution.force, 0.9) == pytest.approx(delta, rel=1e-9)
+
+
+@pytest.mark.parametrize("delta", [1e-6, 1e-3, 0.1, 10.0])
+def test_hyperboloid_on_a_half_space(delta: float) -> None:
+    """F = E* cot [(a^2 - b^2) arctan(a/b) + a b], delta = a cot arctan(a/b), b = R cot: Sneddon's integral of the
+    tip by hand. Its terms cancel to (a/b)^3, here to 1e-9 of them at most, so 1e-6 there; 1e-9 is theory's own."""
+    R, slope = 0.2, 1 / np.tan(np.radians(50))
+    theory = half_space_theory(Hyperboloid(R, 50.0), [Layer(None, GEL)], 2 * np.sqrt(R * delta))
+    found = theory.at(delta) if theory and theory.exact else None
+    assert found
+    a, b = found.a, R * slope
+    assert a * slope * np.arctan(a / b) == pytest.approx(delta, rel=1e-9)
+    force = GEL.E_star * slope * ((a**2 - b**2) * np.arctan(a / b) + a * b)
+    assert found.force == pytest.approx(force, rel=1e-6 if delta < 1e-4 else 1e-9)
 
 
 def test_the_deepest_point_and_the_end_of_theory() -> None:

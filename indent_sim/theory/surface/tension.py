@@ -1,0 +1,231 @@
+"""Indentation of an elastic half-space, layer or stack whose surface is under tension, axisymmetric and frictionless.
+
+A surface tension gamma pulls a curved surface flat with the pressure gamma lap u_z. A tip's pressure of wavenumber k
+then displaces the surface by C/(1 + gamma k^2 C) p instead of C p, with C = (2/E*) L(k)/k of the stack (`stack`), so
+
+    L_gamma = L/(1 + b k L),  b = 2 gamma/E*,
+
+takes the place of L. With L_gamma = 1/(1 + b k) - M/((1 + b k L)(1 + b k)) the equation of `layer` becomes
+
+    (1/pi) ∫_-a^a phi(t) k0(x - t) dt - (2/pi) ∫_0^a phi(t) K(x, t) dt = (E*/pi) (delta - g(x)),  0 <= x <= a,
+
+K = ∫_0^inf M/((1 + b k L)(1 + b k)) cos kx cos kt dk, which is smooth, and k0(s) = ∫_0^inf cos ks/(1 + b k) dk =
+G(|s|/b)/b with G(z) = ∫_0^inf cos t/(t + z) dt, which has a logarithm at s = 0 and a width b. In t = a cos(theta) the
+even solutions are
+
+    phi = c/sin(theta) + sum_n d_n sin((2n + 1) theta),
+
+a line force along the edge and the pressures p = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1), which end there without
+a peak. A smooth tip has c = 0: the surface leaves it without a kink. Collocation finds c and d_n.
+
+Where the contact is much smaller than gamma/E* the surface is a membrane: under a paraboloid p = 2 gamma/R,
+F = 2 pi gamma a^2/R and, on a half-space, delta = a^2/R (ln(4 gamma/(E* a)) + 1/2 - 0.5772...).
+
+Small strain, gap at the reference radius. delta > 0 pushes in; force, pressure > 0 push. Any consistent units.
+Sources: Hajji (1978), J. Appl. Mech. 45, 320; Long & Wang (2013), Proc. R. Soc. A 469, 20120567; Abramowitz & Stegun
+5.2.13 (G); Sneddon (1966), Mixed Boundary Value Problems, 2.1 (the transforms).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+
+from indent_sim.theory.hankel import Nodes, gauss, joined, wavenumbers
+from indent_sim.theory.layer import Layer
+from indent_sim.theory.march import LayerContact, pointwise
+from indent_sim.theory.solution import Solution
+
+FEWEST, PER_ROOT, MOST = (
+    16,
+    1.5,
+    100,
+)  # functions of phi: and more for each sqrt(a/b), as phi ends in a layer of width b
+KINKED_ERROR = 1e-4  # of the force under a tip with kinks: four times what was found
+PER_PANEL = 10  # Gauss points on a panel of the angle
+INNERMOST = 20  # and where the logarithm is, towards which they crowd as v^3
+BESIDE = 24  # Chebyshev's points beside the contact, where the surface is looked at
+
+
+class Terms(NamedTuple):
+    """The coefficients (c, d_0, d_1, ...) of phi [h], in units of E*/pi, at one contact radius, for unit depth and for
+    the tip's shape: phi = delta one - shape."""
+
+    one: np.ndarray
+    shape: np.ndarray
+
+    @property
+    def touch(self) -> float:
+        """Depth [h] of a smooth tip with this contact radius: no line force along the edge."""
+        return float(self.shape[0] / self.one[0])
+
+
+@dataclass(frozen=True)
+class TensedLayer(LayerContact):
+    """A layer under a tip of revolution, its surface under tension. b: twice gamma/E* [h]."""
+
+    b: float = 0.0
+
+    @classmethod
+    def of(cls, layer: Layer, surface_tension: float) -> TensedLayer:
+        """The contact of an infinitely wide layer with a surface tension [F/L] > 0."""
+        b = 2.0 * surface_tension / (layer.E_star * layer.h)
+        return cls(layer.tip, layer.scaled, layer.E_star, layer.h, math.inf, b)
+
+    def profile(self, x: np.ndarray) -> np.ndarray:
+        """g [h] of the tip."""
+        return self.tip.g(x * self.h) / self.h
+
+    def at(self, a: float) -> Terms:
+        """Solve for unit depth and for the tip's shape at the contact radius a [h]."""
+        count = self._count(a)
+        theta = (np.arange(count) + 0.5) * math.pi / (2 * count)
+        x = a * np.cos(theta)
+        right = np.column_stack([np.ones(count), self._shape(a, theta)])
+        matrix = np.array([self._row(a, angle, count) for angle in theta]) - self._beneath(a, x, count)
+        return Terms(*np.linalg.solve(matrix, right).T)
+
+    def _count(self, a: float) -> int:
+        """How many functions; the same for a range of radii, in which a search finds one curve."""
+        layers = 2.0 ** math.ceil(math.log2(a / self.b))
+        few = FEWEST * (3 if self.has_kinks else 1)
+        return min(few + math.ceil(PER_ROOT * math.sqrt(layers)), MOST)
+
+    @property
+    def has_kinks(self) -> bool:
+        """Whether the slope of the tip jumps, or bends, somewhere: phi is then found more slowly."""
+        return bool(self.tip.breaks) or self.tip.corner > 0.0
+
+    def _shape(self, a: float, theta: np.ndarray) -> np.ndarray:
+        """g [h] at angles; of a tip with kinks what as many cos(2 m theta) make of it."""
+        breaks = [math.acos(b / (a * self.h)) for b in self.tip.breaks if b < a * self.h]
+        if not self.has_kinks:
+            return self.profile(a * np.cos(theta))
+        edges = [0.0, *reversed(breaks), 0.5 * math.pi]  # beside a break g rises like the root, towards the edge
+        fine = 2 * theta.size
+        parts = [_towards(hi, lo, fine) if hi in breaks else gauss(lo, hi, fine) for lo, hi in pairwise(edges)]
+        angle, weight = joined(parts)
+        m = 2 * np.arange(theta.size)
+        moments = 4.0 / math.pi * (weight * self.profile(a * np.cos(angle))) @ np.cos(np.outer(angle, m))
+        moments[0] *= 0.5
+        return np.asarray(np.cos(np.outer(theta, m)) @ moments)
+
+    def _row(self, a: float, angle: float, count: int) -> np.ndarray:
+        """(1/pi) ∫ phi(t) k0(a cos(angle) - t) dt of each function of phi; an angle i eta stands for a cosh(eta)."""
+        levels = max(2, math.ceil(math.log2(1.0 + a / self.b)) + 3)
+        theta, weight = _angles(angle, levels, count)
+        apart = 2.0 * a * np.sin(0.5 * (theta + angle)) * np.abs(np.sin(0.5 * (theta - angle)))
+        kernel = auxiliary(apart / self.b) / self.b
+        return a / math.pi * ((weight * kernel) @ _functions(theta, count))
+
+    def _beneath(self, a: float, x: np.ndarray, count: int) -> np.ndarray:
+        """(2/pi) ∫ phi(t) K(x, t) dt of each function, shape (len(x), count)."""
+        reach = 2.0 ** math.ceil(math.log2(max(a, float(x.max()), 1.0)))
+        k, weight = wavenumbers(reach, self.scaled.finest)
+        M = self.scaled.complement(k)
+        weight = weight * M / ((1.0 + self.b * k * (1.0 - M)) * (1.0 + self.b * k))
+        theta, w = gauss(0.0, 0.5 * math.pi, count + math.ceil(20 + 2.0 * a * min(22.0, float(k.max()))))
+        modes = np.cos(np.outer(k, a * np.cos(theta))) @ (a * w[:, None] * _functions(theta, count))
+        return 2.0 / math.pi * np.cos(np.outer(x, k)) @ (weight[:, None] * modes)
+
+    def solution(self, delta: float, a: float) -> Solution:
+        """Turn the linear solutions at the contact radius a [h] into physical quantities."""
+        depth, found = delta / self.h, self.at(a)
+        phi = depth * found.one - found.shape
+        if self.tip.edge is None:
+            phi[0] = 0.0
+        theta, weight = gauss(0.0, 0.5 * math.pi, 4 * phi.size)
+        along = _functions(theta, phi.size)
+        whole = a * weight @ along  # ∫_0^a phi dt of each
+        energy = (
+            self.E_star * self.h**3 * a * float(weight @ ((along @ phi) * (depth - self.profile(a * np.cos(theta)))))
+        )
+        force, stiffness = 2.0 * self.E_star * self.h**2 * float(whole @ phi), 2.0 * self.E_star * self.h
+        pressure, u_z = pointwise(_pressure, self, a, phi), pointwise(_u_z, self, a, phi, depth)
+        area = math.pi * (a * self.h) ** 2
+        slope = stiffness * float(whole @ found.one)
+        return Solution(float(delta), force, float(a * self.h), area, energy, slope, pressure, u_z)
+
+    def sinking(self, a: float, phi: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What the left of the equation is at places x > a [h]: of the surface beside the contact."""
+        rows = np.array([self._beside(a, place, phi.size) for place in x])
+        return (rows - self._beneath(a, x, phi.size)) @ phi
+
+    def _beside(self, a: float, x: float, count: int) -> np.ndarray:
+        """As `_row`, for a place x > a [h]: angles crowd towards the edge."""
+        theta, weight = _angles(0.0, max(2, math.ceil(math.log2(1.0 + a / min(self.b, x - a))) + 3), count)
+        kernel = auxiliary((x - a + 2.0 * a * np.sin(0.5 * theta) ** 2) / self.b) / self.b
+        return a / math.pi * ((weight * kernel) @ _functions(theta, count))
+
+
+def _towards(begin: float, end: float, count: int) -> Nodes:
+    """Nodes and weights between two places that crowd at the first one as v^2."""
+    v, w = gauss(0.0, 1.0, count)
+    return begin + (end - begin) * v**2, abs(end - begin) * 2.0 * v * w
+
+
+def auxiliary(z: np.ndarray) -> np.ndarray:
+    """G(z) = ∫_0^inf cos t/(t + z) dt = Re e^(iz) E1(iz) for z > 0."""
+    from scipy.special import exp1
+
+    far = z > 1e4  # where the next term is 1e-15 of it
+    near, square = np.where(far, 1.0, z), np.maximum(z, 1.0) ** 2
+    return np.where(far, (1.0 - 6.0 / square) / square, (np.exp(1j * near) * exp1(1j * near)).real)
+
+
+def _functions(theta: np.ndarray, count: int) -> np.ndarray:
+    """phi dt/(a d theta) of each function at angles (len(theta), count): 1, then sin((2n + 1) theta) sin(theta)."""
+    n = np.arange(count - 1)
+    return np.column_stack([np.ones(theta.size), np.sin(np.outer(theta, 2 * n + 1)) * np.sin(theta)[:, None]])
+
+
+@lru_cache(maxsize=4096)
+def _angles(angle: float, levels: int, count: int) -> Nodes:
+    """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count oscillations."""
+    longest = 2.0 * PER_PANEL / (3.0 * count)
+    parts = []
+    for length, way in ((angle, -1.0), (math.pi - angle, 1.0)):
+        if length <= 0.0:
+            continue
+        steps = [min(longest, 0.5 * length) * 0.5**k for k in range(levels, -1, -1)]
+        panels = math.ceil((length - steps[-1]) / longest)
+        edges = [*steps, *(steps[-1] + (length - steps[-1]) * np.arange(1, panels + 1) / panels)]
+        v, w = gauss(0.0, 1.0, INNERMOST)
+        parts.append((angle + way * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
+        parts += [(angle + way * x, w) for x, w in (gauss(*ends, PER_PANEL) for ends in pairwise(edges))]
+    return joined(parts)
+
+
+def _pressure(layer: TensedLayer, a: float, phi: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """p(r) = (E*/2a) sum_n (2n + 1) d_n P_n(2 r^2/a^2 - 1) [F/L^2]; infinite where there is a line force."""
+    n = np.arange(phi.size - 1)
+    p = np.where((r == a) & (phi[0] > 0.0), np.inf, 0.0)
+    inside = r < a if phi[0] > 0.0 else r <= a
+    polynomials = np.polynomial.legendre.legval(2.0 * (r[inside] / a) ** 2 - 1.0, (2 * n + 1) * phi[1:])
+    p[inside] = layer.E_star / (2.0 * a) * polynomials
+    return p
+
+
+def _u_z(layer: TensedLayer, a: float, phi: np.ndarray, depth: float, r: np.ndarray) -> np.ndarray:
+    """u_z(r) = -(2/pi) ∫_0^r s(x)/sqrt(r^2 - x^2) dx [L], s = delta - g inside the contact and `sinking` beside it."""
+    q, w = gauss(0.0, 1.0, 64)
+    beside, end = None, float(np.arccosh(max(1.0, r.max() / a)))
+    if end > 0.0:
+        beside = Chebyshev.interpolate(
+            lambda y: layer.sinking(a, phi, a * np.cosh(np.maximum(y, 1e-9))), BESIDE, [0.0, end]
+        )
+    value = np.empty_like(r)
+    for k, radius in enumerate(r):
+        top = math.asin(a / radius) if radius > a else 0.5 * math.pi
+        sunk = top * float(w @ (depth - layer.profile(radius * np.sin(top * q))))
+        if radius > a and beside is not None:
+            angle = top + (0.5 * math.pi - top) * q
+            sunk += (0.5 * math.pi - top) * float(w @ beside(np.arccosh(np.maximum(radius * np.sin(angle) / a, 1.0))))
+        value[k] = 2.0 / math.pi * sunk
+    return -layer.h * value

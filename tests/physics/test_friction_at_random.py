@@ -1,0 +1,103 @@
+"""Random scenes with friction: one row does not depend on the steps of its path by more than its error bars say."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import isfinite, nan, pi, radians, tan
+from random import Random
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import scene, solve
+
+from indent_sim.model.state import State
+from indent_sim.run.error_bars import Companion, ErrorBars, beside, ways
+from indent_sim.scene.scene import Scene
+
+SCENES = 80
+READ = ("force", "a", "p_max", "stick_radius")  # off the row itself; heat is that since rest
+
+
+class Drawn:
+    """A random scene, the depths that its tip turns at, and the sections that all its numbers of steps share."""
+
+    def __init__(self, number: int):
+        self.draw = Random(3000 + number)
+        nu = self.draw.choice([0.0, 0.3, 0.45, 0.5])
+        self.tip, self.a, self.depth = self._tip(0.05 * 4 ** self.draw.random())
+        self.sections: dict[str, Any] = {
+            "body": self._body(),
+            "material": {"model": self.draw.choice([*["linear_elastic"] * 4, "neo_hookean"]), "E": 1.0, "nu": nu},
+            "indenter": self.tip,
+            "contact": self._contact(nu),
+            "mesh": {"h_contact": self.a / self.draw.uniform(5, 9)},
+        }
+        self.back = self.draw.choice([0.0, 0.0, self.draw.uniform(0.2, 0.8)])  # share of the depth it comes back to
+
+    def _tip(self, a: float) -> tuple[dict[str, Any], float, float]:
+        """A tip, its contact radius and about the depth of that."""
+        cone, round_tip = self.draw.uniform(75, 87), a**2
+        sharp: dict[str, Any] = {"shape": "flat_punch", "radius": a}
+        return self.draw.choice(
+            [
+                ({"shape": "paraboloid", "R": 1.0}, a, round_tip),
+                ({"shape": "sphere", "R": 1.0}, a, round_tip),
+                ({"shape": "cone", "half_angle": cone}, a, pi / 2 * a * tan(radians(90 - cone))),
+                (sharp, a, 0.05 * a),
+                (sharp | {"edge_radius": 0.2 * a}, a, 0.05 * a),
+            ]
+        )
+
+    def _body(self) -> dict[str, Any]:
+        height, sides = self.draw.uniform(0.15, 1.0), self.draw.choice(["roller", "free", "fixed"])
+        return self.draw.choice(
+            [
+                {"shape": "half_space"},
+                {"shape": "cylinder", "radius": 2.0, "height": 2.0, "base": "fixed", "sides": sides},
+                {"shape": "cylinder", "radius": 2.0, "height": height, "base": "fixed", "sides": sides},
+                {"shape": "strip", "width": 4.0, "height": height, "base": "fixed", "sides": sides},
+                {"shape": "cap", "base_radius": 2.0, "height": 1.0},
+            ]
+        )
+
+    def _contact(self, nu: float) -> dict[str, Any]:
+        friction = self.draw.choice(["stick", *[10 ** self.draw.uniform(-1.5, 0)] * 3])
+        method = self.draw.choice(["augmented_lagrangian", "augmented_lagrangian", "penalty"])
+        return {"method": method, "friction": friction}
+
+    def scene(self, steps: int) -> Scene:
+        """The scene with so many steps to each of its turning points."""
+        part = np.linspace(0, 1, steps + 1)[1:]
+        back = 1 - (1 - self.back) * part if self.back else []
+        return scene(loading={"deltas": [float(self.depth * x) for x in (*part, *back)]}, **self.sections)
+
+
+def judged(base: Scene) -> list[State]:
+    """The rows of a scene with their error bars."""
+    companions = [Companion(ratio, solve(other), other) for ratio, other in beside(base, [])]
+    bars = ErrorBars(base, companions, None, ways(companions[0], solve))
+    return [bars.judged(state) for state in solve(base)]
+
+
+def found(base: Scene) -> dict[str, tuple[float, float]]:
+    """The numbers of the last row, and the heat since rest, each with its error. Under a tip with an edge or an apex
+    the largest pressure may have none: coarser meshes may not know it."""
+    rows = judged(base)
+    last, is_round = rows[-1], not base.physics.indenter.creases()
+    known = [name for name in READ if name != "p_max" or is_round or isfinite(last.p_max_error or nan)]
+    numbers = {name: (getattr(last, name), getattr(last, f"{name}_error")) for name in known}
+    lost, unsure = (sum(getattr(row, name) for row in rows) for name in ("dissipation", "dissipation_error"))
+    return numbers | {"dissipation": (lost, unsure)}
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("number", range(SCENES))
+def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
+    """In, or in and out again, in 1, 4 and 16 steps each way: within the sum of the two error bars."""
+    drawn = Drawn(number)
+    rows = [found(drawn.scene(steps)) for steps in (1, 4, 16)]
+    for one, other in combinations(rows, 2):
+        for name in one.keys() & other.keys():
+            (value, error), (beside_it, its_error) = one[name], other[name]
+            assert abs(value - beside_it) <= error + its_error, name

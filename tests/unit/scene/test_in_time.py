@@ -1,0 +1,136 @@
+"""What is said of scenes in time before they are followed: times, limits, and the elastic body they are near."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from indent_sim.config.scene_file import from_mapping
+from indent_sim.model.materials import Flow, LinearElastic, Material, MooneyRivlin, Relaxation, TransverselyIsotropic
+from indent_sim.scene.expected import InTime
+from indent_sim.scene.scene import resolve
+from indent_sim.scene.theories import relaxed, undrained
+from indent_sim.theory.half_space import E_star, paraboloid_force
+from indent_sim.theory.surface.drainage import paraboloid_left
+
+DEPTH = 0.0225
+LAYER = {"shape": "layer", "height": 1.0}
+POROUS = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 2.0}}
+RAMP = [[0, 0], [0.5, DEPTH]]
+
+
+def scene(material: dict[str, Any] = POROUS, history: Any = RAMP, **sections: Any) -> Any:
+    base = {"body": LAYER, "material": material, "indenter": {"shape": "paraboloid", "R": 1.0}}
+    return resolve(from_mapping(base | {"loading": {"history": history}} | sections))
+
+
+def of(*args: Any, **sections: Any) -> InTime:
+    found = scene(*args, **sections).plan.time
+    assert isinstance(found, InTime)
+    return found
+
+
+def test_times_of_a_body_that_drains() -> None:
+    """a^2/D and so on, of the contact and the elements that the plan says."""
+    planned = scene()
+    found, L, a = planned.plan.time, planned.physics.scales.length, planned.plan.prediction["a"]
+    assert (found.D, found.way, found.method) == (pytest.approx(2.0), "steps", "SDIRK2")
+    assert found.times["contact"] == pytest.approx(a**2 / 2) and found.times["height"] == pytest.approx(0.5)
+    assert found.times["element"] == pytest.approx((planned.sizes.h_contact * L) ** 2 / 2)
+    assert found.times["way_in"] == 0.5 and found.times["history"] == 0.5
+    assert found.stages == 2 * len(planned.physics.path.values) - 1  # at rest no time passes
+
+
+def test_limits_on_a_half_space() -> None:
+    """Hertz with nu as given, and with 0.5 at the same shear modulus."""
+    found = of(body={"shape": "half_space"})
+    assert found.limits["drained"] == pytest.approx(paraboloid_force(DEPTH, 1.0, E_star(1.0, 0.2)), rel=1e-9)
+    assert found.limits["undrained"] == pytest.approx(paraboloid_force(DEPTH, 1.0, E_star(1.25, 0.5)), rel=1e-9)
+
+
+def test_the_depth_of_a_force_has_limits_too() -> None:
+    """Hertz: F of the depth is the force, with either body."""
+    force = paraboloid_force(DEPTH, 1.0, E_star(1.0, 0.2))
+    found = of(loading={"force_history": [[0, 0], [1, force]]}, body={"shape": "half_space"})
+    assert found.limits["drained"] == pytest.approx(DEPTH, rel=1e-6)
+    ratio = E_star(1.25, 0.5) / E_star(1.0, 0.2)
+    assert found.limits["undrained"] == pytest.approx(DEPTH / ratio ** (2 / 3), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("share", "word"), [(1e-4, "undrained, within"), (1.0, "neither"), (1e4, "drained, within")], ids=str
+)
+def test_the_elastic_body_that_is_near(share: float, word: str) -> None:
+    contact = of().times["contact"]
+    found = of(history=[[0, 0], [share * contact, DEPTH]])
+    assert f"{share:.2g} of a^2/D: {word}" in found.words
+    assert found.about is not None and found.limits["drained"] <= found.about <= found.limits["undrained"]
+
+
+def test_a_hold_drains() -> None:
+    contact = of().times["contact"]
+    found = of(history=[[0, DEPTH], [1e3 * contact, DEPTH]])
+    assert found.times["way_in"] == 0
+    assert "the way in takes 0" in found.words and "at the end of the history drained, within" in found.words
+    back = of(history=[[0, 0], [contact, DEPTH], [1e3 * contact, 0]])
+    assert "at the end" not in back.words
+
+
+def test_surfaces_that_nobody_tabled_have_no_estimate() -> None:
+    found = of(drainage={"surface": "sealed", "sides": "drained"})
+    assert found.about is None and "`require`" in found.words
+
+
+def test_times_of_a_body_that_relaxes() -> None:
+    """Half of the shear modulus at one time: at once nothing, at last half of an incompressible body's force."""
+    law = {"model": "linear_elastic", "E": 1.0, "nu": 0.5}
+    law |= {"relaxation": {"prony": [[0.2, 0.1], [0.3, 1.0]], "of": "shear"}}
+    found = of(law)
+    assert found.method == "exponentials" and found.times["relaxation"] == 1.0 and found.D is None
+    assert found.limits["relaxed"] == pytest.approx(0.5 * found.limits["unrelaxed"])
+    assert "0.5 of the longest relaxation: neither" in found.words
+    assert "unrelaxed, within" in of(law, [[0, 0], [1e-4, DEPTH]]).words
+    assert "; at the end of the history relaxed, within" in of(law, [[0, 0], [1e-4, DEPTH], [50, DEPTH]]).words
+
+
+def test_a_history_of_an_elastic_body_has_its_way() -> None:
+    found = of({"model": "linear_elastic", "E": 1.0, "nu": 0.2})
+    assert found.way == "curve" and not found.limits and not found.words and found.stages is None
+    assert scene({"model": "linear_elastic", "E": 1.0, "nu": 0.2}, loading={"delta": DEPTH}).plan.time is None
+
+
+def test_what_is_left_falls_from_one_to_nothing() -> None:
+    times = [0.0, 1e-4, 0.01, 0.03, 0.1, 1.0, 30.0, 100.0, 1e4, float("inf")]
+    for after in ("step", "ramp"):
+        for tip in ("sealed", "drained"):
+            found = [paraboloid_left(tau, tip, after) for tau in times]  # type: ignore[arg-type]
+            assert found == sorted(found, reverse=True) and found[0] == 1 and found[-1] == 0
+    assert paraboloid_left(0.1, "sealed", "ramp") == pytest.approx(0.865)
+
+
+@pytest.mark.parametrize(("alpha", "storage"), [(1.0, 0.0), (0.8, 0.5)])
+def test_undrained_across_an_axis_of_isotropy(alpha: float, storage: float) -> None:
+    """Where it is isotropic the two formulas are one."""
+    flow = Flow(permeability=1.0, alpha=alpha, storage=storage)
+    plain: Any = undrained(LinearElastic(E=1.0, nu=0.2, flow=flow))
+    like = TransverselyIsotropic(E=1.0, E_z=1.0, nu=0.2, nu_z=0.2, G_z=1 / 2.4, flow=flow)
+    found: Any = undrained(like).canonical()
+    assert (found.E, found.E_z) == pytest.approx((plain.E, plain.E), rel=1e-12)
+    assert (found.nu, found.nu_z) == pytest.approx((plain.nu, plain.nu), rel=1e-12)
+    assert plain.E / (1 + plain.nu) == pytest.approx(1 / 1.2) and found.flow is None
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        LinearElastic(E=1.0, nu=0.3, relaxation=Relaxation(prony=((0.6, 1.0),), of="shear")),
+        MooneyRivlin(C10=0.2, C01=0.05, nu=0.3, relaxation=Relaxation(prony=((0.6, 1.0),), of="shear")),
+    ],
+)
+def test_a_relaxed_law_keeps_its_bulk_modulus(law: Material) -> None:
+    def moduli(E: float, nu: float) -> tuple[float, float]:
+        return E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
+
+    mu, kappa = moduli(*law.constants)
+    assert moduli(*relaxed(law, 0.4).constants) == pytest.approx((0.4 * mu, kappa), rel=1e-12)
