@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -599,8 +599,7 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
 def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> None:
     """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
-    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, held, is_own_file
-    from indent_sim.studies.study_folder import STUDY_FILES
+    from indent_sim.results.folder import is_own_file
 
     if not folder.is_dir():
         raise UsageError(f"{folder} is no folder of a result, a study or a fit")
@@ -610,13 +609,26 @@ def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> N
             raise UsageError(f"{output} is there already and no report of indent-sim", "choose another name: --output")
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
-    if beside and held(folder) == "fit":
-        raise UsageError(f"{folder} is the folder of a fit, which has no crate", "leave --crate out")
     reports.write(_page_of(folder), output)
     if beside:
-        own = STUDY_FILES if held(folder) == "study" else (*RESULT_FILES, FIELDS_FOLDER)
-        reports.write_crate(folder, own)
+        reports.write_crate(folder, _own_names(folder))
     say(str(output))
+
+
+def _own_names(folder: Path) -> Sequence[str]:
+    """Names of what this program writes into a folder of this kind."""
+    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, held
+
+    match held(folder):
+        case "study":
+            from indent_sim.studies.study_folder import STUDY_FILES
+
+            return STUDY_FILES
+        case "fit":
+            from indent_sim.fitting.fit_folder import FIT_FILES
+
+            return FIT_FILES
+    return (*RESULT_FILES, FIELDS_FOLDER)
 
 
 def _page_of(folder: Path) -> str:

@@ -21,6 +21,7 @@ from indent_sim.results.folder import (
     CONFIG,
     CRATE,
     CRATE_SIGN,
+    FIT,
     PROGRAM,
     STUDY,
     Report,
@@ -266,14 +267,14 @@ def short(value: Any) -> str:
 
 
 def write_crate(folder: Path, parts: Sequence[str]) -> None:
-    """Write what an archive of research data reads of a result or a study: RO-Crate 1.1 metadata as JSON-LD.
+    """Write what an archive of research data reads of a result, a study or a fit: RO-Crate 1.1 metadata as JSON-LD.
 
     parts: names of the files and folders in it that are the program's own; those that are there are listed. UsageError
     where a file with its name is somebody else's.
     """
     if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
         raise UsageError(f"{folder / CRATE} is there already and not of indent-sim", "move it away")
-    said = read_report(folder) or read_report(folder, STUDY)
+    said = read_report(folder) or read_report(folder, STUDY) or read_report(folder, FIT)
     there = [name for name in sorted(parts) if (folder / name).exists() and name != CRATE]
     listed = [_in_crate(folder / name) for name in there]
     program = {

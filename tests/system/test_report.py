@@ -71,7 +71,7 @@ def test_the_report_of_an_experiment(tmp_path):
     text = check(tmp_path / "gel" / "report.html")
     words = ("In time by JKR", "Pull-off under depth control", "calibration_error")
     assert [word for word in words if word not in text] == [] and "<img" not in text
-    assert text.count("<svg") == 2 and ">time t<" in text
+    assert text.count("<svg") == 2 and ">time t [s]<" in text
 
 
 def test_text_of_strangers_stays_text(tmp_path):
