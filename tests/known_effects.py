@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from json import dumps, loads
-from math import hypot, log
+from math import hypot, inf, log
 from typing import Any
 
 from scenes import placed
+from scipy.optimize import brentq
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.process.errors import ConfigError
@@ -202,8 +203,9 @@ class Reference:
         self.scene = scene
         kept = ("body", "indenter", "mesh", "units")
         self.plain = {key: self.scene[key] for key in kept if key in self.scene} | _linear(self.scene)
-        self.delta = self.scene["loading"]["delta"]
-        self.plain |= {"loading": {"delta": self.delta, "steps": 1}, "contact": {"method": "augmented_lagrangian"}}
+        self.plain |= {"contact": {"method": "augmented_lagrangian"}}
+        self.delta = self._reached(self.scene["loading"]["delta"])
+        self.plain |= self._steps(1)
 
     def of(self, row: str) -> float:
         """An effect in per cent."""
@@ -292,6 +294,15 @@ class Reference:
 
     # ---- how ------------------------------------------------------------------------------------------------------
 
+    def _reached(self, way: float) -> float:
+        """The depth that a tip reaches when its base goes that way: F(d)/k less, by a power law through two forces."""
+        k = self.scene.get("experiment", {}).get("cantilever", {}).get("stiffness", inf)
+        if k == inf:
+            return way
+        whole, less = (force(self.plain | {"loading": {"delta": x * way, "steps": 1}}) for x in (1.0, 0.9))
+        power = log(less / whole) / log(0.9)
+        return way * brentq(lambda x: x * way + whole * x**power / k - way, 0.0, 1.0)
+
     def _steps(self, steps: int) -> Document:
         return {"loading": {"delta": self.delta, "steps": steps}}
 
@@ -311,21 +322,22 @@ class Reference:
         return log(high / low) / log(1.05 / 0.95)
 
     def _by_experiment(self, experiment: Document) -> float:
-        """The force at the deepest point of the history, or of the equilibria, over that of the elastic curve."""
+        """The force at the deepest point of the history, or of the equilibria, over that of the elastic curve at this
+        depth, which with a spring is the way of its base."""
         history = experiment.get("history", [[0, 0], [1, self.delta]])
         given = self.plain | {
             "experiment": {key: part for key, part in experiment.items() if key != "calibration"}
             | {"history": history},
             "contact": {"method": "auto"},
         }
-        t = max(history, key=lambda point: (point[1], -point[0]))[0]
+        t, depth = max(history, key=lambda point: (point[1], -point[0]))
         try:
             base = resolve(from_mapping(placed(given | {"solver": {"method": "condensed"}})))
         except ConfigError:  # a contact at pull-off that no mesh holds beside the deepest one
             base = resolve(from_mapping(placed(given)))
         body = chain.condense(base).equilibrium if base.is_meshed else None
         deepest = next(row for row in conduct(base, body).rows if row.t == t)
-        return 100 * (deepest.force / force(self.plain) - 1)
+        return 100 * (deepest.force / force(self.plain | {"loading": {"delta": depth, "steps": 1}}) - 1)
 
 
 def force(document: Document, size: float = FINER) -> float:

@@ -33,13 +33,16 @@ INTEGRAL_POINTS = 50  # of an integral over a body, in each direction
 KRYLOV, KRYLOV_SECONDS = 10.0, 3e-7  # iterations of a linear system, and the time of one per unknown
 KRYLOV_BYTES = 3.3e3  # per unknown of an iterative solver
 FRICTION_STEP_TIME = {2: 2.2, 3: 1.0}  # by dim: times as long a step of Newton's method takes with friction
+EVOLVING_STEP_TIME = 1.6  # likewise at finite strain in a body that evolves: 1.3 to 1.9 on three shipped scenes
+SNAP = 100.0  # linear solves where an attracted body touches or lets go: 25 to 150, most at large Maugis numbers
 DENSE = 64.0  # bytes per pair of candidates: of the dense matrices of a condensed body, eight at a time
 
 
 @dataclass(frozen=True)
 class Work:
     """What is done with the unknowns: solver, formulation, steps, whether contact is nonlinear beyond its edge, and
-    whether there is friction, which has as many directions as the mesh."""
+    whether there is friction, which has as many directions as the mesh; how often an attracted body touches or lets go,
+    and whether it evolves at finite strain."""
 
     method: str  # condensed | newton
     linear: str  # direct | iterative
@@ -47,11 +50,17 @@ class Work:
     steps: int
     nonlinear: bool
     rough: bool = False
+    snaps: int = 0
+    evolves: bool = False
 
     @property
     def iterations(self) -> float:
         """Linear solves of the whole path: few a step on a fine path, more at the beginning."""
-        return (4.0 if self.nonlinear else 1.5) * self.steps + 10.0
+        return (4.0 if self.nonlinear else 1.5) * self.steps + 10.0 + SNAP * self.snaps
+
+    def slower(self, dim: int) -> float:
+        """Times as long as of a smooth body that each of them takes."""
+        return (FRICTION_STEP_TIME[dim] if self.rough else 1.0) * (EVOLVING_STEP_TIME if self.evolves else 1.0)
 
 
 @dataclass(frozen=True)
@@ -81,8 +90,7 @@ def _needs(sizes: Sizes, part: Part, work: Work, dofs: float) -> tuple[float, fl
         return KRYLOV_BYTES * dofs, dofs * (3e-5 + newton * each)
     if work.method == "newton":  # assembly and factorisation at every iteration
         one = 1.5e-3 + 6e-3 * (dofs / 1750) ** 1.6 if dim == 2 else 2.5e-5 * dofs + 1e-9 * dofs**2
-        seconds = work.iterations * one * (FRICTION_STEP_TIME[dim] if work.rough else 1.0)
-        return (6e3 * dofs if dim == 2 else 1100.0 * dofs**1.25), seconds
+        return (6e3 * dofs if dim == 2 else 1100.0 * dofs**1.25), work.iterations * one * work.slower(dim)
     # one factorisation, one solve for each of n candidates on the surface, and small dense systems
     n = candidates(sizes, part) * (dim if work.rough else 1)
     body = 1e-5 * dofs if dim == 2 else 4e-5 * dofs + 4.6e-10 * dofs**2 + 4.5e-3 * n * (dofs / 83e3) ** 1.55

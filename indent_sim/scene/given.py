@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
+from itertools import pairwise
 from math import ceil, inf, isfinite, log2, sqrt
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -189,7 +190,10 @@ class Physics:
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
         is_nonlinear = self.contact.has_memory or not self.is_linear or self.evolves
-        return Work(method, linear, mixed, stages * a_row * len(self.deltas), is_nonlinear, self.has_friction)
+        steps, touching = stages * a_row * len(self.deltas), [False, *(delta > 0 for delta in self.deltas)]
+        snaps = sum(one != other for one, other in pairwise(touching)) if self.contact.may_snap else 0
+        is_slow = self.evolves and not self.small_strain
+        return Work(method, linear, mixed, steps, is_nonlinear, self.has_friction, snaps, is_slow)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from scenes import BOX, CYLINDER, PARABOLOID, grid_of, scene
 
 from indent_sim.config.scene_file import load
 from indent_sim.run.accuracy import foreseen
+from indent_sim.run.chain import states
 from indent_sim.scene.cost import _counts as counts
 from indent_sim.scene.scene import resolve
 
@@ -69,6 +70,16 @@ def test_more_steps_take_longer() -> None:
     mesh = {"h_contact": 0.004, "h_far": 0.5}
     few, many = (scene(CYLINDER, loading={"delta": 0.1, "steps": n}, mesh=mesh) for n in (1, 100))
     assert many.plan.prediction["seconds"] > few.plan.prediction["seconds"] > 0
+
+
+def test_solves_of_a_tip_that_snaps_in_and_comes_off() -> None:
+    """As many as are foreseen within a factor of two; without attraction there were four a row and ten more."""
+    sticky = {"adhesion": {"work": 0.008, "range": 0.02}}  # Maugis' lambda 2.5
+    way = {"deltas": [-0.2, 0.05, -0.2]}
+    base = scene(CYLINDER, contact=sticky, loading=way, mesh={"h_contact": 0.05})
+    rows = list(states(base))
+    work = base.physics.work(base.solver.method, base.solver.linear)
+    assert_close(work.iterations, sum(row.newton_iterations for row in rows))
 
 
 @pytest.mark.verify

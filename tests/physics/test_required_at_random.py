@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
 from math import exp, log
 from random import Random
@@ -133,7 +134,7 @@ class Drawn:
             "body": self.body,
             "material": linear,
             "indenter": self.tip,
-            "loading": {"delta": self.delta, "steps": 1},
+            "loading": changes.get("loading") or {"delta": self.reached, "steps": 1},
             "contact": {"method": "augmented_lagrangian"},
         } | changes
         if found["body"].get("layers"):
@@ -164,7 +165,7 @@ class Drawn:
         return found | self._of_contact(own) | self._of_matter(own)
 
     def _of_contact(self, own: Document) -> Pairs:
-        steps = {"loading": {"delta": self.delta, "steps": STEPS}}
+        steps = {"loading": {"delta": self.reached, "steps": STEPS}}
         names = [name for name in ("friction", "adhesion") if name in self.contact]
         return {name: (own | {"contact": own["contact"] | self.contact} | steps, own) for name in names}
 
@@ -197,14 +198,15 @@ class Drawn:
     def _curve(self, depth: float) -> float:
         return force(self.plain(loading={"delta": depth, "steps": 1}), FINER)
 
-    def _power(self) -> float:
-        """Force at nine tenths of the depth over that at the whole."""
-        return self._curve(0.9 * self.delta) / self._curve(self.delta)
+    @cached_property
+    def _exponent(self) -> float:
+        """Of the power law through the forces at nine tenths of the depth and at the whole."""
+        return log(self._curve(0.9 * self.delta) / self._curve(self.delta)) / log(0.9)
 
     def _relaxed(self) -> float:
         """F(1) = integral of E(1 - s) dF(delta(s)) over the way in, F a power law through two forces, which a plane
         strain or a thin body is near its deepest point, where most of the force comes from."""
-        power = log(self._power()) / log(0.9)
+        power = self._exponent
         times = [(k / MOMENTS) for k in range(MOMENTS + 1)]
         parts = self.experiment["relaxation"]["prony"]
         total = 0.0
@@ -215,11 +217,16 @@ class Drawn:
         return 100 * (total - 1)
 
     def _held(self) -> float:
-        """The depth d at which d + F(d)/k is the way of the base, by the same power law."""
-        power, top = log(self._power()) / log(0.9), self._curve(self.delta)
-        k = self.experiment["cantilever"]["stiffness"]
-        share = brentq(lambda x: x * self.delta + top * x**power / k - self.delta, 0.0, 1.0)
-        return 100 * (share**power - 1)
+        """The force at the depth that is reached over that at the way of the base."""
+        return 100 * ((self.reached / self.delta) ** self._exponent - 1)
+
+    @cached_property
+    def reached(self) -> float:
+        """The depth of the row: with a spring d at which d + F(d)/k is the way of the base, by the same power law."""
+        if "cantilever" not in self.experiment:
+            return self.delta
+        top, k = self._curve(self.delta), self.experiment["cantilever"]["stiffness"]
+        return self.delta * brentq(lambda x: x + top * x**self._exponent / (k * self.delta) - 1, 0.0, 1.0)
 
 
 @pytest.mark.verify
@@ -245,7 +252,7 @@ def test_every_effect_has_a_row(seed: int) -> None:
 def thresholds(drawn: Drawn, found: Any) -> list[Row]:
     """What is said of walls, substrate and thickness that the scene has not, beside what they do there."""
     keys = [effect for effect in found.effects if any(f" {key}" in effect.needs for key in THRESHOLDS)]
-    scene = drawn.plain() | {"loading": {"delta": drawn.delta}}
+    scene = drawn.plain() | {"loading": {"delta": drawn.reached}}
     return [
         Row(effect.name, 100 * WITHIN, None, None, abs(known))
         for effect in keys
