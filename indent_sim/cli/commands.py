@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache, partial
 from pathlib import Path
@@ -41,6 +41,7 @@ LEVELS = {"all": logging.INFO, "warnings": logging.WARNING}  # of our own messag
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more only slow these sizes down
 LISTED = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
+SCHEMA = "scene.schema.json"  # beside a scene of `init`, whose first line names it
 FORM = "indent_sim.form"  # in click's context: json where --json was given, also where the command refuses it
 
 
@@ -48,8 +49,9 @@ class Program(click.Group):
     """The commands, with every way to end turned into its message and exit code."""
 
     def main(self, *args: Any, **options: Any) -> Any:
-        """One BLAS thread unless the user says otherwise; must be said before numpy is loaded."""
-        for name in THREADS:
+        """One BLAS thread and no plugins of pydantic, which it searches every package for, unless the user says
+        otherwise; must be said before numpy and pydantic are loaded."""
+        for name in (*THREADS, "PYDANTIC_DISABLE_PLUGINS"):
             os.environ.setdefault(name, "1")
         _open_closed_streams()
         return super().main(*args, **options)
@@ -179,7 +181,27 @@ class Number(click.FloatRange):
 
 PATH, BELOW_ONE = click.Path(path_type=Path), Number(0, 1, min_open=True, max_open=True)
 SET_HELP = "Replace one key, e.g. contact.method=penalty."
-set_option = click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=SET_HELP)
+
+
+def _keys(ctx: click.Context, option: click.Parameter, begun: str) -> list[str]:
+    """Keys of a scene that begin so, as a shell completes them."""
+    from indent_sim.config.schema import file_order, sections
+
+    kinds = sections()
+    keys = {f"{section}.{name}=" for section in kinds for kind in kinds[section] for name in file_order(kind)}
+    return sorted(key for key in keys if key.startswith(begun))
+
+
+def _fields(ctx: click.Context, option: click.Parameter, begun: str) -> list[str]:
+    """Fields that go on with what is begun, behind its last comma."""
+    from indent_sim.results.pictures.fields import FIELDS
+
+    before, comma, word = begun.rpartition(",")
+    return [f"{before}{comma}{name}" for name in FIELDS if name.startswith(word)]
+
+
+SET: dict[str, Any] = {"multiple": True, "metavar": "KEY=VALUE", "shell_complete": _keys, "help": SET_HELP}
+set_option = click.option("--set", "overrides", **SET)
 
 
 def _shard(ctx: click.Context, option: click.Parameter, text: str | None) -> tuple[int, int] | None:
@@ -516,7 +538,7 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...", nargs=-1, required=True, type=PATH)
 @click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
-@click.option("--field", "fields", callback=_words, help="Fields, with commas [von_mises].")
+@click.option("--field", "fields", callback=_words, shell_complete=_fields, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
 @click.option("--width", type=Number(30, 1000), metavar="MM", help="Width of the picture in mm.")
@@ -571,7 +593,10 @@ def _write_tab(runs: list[Results], given: dict[str, Any], output: Path) -> None
 @program.command()
 @click.argument("folder", metavar="RESULT|STUDY|FIT", type=PATH)
 @click.option("--output", type=PATH, help="File to write, .html or .htm [report.html in it].")
-def report(folder: Path, output: Path | None) -> None:
+@click.option(
+    "--crate", "beside", flag_value="crate", default="", help="Write ro-crate-metadata.json for archives, too."
+)
+def report(folder: Path, output: Path | None, beside: Literal["", "crate"]) -> None:
     """Write one HTML file about a result, a study or a fit: scene, pictures, errors, provenance. Prints its path."""
     from indent_sim.results import report as reports
     from indent_sim.results.folder import is_own_file
@@ -585,7 +610,25 @@ def report(folder: Path, output: Path | None) -> None:
     if output.suffix.lower() not in reports.REPORT_FORMATS:
         raise UsageError(f"{output}: a report ends in {', '.join(reports.REPORT_FORMATS)}")
     reports.write(_page_of(folder), output)
+    if beside:
+        reports.write_crate(folder, _own_names(folder))
     say(str(output))
+
+
+def _own_names(folder: Path) -> Sequence[str]:
+    """Names of what this program writes into a folder of this kind."""
+    from indent_sim.results.folder import FIELDS_FOLDER, RESULT_FILES, held
+
+    match held(folder):
+        case "study":
+            from indent_sim.studies.study_folder import STUDY_FILES
+
+            return STUDY_FILES
+        case "fit":
+            from indent_sim.fitting.fit_folder import FIT_FILES
+
+            return FIT_FILES
+    return (*RESULT_FILES, FIELDS_FOLDER)
 
 
 def _page_of(folder: Path) -> str:
@@ -609,16 +652,24 @@ def _page_of(folder: Path) -> str:
 @click.argument("kind", type=click.Choice(TEMPLATES), default=TEMPLATES[0], metavar=f"[{'|'.join(TEMPLATES)}]")
 @click.option("--output", type=PATH, help="File to write [KIND.yaml].")
 def init(kind: str, output: Path | None) -> None:
-    """Write a commented scene or study to start from. Prints the file's name."""
+    """Write a commented scene or study to start from. Prints the file's name.
+
+    Beside a scene goes scene.schema.json, by which editors check and complete it, unless there is one.
+    """
     from importlib.resources import files
 
+    from indent_sim.config.json_schema import json_schema
     from indent_sim.results.folder import write_atomically
+    from indent_sim.results.writer import to_json
 
     output = output or Path(f"{kind}.yaml")
     if os.path.lexists(output):
         raise UsageError(f"{output} is there already and stays as it is; choose another name with --output")
     try:
         write_atomically(output, (files("indent_sim.cli") / "templates" / f"{kind}.yaml").read_bytes())
+        described = output.parent / SCHEMA
+        if kind != "study" and not os.path.lexists(described):
+            write_atomically(described, to_json(json_schema()) + "\n")
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))

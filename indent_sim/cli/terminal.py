@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from indent_sim.model.symbols import PULL_OFF, lookup
 from indent_sim.process.errors import printable
+from indent_sim.process.usage import Pace
 
 if TYPE_CHECKING:
     from indent_sim.config.schema import Config
@@ -44,8 +45,9 @@ Follow = Callable[["State", int, int], None]
 @contextmanager
 def progress(tell: Callable[[str], None]) -> Iterator[Follow]:
     """A function to call with every state: a bar on a terminal, plain lines in a log (stderr)."""
+    pace = Pace()
     if not sys.stderr.isatty():
-        yield lambda state, step, total: _log(tell, state, step, total)
+        yield lambda state, step, total: _log(tell, state, step, total, pace)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -55,7 +57,8 @@ def progress(tell: Callable[[str], None]) -> Iterator[Follow]:
         task = bar.add_task("building the model", total=None)
 
         def follow(state: State, step: int, total: int) -> None:
-            bar.update(task, completed=step, total=total, description=_numbers(state))
+            _, left = pace.after(total - step)
+            bar.update(task, completed=step, total=total, description=f"{_numbers(state)}  {left}")
 
         yield follow
 
@@ -285,11 +288,12 @@ def alternatives(section: str) -> str:
     return "\n".join(lines)
 
 
-def _log(tell: Callable[[str], None], state: State, step: int, total: int) -> None:
-    every = -(-total // LINES)
+def _log(tell: Callable[[str], None], state: State, step: int, total: int, pace: Pace) -> None:
+    """A line with the step's own time, and what is left."""
+    every, (own, left) = -(-total // LINES), pace.after(total - step)
     if step % every == 0 or step in (1, total):
-        effort = f"{state.newton_iterations} iterations  {state.wall_s:.1f} s"
-        tell(f"step {step}/{total}  {_numbers(state)}  {effort}")
+        effort = f"{state.newton_iterations} iterations  {own:.1f} s  {left}"
+        tell(f"step {step}/{total}  {_numbers(state)}  {effort}".rstrip())
 
 
 def _numbers(state: State) -> str:

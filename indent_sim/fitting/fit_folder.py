@@ -32,6 +32,7 @@ from indent_sim.results.writer import to_json
 from indent_sim.scene.scene import resolve
 
 FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES = "fit.csv", "fit.png", "curves", "pictures"
+FIT_FILES = (FIT, FIT_TABLE, FIT_PICTURE, CURVES_FOLDER, PICTURES)
 SAVED_EVERY = 2.0  # s between two writings of fit.json while curves are fitted
 Tell = Callable[[str], None]
 Entry = dict[str, Any]

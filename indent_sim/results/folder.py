@@ -32,15 +32,17 @@ HIDDEN = {LOCK, ".staging", ".old"}
 REPORT, TABLE, CONFIG = "run.json", "force_indentation.csv", "config.yaml"
 STUDY, RUNS = "study.json", "runs"  # in the folder of a study
 FIT = "fit.json"  # in the folder of a fit
+CRATE = "ro-crate-metadata.json"  # what an archive of research data reads
 MESH_FILE = "body.msh"  # the mesh of a body that came from a file
 RESULT_FILES = {REPORT, TABLE, CONFIG, MESH_FILE, "surface.csv", "fields.xdmf", "tip.xdmf", "checkpoint.h5"}
-RESULT_FILES |= {"experiment.csv", "dynamic.csv", "force_indentation.png", "experiment.png", "report.html"}
+RESULT_FILES |= {"experiment.csv", "dynamic.csv", "force_indentation.png", "experiment.png", "report.html", CRATE}
 RESULT_FILES |= {"fields.h5"}  # of version 0.1.0
 # What begins a file of ours that anybody might have under that name; nobody else writes the rest of RESULT_FILES there
 PICTURE_SIGN = b"Software\0indent-sim"
 # Written by runs, in place of what has that name
 WRITTEN = {"force_indentation.png": PICTURE_SIGN, "experiment.png": PICTURE_SIGN, "experiment.csv": b",branch"}
-SIGNS = WRITTEN | {"report.html": b'content="indent-sim '}
+CRATE_SIGN = "RO-Crate of indent-sim"
+SIGNS = WRITTEN | {"report.html": b'content="indent-sim ', CRATE: CRATE_SIGN.encode()}
 FIELDS_FOLDER = "fields"  # a folder inside, and what in it is ours, finished or not
 FIELD_FILE = re.compile(r"(mesh|step-\d+)\.h5|\.(mesh|step-\d+)\.h5\.new")
 MARK = b"indent-sim\n"  # how a lock begins that this program made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,13 +17,26 @@ from indent_sim.model.symbols import ADHESION_SYMBOLS
 from indent_sim.process.errors import UsageError
 from indent_sim.process.limits import unwritable
 from indent_sim.process.version import VERSION
-from indent_sim.results.folder import CONFIG, PROGRAM, Report, content, write_atomically
+from indent_sim.results.folder import (
+    CONFIG,
+    CRATE,
+    CRATE_SIGN,
+    FIT,
+    PROGRAM,
+    STUDY,
+    Report,
+    content,
+    is_own_file,
+    read_report,
+    write_atomically,
+)
 from indent_sim.results.pictures import canvas, experiment, panels
 from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.pictures.pressure import strongest_step
 from indent_sim.results.reader import Results, read_curve, read_run
 from indent_sim.results.tables import EXPERIMENT
+from indent_sim.results.writer import to_json
 from indent_sim.results.xdmf import kept_steps
 
 MOST_ROWS = 100  # of a table; more are thinned
@@ -32,6 +46,10 @@ CAPTIONS |= {"profile": "Deformed surface and tip", "fields": "Von Mises stress 
 EXPERIMENT_CAPTION = "In time, or over the branches of an equilibrium curve: force, depth and the way of the base"
 EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
 NAME = "report.html"
+Entity = dict[str, Any]  # of a crate, as JSON-LD has it
+CRATE_PROFILE = "https://w3id.org/ro/crate/1.1"
+FORMATS = {".csv": "text/csv", ".json": "application/json", ".yaml": "application/yaml", ".png": "image/png"}
+FORMATS |= {".html": "text/html", ".xdmf": "application/xml", ".h5": "application/x-hdf5", ".msh": "model/mesh"}
 REPORT_FORMATS = (".html", ".htm")
 
 
@@ -246,3 +264,51 @@ def short(value: Any) -> str:
     except (TypeError, ValueError):
         return str(value) if value is not None else ""
     return "" if number != number or isinstance(value, bool) else f"{number:.6g}"
+
+
+def write_crate(folder: Path, parts: Sequence[str]) -> None:
+    """Write what an archive of research data reads of a result, a study or a fit: RO-Crate 1.1 metadata as JSON-LD.
+
+    parts: names of the files and folders in it that are the program's own; those that are there are listed. UsageError
+    where a file with its name is somebody else's.
+    """
+    if os.path.lexists(folder / CRATE) and not is_own_file(folder / CRATE):
+        raise UsageError(f"{folder / CRATE} is there already and not of indent-sim", "move it away")
+    said = read_report(folder) or read_report(folder, STUDY) or read_report(folder, FIT)
+    there = [name for name in sorted(parts) if (folder / name).exists() and name != CRATE]
+    listed = [_in_crate(folder / name) for name in there]
+    program = {
+        "@id": "#program",
+        "@type": "SoftwareApplication",
+        "name": PROGRAM,
+        "version": said.get("version", VERSION),
+    }
+    done: Entity = {"@id": "#run", "@type": "CreateAction", "name": "simulation", "instrument": {"@id": "#program"}}
+    done |= {"result": [{"@id": part["@id"]} for part in listed if part["@id"] != CONFIG]}
+    done |= {"object": [{"@id": CONFIG}]} if CONFIG in there else {}
+    times = {"startTime": said.get("started"), "endTime": said.get("finished")}
+    done |= {name: value for name, value in times.items() if value}
+    root: Entity = {"@id": "./", "@type": "Dataset", "name": str(said.get("title") or folder.resolve().name)}
+    root |= {"description": f"Simulated indentation by {PROGRAM}", "hasPart": [{"@id": part["@id"]} for part in listed]}
+    root |= {"datePublished": said["finished"]} if said.get("finished") else {}
+    about: Entity = {
+        "@id": CRATE,
+        "@type": "CreativeWork",
+        "name": CRATE_SIGN,
+        "about": {"@id": "./"},
+        "conformsTo": {"@id": CRATE_PROFILE},
+    }
+    graph = [about, root | {"mentions": {"@id": "#run"}}, *listed, done, program]
+    try:
+        write_atomically(folder / CRATE, to_json({"@context": f"{CRATE_PROFILE}/context", "@graph": graph}) + "\n")
+    except OSError as error:
+        raise unwritable(folder / CRATE, error) from error
+
+
+def _in_crate(path: Path) -> Entity:
+    """A file or a folder of a crate."""
+    if path.is_dir():
+        return {"@id": f"{path.name}/", "@type": "Dataset", "name": path.name}
+    kind = FORMATS.get(path.suffix, "application/octet-stream")
+    size = str(path.stat().st_size)
+    return {"@id": path.name, "@type": "File", "name": path.name, "encodingFormat": kind, "contentSize": size}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import time
 import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -39,6 +41,8 @@ from indent_sim.scene.given import mapped_skin, piece_of
 from indent_sim.scene.scene import Scene, resolve
 
 Floats = Sequence[float]
+TOLD_EVERY = 30.0  # s between lines about a run beside this one
+log = logging.getLogger("indent_sim")
 
 
 @dataclass(frozen=True)
@@ -214,7 +218,18 @@ class Run:
         """The elastic states of a scene without surface tables; what one failed to reach is missing, all where it
         ended."""
         elastic = replace(scene, history=None)
-        return self._beside("a run beside this one", lambda: list(states(elastic, self.comm, with_surface=False)), [])
+        total = len(elastic.physics.deltas)
+
+        def followed() -> list[State]:
+            found, told = [], time.monotonic()
+            for state in states(elastic, self.comm, with_surface=False):
+                found.append(state)
+                if (now := time.monotonic()) - told > TOLD_EVERY:
+                    log.info("beside this run, for its error bars: step %d/%d", len(found), total)
+                    told = now
+            return found
+
+        return self._beside("a run beside this one", followed, [])
 
 
 def all_mistakes(first: ConfigError, config: Config) -> ConfigError:

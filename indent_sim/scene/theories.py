@@ -105,13 +105,16 @@ def _tensed(plain: Theory, surface_tension: float) -> Theory | None:
     """The same with a surface tension, whose theory knows no walls, and nothing in plane strain."""
     if not isinstance(plain.contact, Layer):
         return None
-    from indent_sim.theory.surface.tension import KINKED_ERROR, TensedLayer
+    from indent_sim.theory.surface.tension import TensedLayer
 
     contact = TensedLayer.of(plain.contact, surface_tension)
     has_wall = plain.contact.wall < inf
-    exact, why = plain.exact and not has_wall, "theory's layer is infinitely wide" if has_wall else plain.why
-    error = max(plain.error, KINKED_ERROR) if contact.has_kinks else plain.error
-    return replace(plain, contact=contact, exact=exact, why=why, error=error, formulas={})
+    unlike = first_of(
+        (has_wall, "theory's layer is infinitely wide"),
+        (contact.has_kinks, "with a surface tension theory's pressure ripples under a tip with kinks"),
+    )
+    exact, why = plain.exact and not unlike, unlike or plain.why
+    return replace(plain, contact=contact, exact=exact, why=why, error=max(plain.error, contact.error), formulas={})
 
 
 def layer_theory(body: Body, layers: Sequence[BodyLayer], tip: Indenter, center: tuple[float, ...]) -> Theory | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.process.screen import Shown
-from indent_sim.process.usage import machine_memory
+from indent_sim.process.usage import duration, machine_memory
 from indent_sim.results import reader
 from indent_sim.results.folder import Report, content, read_report
 from indent_sim.results.reader import data_frame
@@ -183,7 +183,8 @@ def _do(cases: Sequence[Case], place: StudyFolder, workers: Workers, tell: Tell)
             place.fail(case.name, *ending)
         place.forget_old()
         left -= _effort(case)
-        remains = _duration((time.monotonic() - began) * left / (effort - left)) if count < len(waiting) else ""
+        spent = (time.monotonic() - began) * left / (effort - left)
+        remains = f"  about {duration(spent)} left" if count < len(waiting) else ""
         tell(f"run {count}/{len(waiting)}  {case.words}  {_told(place.run(case.name), ending)}{remains}")
 
 
@@ -199,12 +200,6 @@ def _told(run: Path, ending: Ending) -> str:
 def _effort(case: Case) -> float:
     """The seconds that a run is expected to take; by theory alone a part of one."""
     return float(case.scene.plan.prediction.get("seconds", 0.2))
-
-
-def _duration(seconds: float) -> str:
-    minutes, hours = seconds / 60, seconds / 3600
-    said = f"{seconds:.0f} s" if minutes < 2 else f"{minutes:.0f} min" if hours < 2 else f"{hours:.1f} h"
-    return f"  about {said} left"
 
 
 def as_json(study: Study) -> Report:

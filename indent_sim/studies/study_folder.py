@@ -26,6 +26,7 @@ from indent_sim.results.writer import to_json
 RECORD, STUDY_TABLE, STUDY_PICTURE = results.STUDY, "study.csv", "study.png"
 CURVES, CURVES_PICTURE = "curves.csv", "curves.png"
 SCOREBOARD, SCOREBOARD_PICTURE = "verification.csv", "verification.png"
+STUDY_FILES = (RECORD, STUDY_TABLE, STUDY_PICTURE, CURVES, CURVES_PICTURE, SCOREBOARD, SCOREBOARD_PICTURE, RUNS)
 OLD_RUNS, LOCK = ".runs.old", ".lock"
 WORKER_TIMEOUT = 5.0  # s to wait for the worker of a killed study to be gone
 SENT = (signal.SIGHUP, signal.SIGINT, signal.SIGBUS, signal.SIGKILL, signal.SIGTERM, signal.SIGXCPU)

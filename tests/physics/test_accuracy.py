@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmark_forces import CUBE as CUBE_FORCE
+from benchmark_forces import CYLINDER_STEPS as FORCES
 from scipy.optimize import brentq, least_squares
-from test_hertz import CUBE as CUBE_FORCE
-from test_hertz import FORCES
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config

@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmark_forces import CUBE
+from benchmark_forces import CYLINDER_STEPS as FORCES
 from click.testing import CliRunner
 from scenes import BOX, CYLINDER, E_STAR, PARABOLOID, WALLED, scene, solve
-from test_hertz import CUBE, FORCES, RADII
+from test_hertz import RADII
 
 from indent_sim.cli import commands
 from indent_sim.fe.solve import uzawa

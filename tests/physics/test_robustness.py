@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from benchmark_forces import CYLINDER_STEPS as FORCES
 from scenes import BOX, CYLINDER, PARABOLOID, STRIP, scene, solve
-from test_hertz import FORCES
 
 from indent_sim.model.state import State
 

@@ -20,6 +20,7 @@ from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import simulate
 from indent_sim.scene.scene import Scene, resolve
 from indent_sim.theory.solution import Solution
+from indent_sim.theory.surface import tension
 
 HALF_SPACE = {"shape": "half_space"}
 STIFF = {"thickness": 0.1, "material": ELASTIC | {"E": 10.0}}
@@ -33,6 +34,8 @@ BALL = {"shape": "ball", "radius": 1.0}
 CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
 NEO_HOOKEAN = ELASTIC | {"model": "neo_hookean"}
 PLATE = {"shape": "plate"}
+OWN = {name: getattr(tension, name) for name in ("FEWEST", "PER_ROOT", "MOST")}
+VERIFIED_PROFILE = pytest.param("profile", marks=pytest.mark.verify)
 
 
 def tensed(body: dict[str, Any], gamma: float, delta: float = 0.01, **sections: Any) -> Scene:
@@ -66,6 +69,31 @@ def test_the_plan_warns_of_the_step_of_the_pressure(gamma: float, error: float) 
     assert any("ends with a step" in words for words in mesh.plan.warnings) == (gamma == 0.4)
     p = float(found.pressure(np.array(0.0))) * base.physics.scales.pressure
     assert -0.005 * p < state.p_max - p < error * p
+
+
+STATED: dict[str, dict[str, Any]] = {
+    "paraboloid": PARABOLOID,
+    "flat_punch": {"shape": "flat_punch", "radius": 0.1},
+    "cone": {"shape": "cone", "half_angle": 70.0},
+    "profile": {"shape": "profile", "points": [[0, 0], [0.05, 0.001], [0.1, 0.005], [0.3, 0.05]]},
+}
+
+
+@pytest.mark.parametrize("tip", [name for name in STATED if name != "profile"] + [VERIFIED_PROFILE])
+def test_theory_is_as_good_as_it_says(tip: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against three times as many functions, to the error that the scene states."""
+    force, error = [], 0.0
+    for times in (1, 3):
+        for name in ("FEWEST", "PER_ROOT", "MOST"):
+            monkeypatch.setattr(tension, name, times * OWN[name])
+        base = tensed(HALF_SPACE, 0.1, indenter=STATED[tip])
+        theory = base.plan.theory
+        assert theory and theory.exact == (tip in ("paraboloid", "flat_punch"))
+        found = theory.at(base.physics.deltas[-1])
+        assert found
+        error = theory.error
+        force.append(found.force * base.physics.scales.force)
+    assert force[0] == pytest.approx(force[1], rel=error)
 
 
 def test_no_tension_is_hertz() -> None:

@@ -98,3 +98,22 @@ def test_tables_go_to_pandas_where_it_is_there(result: Any, monkeypatch: pytest.
     stand_in.DataFrame = dict  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "pandas", stand_in)
     assert result.to_pandas()["force"].tolist() == result["force"].tolist()
+
+
+FIVE_LINES = """\
+import indent_sim
+layer = {"body": {"shape": "layer", "height": 10}, "material": {"model": "linear_elastic", "E": 1, "nu": 0.5}} | TIP
+thickness = indent_sim.study({"base": layer, "vary": {"body.height": [2, 5, 10]}})
+indent_sim.plot(thickness).savefig("curves.png")
+slope = indent_sim.sensitivities(layer, "body.height")["body.height"]["value"][-1]
+"""
+
+
+def test_five_lines_are_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From a dictionary to a table, a figure and a derivative, which lies between the differences around it."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"TIP": {"indenter": {"shape": "sphere", "R": 5}, "loading": {"delta": 0.5, "steps": 3}}}
+    exec(FIVE_LINES, names)
+    thin, middle, thick = names["thickness"]["force"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["curves.png"] and thin > middle > thick
+    assert (thick - middle) / 5 < names["slope"] < 0  # the thicker, the less it matters

@@ -71,7 +71,7 @@ def test_the_report_of_an_experiment(tmp_path):
     text = check(tmp_path / "gel" / "report.html")
     words = ("In time by JKR", "Pull-off under depth control", "calibration_error")
     assert [word for word in words if word not in text] == [] and "<img" not in text
-    assert text.count("<svg") == 2 and ">time t<" in text
+    assert text.count("<svg") == 2 and ">time t [s]<" in text
 
 
 def test_text_of_strangers_stays_text(tmp_path):
@@ -82,6 +82,27 @@ def test_text_of_strangers_stays_text(tmp_path):
 def test_many_rows_are_thinned(tmp_path):
     text = check(written(tmp_path, steps=500))
     assert "100 of 500 rows" in text and ">500<" in text
+
+
+def test_a_crate_lists_the_files_of_a_result(tmp_path):
+    """RO-Crate 1.1: a root that has every part, each an entity of its own, and what made it; nobody's file is replaced,
+    and a new run takes ours away."""
+    folder = written(tmp_path).parent
+    crate = folder / "ro-crate-metadata.json"
+    assert CliRunner().invoke(commands.program, ["report", str(folder), "--crate"]).exit_code == 0
+    found = json.loads(crate.read_text())
+    entities = {entity["@id"]: entity for entity in found["@graph"]}
+    assert found["@context"] == "https://w3id.org/ro/crate/1.1/context"
+    assert entities[crate.name]["about"] == {"@id": "./"} and entities["./"]["name"] == "A layer"
+    parts = {part["@id"] for part in entities["./"]["hasPart"]}
+    assert {"run.json", "config.yaml", "force_indentation.csv", "report.html"} <= parts <= entities.keys()
+    assert entities["run.json"]["contentSize"] == str((folder / "run.json").stat().st_size)
+    assert entities["#run"]["object"] == [{"@id": "config.yaml"}] and entities["#program"]["name"] == "indent-sim"
+    simulate(load(tmp_path / "scene.yaml"), directory=folder)
+    assert not crate.exists()
+    crate.write_text("mine")
+    done = CliRunner().invoke(commands.program, ["report", str(folder), "--crate"])
+    assert done.exit_code == 2 and crate.read_text() == "mine" and "not of indent-sim" in done.stderr
 
 
 def test_nothing_to_report(tmp_path):
@@ -159,7 +180,14 @@ def test_a_study(tmp_path):
     text = check(a_study(tmp_path))
     assert "6 of 6 runs done" in text and "compared with" not in text and "height=5_E=1_kPa-" in text
     assert text.count("<svg") == 1 and "<img" not in text
-    words = (">depth δ [µm]<", ">force F [nN]<", ">height 5, E 1 kPa<", ">height<", ">E [kPa]<", ">last force F [nN]<")
+    words = (
+        ">depth δ [µm]<",
+        ">force F [nN]<",
+        ">height 5, E 1 kPa<",
+        ">height [µm]<",
+        ">E [kPa]<",
+        ">last force F [nN]<",
+    )
     assert [word for word in words if word not in text] == []
 
 

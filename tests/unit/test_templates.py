@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -65,3 +66,28 @@ def test_what_the_wheel_needs_is_package_data():
     project = (Path(__file__).resolve().parents[2] / "pyproject.toml").read_text()
     there = (Path(commands.__file__).parent / "templates").glob("*.yaml")
     assert '"*.yaml"' in project and sorted(path.stem for path in there) == sorted(commands.TEMPLATES)
+
+
+def test_the_schema_that_a_scene_names_is_written_beside_it():
+    """As `schema` prints it; one that is there stays, and a study has none."""
+    assert said("init", "study").exit_code == 0 and not Path("scene.schema.json").exists()
+    assert said("init", "gel").exit_code == 0
+    assert json.loads(Path("scene.schema.json").read_text()) == json.loads(said("schema").stdout)
+    Path("scene.schema.json").write_text("mine")
+    assert said("init", "film").exit_code == 0 and Path("scene.schema.json").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "option", "begun", "found"),
+    [
+        ("run", "overrides", "body.hei", ["body.height="]),
+        ("plan", "overrides", "material.n", ["material.nu="]),
+        ("plot", "fields", "J,von", ["J,von_mises"]),
+        ("plot", "fields", "sigma_z", ["sigma_zz"]),
+    ],
+)
+def test_a_shell_completes_keys_and_fields(words, option, begun, found):
+    command = commands.program.commands[words]
+    parameter = next(one for one in command.params if one.name == option)
+    completed = [item.value for item in parameter.shell_complete(click.Context(command), begun)]
+    assert set(found) <= set(completed) and all(item.startswith(begun) for item in completed)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from indent_sim.studies.truth import Truth
 
 from indent_sim.results.reader import Results
 from indent_sim.studies import cases, study_file, study_table
+from indent_sim.studies.reference.truth import Truth
 
 RAMPS = """
 base:
