@@ -1,4 +1,4 @@
-"""What `require` says of bodies that drain, or whose shear relaxes: against theory, runs of both models, other methods."""
+"""What `require` says of bodies that drain, or whose shear relaxes: against theory and runs of both models."""
 
 from __future__ import annotations
 
@@ -10,13 +10,8 @@ import pytest
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.model.materials import Gel
-from indent_sim.process.errors import ConfigError
-from indent_sim.run.chain import states
-from indent_sim.run.requirements.bench import Bench
-from indent_sim.run.requirements.cheapest import require
 from indent_sim.run.requirements.effects import Effect
-from indent_sim.run.requirements.evolution import Evolution, limits_of
-from indent_sim.run.requirements.table import REQUIREMENTS
+from indent_sim.run.requirements.evolution import Evolution
 from indent_sim.scene.scene import resolve
 
 DEPTH, CONTACT = 0.02, 0.0219  # a^2 at that depth: a = 0.148
