@@ -56,8 +56,9 @@ def test_rows_of_one_scene_are_inside_their_bars(kind: str, tmp_path: Path) -> N
 
 
 def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
-    """Of half as many steps it is more, and the bar with it."""
+    """Of half as many steps the largest is more; where the tip seals nothing, whose edge moves by elements."""
     (mapping,) = time_scenes(1, 5, ("draining",))
+    mapping["drainage"] = {"tip": "drained"}
     loading = mapping["loading"] | {"times": mapping["loading"]["times"][2::3]}
     parts = []
     for per_doubling in (2, 4):
@@ -65,8 +66,8 @@ def test_steps_have_a_part_of_the_error(tmp_path: Path) -> None:
         report = simulate(from_mapping(given), directory=tmp_path / str(per_doubling), error_bars=True).report
         budget = report["error_budget"]
         assert all(part.path == 0 for part in budget)
-        parts.append([part.time for part in budget])
-    assert all(coarse > fine > 0 for coarse, fine in zip(*parts, strict=True))
+        parts.append(max(part.time for part in budget))
+    assert parts[0] > parts[1] > 0
 
 
 @pytest.mark.verify

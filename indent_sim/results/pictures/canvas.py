@@ -166,18 +166,18 @@ def _write_numbers_as_text(figure: Figure) -> None:
 
 def keep_ticks_apart(figure: Figure) -> None:
     """Fewer numbers along every axis whose numbers would touch. The layout, half of the cost of a picture, is found
-    once, and again only where numbers have gone."""
+    once, and again where numbers have gone or a panel is true to scale."""
     _write_numbers_as_text(figure)
     _lay_out(figure)
-    lost = False
+    again = any(axes.get_aspect() != "auto" for axes in figure.axes)  # whose size the first layout has changed
     for axes in figure.axes:
         for along in (along for along in (axes.xaxis, axes.yaxis) if along.get_scale() == "linear"):
             for bins in range(MOST_TICKS, 1, -1):
                 if not axes.axison or not _touch(along):
                     break
                 axes.locator_params(axis=along.axis_name, nbins=bins)  # type: ignore[attr-defined, unused-ignore]
-                lost = True
-    if lost:
+                again = True
+    if again:
         _lay_out(figure)
     figure.set_layout_engine("none")
 
