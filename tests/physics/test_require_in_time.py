@@ -16,7 +16,8 @@ from indent_sim.run.chain import simulate, states
 from indent_sim.run.requirements.bench import Bench
 from indent_sim.run.requirements.cheapest import require
 from indent_sim.run.requirements.effects import Effect
-from indent_sim.run.requirements.evolution import Evolution
+from indent_sim.run.requirements.evolution import Evolution, limits_of
+from indent_sim.run.requirements.table import REQUIREMENTS
 from indent_sim.scene.scene import resolve
 
 DEPTH, CONTACT = 0.02, 0.0219  # a^2 at that depth: a = 0.148
