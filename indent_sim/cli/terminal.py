@@ -36,6 +36,7 @@ TIMES = {  # of a scene that is followed in time, in words
     "relaxation": "longest relaxation",
 }
 NOT_KNOWN = 100.0  # high over low, from which on an interval says nothing
+WHOLE = 99.5  # per cent, from which on they are said without powers of ten
 LINES = 200  # most progress lines in a log
 
 Report = dict[str, Any]  # of a run, or a part of one
@@ -209,10 +210,14 @@ def _change(effect: Effect) -> str:
     """What an effect does to the force, as a number or a range."""
     if effect.low is None or effect.high is None:
         return "" if effect.needs else "not known"
-    between = f"{effect.low:+.2g} to {effect.high:+.2g} %"
+    between = f"{_signed(effect.low)} to {_signed(effect.high)} %"
     if effect.percent is None:
         return between
-    return f"{effect.percent:+.2g} %" + (f" ({between})" if effect.low < effect.high else "")
+    return f"{_signed(effect.percent)} %" + (f" ({between})" if effect.low < effect.high else "")
+
+
+def _signed(percent: float) -> str:
+    return f"{percent:+.2g}" if abs(percent) < WHOLE else f"{percent:+.0f}"
 
 
 def study_plan(planned: StudyPlan) -> str:

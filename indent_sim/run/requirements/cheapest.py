@@ -98,7 +98,8 @@ def _of_evolution(config: Config, evolution: Evolution, within: float) -> Requir
     is_small = any(law.small_strain for law in variations.matter(config))
     lacking = {"paraboloid": isinstance(config.indenter, Paraboloid), "small_strain": is_small}
     model = _Model(tuple(beside[name] for name, lacks in lacking.items() if lacks and beside[name].applies))
-    words = f"Model the scene as it is, in time: {_off(model)}. {_passed(evolution)}"
+    lost = f": {_off(model)}" if model.dropped else ""
+    words = f"Model the scene as it is, in time{lost}. {_passed(evolution)}"
     return Requirements(effects, variations.shown(config), model.percent, words)
 
 
