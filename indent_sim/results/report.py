@@ -48,7 +48,7 @@ CAPTIONS |= {"pore_pressure": "Pressure of the fluid in the pores, above the bat
 CAPTIONS |= {"swelling": "Volume over that of the dry gel"}
 EXPERIMENT_CAPTION = "In time, or over the branches of an equilibrium curve: force, depth and the way of the base"
 EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
-HISTORY_CAPTION = "Force over depth, and over time what the tip and the fluid do"
+HISTORY_CAPTION = "What changes over the time, and the force over a depth that does"
 NAME = "report.html"
 Entity = dict[str, Any]  # of a crate, as JSON-LD has it
 CRATE_PROFILE = "https://w3id.org/ro/crate/1.1"
@@ -226,7 +226,7 @@ def table_of(title: str, head: Sequence[str], rows: Sequence[Sequence[object]], 
 
 def _pictures(results: Results) -> list[Picture]:
     kept, in_time = kept_steps(results.path, results["step"]), is_of_body(results.report) and len(results) > 0
-    found = [Picture(canvas.element(partial(history.draw, results)), HISTORY_CAPTION, broad=True)] if in_time else []
+    found = [_history(results)] if in_time else []
     there = ["force"] if len(results) and not in_time else []
     there += ["pressure", "profile"] if strongest_step(results) is not None else []
     there += ["fields"] if kept else []
@@ -238,6 +238,11 @@ def _pictures(results: Results) -> list[Picture]:
     if experiment.is_there(results.path, results.report):
         found.append(Picture(canvas.element(partial(experiment.draw, results.path)), EXPERIMENT_CAPTION, broad=True))
     return found
+
+
+def _history(results: Results) -> Picture:
+    is_broad = len(history.shown(results)) > 1
+    return Picture(canvas.element(partial(history.draw, results)), HISTORY_CAPTION, is_broad)
 
 
 def _evolving(results: Results, step: int) -> list[str]:

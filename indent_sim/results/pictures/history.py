@@ -29,7 +29,7 @@ def is_of_body(report: Report) -> bool:
 
 def draw(results: Results, path: Path) -> None:
     """Draw the rows of a run in time: what its force does over depth, and over time what changes."""
-    panels = _panels(results)
+    panels = shown(results)
     across = 2 if len(panels) in (2, 4) else min(len(panels), 3)
     rows = [panels[k : k + across] for k in range(0, len(panels), across)]
     rows[-1] += ["."] * (across - len(rows[-1]))
@@ -48,8 +48,8 @@ def draw(results: Results, path: Path) -> None:
         save(figure, path)
 
 
-def _panels(results: Results) -> list[str]:
-    """What there is to see: the force over a depth that changes, and columns over time that do; the force at least."""
+def shown(results: Results) -> list[str]:
+    """The panels: "curve", the force over a depth that changes, and columns that change over time; one at least."""
     force, delta = results["force"], results["delta"]
     is_loaded = bool(np.any(force != 0))
     found = ["curve"] if is_loaded and np.ptp(delta) > 0 else []
