@@ -537,7 +537,7 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...", nargs=-1, required=True, type=PATH)
-@click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields; several with commas.")
+@click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields, film; several with commas.")
 @click.option("--field", "fields", callback=_words, shell_complete=_fields, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")
@@ -553,12 +553,14 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
     """Draw finished results and measured curves over one another. Prints the picture's path.
 
     \b
-    Without --what: force, contact radius and pressure of one result, force and contact radius of several.
+    Without --what: force, contact radius and pressure of one result, force and contact radius of several; of a
+    body followed in time what changes over the time.
     Fields: von_mises, principal_1, principal_2, principal_3, sigma_xx (of a body of revolution rr),
-    sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement.
+    sigma_yy, sigma_zz, sigma_xz, J, energy_density, displacement; with fluid pore_pressure, fluid_content;
+    of gels swelling. A film shows states of one side by side, spread over the path.
     """
     from indent_sim.results import reader
-    from indent_sim.results.pictures import canvas, forces, panels
+    from indent_sim.results.pictures import canvas, panels
 
     given = {name: value for name, value in wish.items() if value}
     wanted = panels.wish(given) if given else None
@@ -570,7 +572,7 @@ def plot(paths: tuple[Path, ...], output: Path | None, **wish: Any) -> None:
         output = (first if len(paths) == 1 else Path()) / (wanted.name if wanted else canvas.FORCE_PICTURE)
         canvas.refuse_foreign(output)
     try:
-        panels.draw(runs, wanted, output) if wanted else forces.overlay(runs, output)
+        panels.draw(runs, wanted, output) if wanted else panels.draw_results(runs, output)
     except OSError as error:
         raise unwritable(output, error) from error
     say(str(output))

@@ -172,6 +172,10 @@ class _Law(ABC):
         assert self.flow
         return self.flow.alpha * self.growth(H) + self.flow.storage * p
 
+    def swelling(self, J: Expr) -> Expr:
+        """The volume over that of the dry body; J where nothing has swollen the body at rest."""
+        return J
+
     def mobility(self, H: Expr) -> Expr:
         """m (3 x 3) [length^2/(pressure time)] of the nominal flux -m grad p: the permeability at small strain, else
         J k(J) F^-1 F^-T with that of the deformed body, k(J)."""
@@ -714,6 +718,10 @@ class Gel(_Law):
     def opening(self, J: Expr) -> Expr:
         """The permeability over that at rest: the solvent's share of the volume, over that at rest."""
         return (1 - 1 / (self._J0 * J)) / (1 - 1 / self._J0)
+
+    def swelling(self, J: Expr) -> Expr:
+        """J0 J, the volume over that of the dry network."""
+        return self._J0 * J
 
     @property
     def _l(self) -> Expr:

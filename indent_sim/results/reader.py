@@ -253,7 +253,7 @@ def _shape() -> TypeAdapter[Report]:
         adhesion=GenericAlias(dict, (str, Known | place)) | None,
         experiment=_mapping(by=str, adhesion=_mapping(pull_off=GenericAlias(dict, (str, place)) | None) | None) | None,
         mesh=_mapping(hash=str) | None,
-        time=_mapping(way=str, method=str, why=str) | None,
+        time=_mapping(way=str, method=str, why=str, words=str, limits=dict[str, Known]) | None,
     )
     return TypeAdapter(report)
 

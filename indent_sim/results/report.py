@@ -30,21 +30,25 @@ from indent_sim.results.folder import (
     read_report,
     write_atomically,
 )
-from indent_sim.results.pictures import canvas, experiment, panels
-from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, unit_of
+from indent_sim.results.pictures import canvas, experiment, history, panels
+from indent_sim.results.pictures.axes import axis, choice, in_print, scaled, time_said, unit_of
+from indent_sim.results.pictures.history import is_of_body
 from indent_sim.results.pictures.panels import Wish
 from indent_sim.results.pictures.pressure import strongest_step
 from indent_sim.results.reader import Results, read_curve, read_run
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.results.writer import to_json
-from indent_sim.results.xdmf import kept_steps
+from indent_sim.results.xdmf import kept_steps, read_fields
 
 MOST_ROWS = 100  # of a table; more are thinned
 OF_AUDIT = "The contact force against the supports' reactions, relative, at its worst; from 1e-8 on a row is refused."
 CAPTIONS = {"force": "Force over depth", "pressure": "Pressure on the surface at the largest force"}
 CAPTIONS |= {"profile": "Deformed surface and tip", "fields": "Von Mises stress in the deformed body"}
+CAPTIONS |= {"pore_pressure": "Pressure of the fluid in the pores, above the bath's", "film": "Von Mises stress"}
+CAPTIONS |= {"swelling": "Volume over that of the dry gel"}
 EXPERIMENT_CAPTION = "In time, or over the branches of an equilibrium curve: force, depth and the way of the base"
 EXPERIMENT_CAPTION += "; over contact radius, or what follows in time"
+HISTORY_CAPTION = "What changes over the time, and the force over a depth that does"
 NAME = "report.html"
 Entity = dict[str, Any]  # of a crate, as JSON-LD has it
 CRATE_PROFILE = "https://w3id.org/ro/crate/1.1"
@@ -123,11 +127,14 @@ def page(**parts: Any) -> str:
 
 
 def _numbers(results: Results) -> list[tuple[str, str]]:
-    """The deepest row in words."""
+    """The deepest row in words, where time passes that of the largest force, or the last one without any."""
     if not len(results):
         return []
-    deepest = int(np.nanargmax(results["delta"]))
-    found, unknown = [], np.full(len(results), np.nan)
+    deepest, found, unknown = int(np.nanargmax(results["delta"])), [], np.full(len(results), np.nan)
+    if "t" in results.table:
+        force = np.nan_to_num(results["force"])
+        deepest = int(np.argmax(force)) if force.any() else len(force) - 1
+        found.append(("time t", time_said(results, float(results["t"][deepest]))))
     for name in ("delta", "force", "a"):
         along = axis(name, [results])
         error = results.table.get(f"{name}_error", unknown)[deepest]
@@ -143,7 +150,9 @@ def _theory(results: Results) -> list[str]:
     """What theory and the usual formulas say beside the run."""
     theory, time = _part(results.report, "theory"), _part(results.report, "time")
     if time:
-        return [f"In time by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."]
+        words = time.get("words") or ""
+        by = f"In time by {time.get('method', 'its elastic curve')}: {time.get('why', '')}."
+        return [by, *([f"{words[:1].upper()}{words[1:]}."] if words else [])]
     if not theory:
         return ["No theory is known for this scene."]
     asked = "delta" if "delta_deviation" in theory else "force"
@@ -216,16 +225,36 @@ def table_of(title: str, head: Sequence[str], rows: Sequence[Sequence[object]], 
 
 
 def _pictures(results: Results) -> list[Picture]:
-    there = ["force"] if len(results) else []
+    kept, in_time = kept_steps(results.path, results["step"]), is_of_body(results.report) and len(results) > 0
+    found = [_history(results)] if in_time else []
+    there = ["force"] if len(results) and not in_time else []
     there += ["pressure", "profile"] if strongest_step(results) is not None else []
-    there += ["fields"] if kept_steps(results.path, results["step"]) else []
-    found = []
+    there += ["fields"] if kept else []
     for what in there:
         drawing = partial(panels.draw, [results], Wish((what,), width=110.0))  # mm: readable on a small screen
         found.append(Picture(canvas.element(drawing), CAPTIONS[what]))
-    if "t" in results.table or (results.path / EXPERIMENT).exists():
+    if in_time and len(kept) == len(results):
+        found += [_film(results, name) for name in _evolving(results, kept[-1])]
+    if experiment.is_there(results.path, results.report):
         found.append(Picture(canvas.element(partial(experiment.draw, results.path)), EXPERIMENT_CAPTION, broad=True))
     return found
+
+
+def _history(results: Results) -> Picture:
+    is_broad = len(history.shown(results)) > 1
+    return Picture(canvas.element(partial(history.draw, results)), HISTORY_CAPTION, is_broad)
+
+
+def _evolving(results: Results, step: int) -> list[str]:
+    """The fields that tell most of a body in time: of its fluid and its swelling, else the stress."""
+    there = read_fields(results.path, step)
+    return [name for name in ("pore_pressure", "swelling") if name in there] or ["von_mises"]
+
+
+def _film(results: Results, name: str) -> Picture:
+    drawing = partial(panels.draw, [results], Wish(("film",), (name,), width=240.0))  # mm
+    words = f"{CAPTIONS.get(name, CAPTIONS['film'])}, at times of the history"
+    return Picture(canvas.element(drawing), words, broad=True)
 
 
 def _rows(results: Results) -> Table:

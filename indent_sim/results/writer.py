@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from indent_sim.model.state import FLUID_COLUMNS, FRICTION_COLUMNS, READINGS, STATE_COLUMNS, State, Surface
+from indent_sim.model.state import READINGS, STATE_COLUMNS, State, Surface
 from indent_sim.process.errors import NotConverged
 from indent_sim.process.signals import uninterrupted
 from indent_sim.process.version import VERSION
@@ -24,7 +24,7 @@ from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, FLUID_ARRAYS, SHEAR_ARRAYS, FieldWriter
+from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
 
 OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
@@ -56,8 +56,6 @@ class ResultFolder:
         self.rows = 0
         self._target, self._config_yaml, self._mesh, self._surface = Path(target), config_yaml, mesh, surface
         self._columns = tables.in_order((*STATE_COLUMNS, *READINGS, *columns))
-        self._arrays = ARRAYS | (SHEAR_ARRAYS if FRICTION_COLUMNS[0] in columns else {})
-        self._arrays |= FLUID_ARRAYS if FLUID_COLUMNS[0] in columns else {}
         self.earlier: Earlier | None = None
         self._resume, self._file = resume, "" if resume else file
         self._fields: FieldWriter | None = None
@@ -122,13 +120,17 @@ class ResultFolder:
             if self._sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, *mesh: Any, keep: Keep) -> None:
-        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`)."""
+    def open_fields(self, *mesh: Any, keep: Keep, more: Sequence[str] = ()) -> None:
+        """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`).
+
+        more: names of fields beyond those of every body.
+        """
         if keep == "none":
             return
         with uninterrupted(), self._writing():
             done = self.rows if self.earlier else None
-            self._fields = FieldWriter(self.path, *mesh, keep=keep, done=done, arrays=self._arrays)
+            arrays = ARRAYS | {name: MORE_ARRAYS[name] for name in more}
+            self._fields = FieldWriter(self.path, *mesh, keep=keep, done=done, arrays=arrays)
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]

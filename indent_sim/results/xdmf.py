@@ -28,8 +28,9 @@ OF_TIP: Kinds = {"displacement": ("Node", "Vector", (3,))}
 ARRAYS = OF_TIP | {"pressure": ("Node", "Scalar", ()), "stress": ("Cell", "Tensor", (9,))}
 ARRAYS |= {"von_mises": ("Cell", "Scalar", ()), "principal_stresses": ("Cell", "Vector", (3,))}
 ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
-SHEAR_ARRAYS: Kinds = {"shear": ("Node", "Scalar", ())}  # where the tip drags on the surface
-FLUID_ARRAYS: Kinds = {"pore_pressure": ("Node", "Scalar", ())}  # where there is fluid in the pores
+# Where the tip drags on the surface; where there is fluid in the pores; of gels
+MORE_ARRAYS: Kinds = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
+MORE_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
 GRID = re.compile(
@@ -182,7 +183,7 @@ def read_fields(folder: Path, step: int) -> dict[str, np.ndarray]:
     try:
         found = _arrays(folder / FIELDS_FOLDER / MESH) | _arrays(folder / FIELDS_FOLDER / _file(step))
         counts = {"Node": len(found["points"]), "Cell": len(found["cells"])}
-        some = {name: kind for name, kind in (SHEAR_ARRAYS | FLUID_ARRAYS).items() if name in found}
+        some = {name: kind for name, kind in MORE_ARRAYS.items() if name in found}
         kinds = ARRAYS | LASTING_ARRAYS | some
         if all(found[name].shape == (counts[kinds[name][0]], *kinds[name][2]) for name in kinds):
             return found

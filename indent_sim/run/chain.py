@@ -356,13 +356,9 @@ def mpi() -> Any:
 
 
 def _plot(directory: Path, report: dict[str, Any]) -> None:
-    from indent_sim.results.pictures import canvas, experiment, forces, history
+    from indent_sim.results.pictures import canvas, experiment, panels
 
     draw = amend(directory, report)
-    picture = directory / canvas.FORCE_PICTURE
-    if history.is_of_body(report):
-        draw(canvas.FORCE_PICTURE, lambda: history.draw(read(directory), picture), None)
-        return
-    draw(canvas.FORCE_PICTURE, lambda: forces.force_indentation(read(directory), picture), None)
-    if (directory / EXPERIMENT).exists() or "time" in report:
+    draw(canvas.FORCE_PICTURE, lambda: panels.draw_results([read(directory)], directory / canvas.FORCE_PICTURE), None)
+    if experiment.is_there(directory, report):
         draw(experiment.EXPERIMENT_PICTURE, lambda: experiment.draw(directory), None)

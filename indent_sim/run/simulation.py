@@ -91,7 +91,7 @@ class Simulation:
         self._fields = None
         if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
             self._fields = fe.Fields(self._walk.equilibrium.observed)
-            record.open_fields(*self._shown(grid), keep=self._keep_fields)
+            record.open_fields(*self._shown(grid), keep=self._keep_fields, more=self._fields.more)
 
     def _follow_in_time(self, spent: float) -> None:
         """Take the rows of a history in place of those of its elastic curve, whose error bars they have."""
@@ -277,7 +277,7 @@ class Simulation:
         if (observed := self._fields) is None:
             return
         scales = self.scene.physics.scales
-        units = {"displacement": scales.length, "J": 1.0}
+        units = {"displacement": scales.length, **dict.fromkeys(("J", "fluid_content", "swelling"), 1.0)}
         self._walk.return_to_row()
         if (found := self.record.beside("fields", lambda: observed.gather() or {}, None)) is None:
             return

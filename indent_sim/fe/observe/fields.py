@@ -12,11 +12,13 @@ from dolfinx import fem
 
 from indent_sim.fe import compat
 from indent_sim.fe.observe import measure
+from indent_sim.model.materials import Gel
 
 
 class WholeBody:
     """A whole body at the present state, whose fields can be read off.
-    strains: of each region stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank."""
+    strains: of each region stress (3, 3) [pressure], J and psi [pressure] in UFL, and its cells on this rank; fluid:
+    the term of what its pores hold, None without any."""
 
     def __init__(self, body: Any, strains: Sequence[Any], friction: Any, fluid: Any = None):
         self.scene, self.comm, self.trace, self.body_mesh = body.scene, body.comm, body.trace, body.body_mesh
@@ -35,19 +37,33 @@ class Fields:
 
     At the vertices displacement (points, dim) [length], pressure and with friction shear (points,), the mean of the
     facets that meet, as in the surface table, and with fluid its pore_pressure. At the cells' centroids stress (cells,
-    3, 3) (Cauchy, of the drained law), von_mises, principal_stresses (cells, 3) from the largest, energy_density per
-    undeformed volume [pressure], and J = det(I + grad u). A quadratic displacement is shown by its values at the
-    vertices."""
+    3, 3) (Cauchy, of solid and fluid together), von_mises, principal_stresses (cells, 3) from the largest,
+    energy_density per undeformed volume [pressure] (of the drained law), J = det(I + grad u), with fluid its
+    fluid_content per undeformed volume, and with a gel swelling, J from the dry state. A quadratic displacement is
+    shown by its values at the vertices."""
 
     def __init__(self, body: Any):
         self.body = body
 
+    @property
+    def more(self) -> tuple[str, ...]:
+        """Names of those that not every body has."""
+        kinds = {"shear": self.body.friction, "pore_pressure": self.body.fluid, "fluid_content": self.body.fluid}
+        gels = [strain for strain in self.body.strains if isinstance(strain.region.material, Gel)]
+        return (*(name for name, there in kinds.items() if there is not None), *(["swelling"] if gels else []))
+
     @cached_property
     def _expressions(self) -> list[tuple[fem.Expression, np.ndarray]]:
         centroid = np.full((1, self.body.body_mesh.dim), 1 / (self.body.body_mesh.dim + 1))
-        parts = [[*(s.stress[i, j] for i, j in np.ndindex(3, 3)), s.J, s.psi] for s in self.body.strains]
-        expressions = [fem.Expression(ufl.as_vector(part), centroid) for part in parts]
-        return [(found, s.cells) for found, s in zip(expressions, self.body.strains, strict=True)]
+        return [(fem.Expression(ufl.as_vector(self._in_cell(s)), centroid), s.cells) for s in self.body.strains]
+
+    def _in_cell(self, strain: Any) -> list[Any]:
+        """Stress, J, psi and, where there is fluid, its content: UFL scalars."""
+        stress, fluid = strain.stress, self.body.fluid
+        if fluid is not None:
+            stress -= fluid.pressure_in(strain.region) * ufl.Identity(3)
+        content = [] if fluid is None else [fluid.content_in(strain.region)]
+        return [*(stress[i, j] for i, j in np.ndindex(3, 3)), strain.J, strain.psi, *content]
 
     def gather(self) -> dict[str, np.ndarray] | None:
         """The fields on rank 0, None on the others."""
@@ -58,7 +74,7 @@ class Fields:
         if parts is None:
             return None
         nodes, u, touched, acting, cells, inside = (np.concatenate(column) for column in zip(*parts, strict=True))
-        stress, J, psi = np.split(_in_order(cells, inside), [9, 10], axis=1)
+        stress, inner = np.split(_in_order(cells, inside), [9], axis=1)
         dim, last = self.body.body_mesh.dim, mesh.topology.index_map(0).size_global  # those of curved cells are last
         displacement, fluid = np.split(_in_order(nodes, u)[:last], [dim], axis=1)
         tractions = [_means(touched, column, len(displacement)) for column in acting.T]
@@ -67,8 +83,7 @@ class Fields:
             **dict(zip(("pressure", "shear"), tractions, strict=False)),
             **dict(zip(("pore_pressure",), fluid.T, strict=False)),
             **_stresses(stress.reshape(-1, 3, 3)),
-            "J": J[:, 0],
-            "energy_density": psi[:, 0],
+            **dict(zip(("swelling", "J", "energy_density", "fluid_content"), inner.T, strict=False)),
         }
 
     @property
@@ -97,9 +112,12 @@ class Fields:
         return node[body.trace.nodes[:, :dim]].ravel(), acting.reshape(-1, acting.shape[-1])
 
     def _in_cells(self) -> np.ndarray:
-        values = np.zeros((len(self.body.mesh.topology.original_cell_index), 11))
-        for expression, cells in self._expressions:
-            values[cells] = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, 11)
+        """Stress, swelling, J, psi and, where there is fluid, its content (cells, 12 or 13)."""
+        width = 11 + (self.body.fluid is not None)
+        values = np.zeros((len(self.body.mesh.topology.original_cell_index), 1 + width))
+        for (expression, cells), strain in zip(self._expressions, self.body.strains, strict=True):
+            found = compat.evaluate(expression, self.body.mesh, cells).reshape(-1, width)
+            values[cells] = np.insert(found, 9, strain.region.material.swelling(found[:, 9]), axis=1)
         return values
 
 

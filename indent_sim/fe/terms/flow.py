@@ -77,10 +77,12 @@ class Flow(Term):
     def _over_vertices(self, moment: Moment, baths: dict[Region, fem.Constant]) -> ufl.Form:
         """int zeta of each vertex's function [length^3], a UFL form."""
         test, total = self.body.unknowns.of(self.body.now.test)[NAME], 0
-        for region, law in self._laws.items():
-            zeta = law.content(self._gradient(region, moment), moment.fields[NAME] + baths[region])
-            total += self.body.over_region(zeta * test, region)
+        for region in self._laws:
+            total += self.body.over_region(self._zeta(region, moment, baths) * test, region)
         return total
+
+    def _zeta(self, region: Region, moment: Moment, baths: dict[Region, fem.Constant]) -> Expr:
+        return self._laws[region].content(self._gradient(region, moment), moment.fields[NAME] + baths[region])
 
     def potential(self, now: Moment, before: Moment, dt: fem.Constant) -> ufl.Form:
         """The share of a stage in the potential, but for p zeta*."""
@@ -133,6 +135,16 @@ class Flow(Term):
         """p (cells, corners) of this rank's cells [pressure], from the bath's."""
         dofs = compat.cell_dofs(self.body.unknowns.own_space(NAME).dofmap)
         return self.body.local_array()[self.body.unknowns.places(NAME)[dofs]]
+
+    def content_in(self, region: Region) -> Expr:
+        """zeta [1] of a region, a UFL scalar; 0 without pores."""
+        return self._zeta(region, self.body.now, self._bath) if region in self._laws else ufl.as_ufl(0.0)
+
+    def pressure_in(self, region: Region) -> Expr:
+        """alpha (p + p_b) [pressure], which the total stress has less than the drained law's; 0 without pores."""
+        if region not in self._laws:
+            return ufl.as_ufl(0.0)
+        return self._laws[region].flow.alpha * (self.body.now.fields[NAME] + self._bath[region])
 
     def content(self) -> float:
         """Fluid in the pores beyond that at rest in a bath without pressure [length^3], this rank's share."""

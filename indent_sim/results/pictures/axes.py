@@ -86,6 +86,13 @@ def time_axis(runs: Sequence[Results], name: str = "time t") -> Axis:
     return Axis(name, unit="s" if all((run.report.get("units") or {}).get("length") for run in runs) else "")
 
 
+def time_said(run: Results, t: float) -> str:
+    """A time with its unit, in words: to three digits, in full up to ten million."""
+    rounded = float(f"{t:.3g}")
+    number = f"{rounded:.0f}" if 1e3 <= abs(rounded) < 1e7 else f"{rounded:g}"
+    return f"{number} {time_axis([run]).unit}".strip()
+
+
 def axis(column: str, runs: Sequence[Results]) -> Axis:
     """The axis of a column of the force table, in the common unit of the runs."""
     name, kind = NAMES[column]

@@ -10,15 +10,21 @@ from pathlib import Path
 
 import numpy as np
 
-from indent_sim.results.folder import read_report
+from indent_sim.results.folder import Report, read_report
 from indent_sim.results.pictures.axes import Axis, axis, time_axis
-from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, canvas, head, legend_below, save
-from indent_sim.results.pictures.curves import smooth
+from indent_sim.results.pictures.canvas import COLOURS, GREY, MANY, Axes, canvas, head, legend_below, save
+from indent_sim.results.pictures.curves import Joined, smooth
 from indent_sim.results.pictures.names import config_of
 from indent_sim.results.reader import read, read_curve
+from indent_sim.results.tables import EXPERIMENT
 
 EXPERIMENT_PICTURE = "experiment.png"
 LOOKS = {"hold": (COLOURS[2], "-"), "retract": (COLOURS[1], "-"), "unstable": (GREY, "--")}  # of branches
+
+
+def is_there(folder: Path, report: Report) -> bool:
+    """Whether a run has rows of its elastic curve: an experiment, or a history that was followed on it."""
+    return (folder / EXPERIMENT).exists() or (report.get("time") or {"way": "steps"}).get("way") != "steps"
 
 
 def draw(folder: Path, path: Path | None = None) -> None:
@@ -58,17 +64,32 @@ def draw(folder: Path, path: Path | None = None) -> None:
         save(figure, path or folder / EXPERIMENT_PICTURE)
 
 
-def draw_branches(axes: Axes, rows: Mapping[str, np.ndarray], name: str, x: Axis, y: Axis, of: str = "force") -> None:
-    """A column over another, a line for each branch that is one piece of the table."""
+def draw_branches(
+    axes: Axes,
+    rows: Mapping[str, np.ndarray],
+    name: str,
+    x: Axis,
+    y: Axis,
+    of: str = "force",
+    joined: Joined = smooth,
+) -> None:
+    """A column over another, a line for each branch that is one piece of the table; marks where rows are few.
+
+    joined: the line through the rows.
+    """
     seen: set[str] = set()
     branches = rows["branch"]
     changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
     for begin, end in pairwise([0, *changes, len(branches)]):
         branch, piece = str(branches[begin]), slice(max(begin - 1, 0), end)
         colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
-        curve = smooth(x(rows[name][piece]), y(rows[of][piece]))
-        axes.plot(*curve, color=colour, ls=style, lw=1.5, label=None if branch in seen else branch)
-        seen.add(branch)
+        across, up = x(rows[name][piece]), y(rows[of][piece])
+        if len(across) > 1:
+            axes.plot(*joined(across, up), color=colour, ls=style, lw=1.5, label=None if branch in seen else branch)
+            seen.add(branch)
+        if len(branches) <= MANY:
+            own = slice(-(end - begin), None)  # a piece begins with the last row of the one before
+            axes.plot(across[own], up[own], ls="", marker="o", ms=4, color=colour, mec="white", mew=0.5)
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.set(xlabel=x.label, ylabel=y.label)
     axes.locator_params(axis="x", nbins=5)

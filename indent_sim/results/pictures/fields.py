@@ -22,6 +22,7 @@ from indent_sim.results.xdmf import read_fields
 FIELD_VIEW, THIN_BODY_VIEW = 3.0, 1.5
 THIN = 4.0  # heights of a body to either side of the tip: of a thin one nothing would be seen on more
 ABOVE = 0.35  # contact radii or depths of room for the tip above the surface
+LIFTED = 0.01  # of the way that a tip is lifted: it sinks in no deeper
 WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
 COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
@@ -34,15 +35,19 @@ class ShownField:
     """What a picture can show on the body: its name in words, its kind of number, and how it is made of the arrays.
 
     {r} and {t} in the name stand for the first two axes: r and theta where the body is of revolution, else x and y.
-    middle: the value that is white, of a field with two signs; None for one that begins at 0.
+    middle: the value that is white, of a field with two signs; None for one that begins at `least`, or, where that is
+    None too, at its smallest value. only: of which bodies, where not all have it.
     """
 
     name: str
     kind: str
     values: Callable[[dict[str, np.ndarray]], np.ndarray]
     middle: float | None = None
+    least: float | None = 0.0
+    only: str = "every body"
 
 
+POROUS, SWOLLEN = "bodies with fluid in their pores (material.flow)", "gels (material.model: gel)"
 FIELDS = {
     "von_mises": ShownField("von Mises stress", "pressure", lambda f: f["von_mises"]),
     "principal_1": ShownField("principal stress σ₁", "pressure", lambda f: f["principal_stresses"][:, 0], 0.0),
@@ -55,6 +60,9 @@ FIELDS = {
     "J": ShownField("volume ratio J", "1", lambda f: f["J"], 1.0),
     "energy_density": ShownField("energy density ψ", "pressure", lambda f: f["energy_density"]),
     "displacement": ShownField("displacement |u|", "length", lambda f: np.linalg.norm(f["displacement"], axis=1)),
+    "pore_pressure": ShownField("pore pressure p", "pressure", lambda f: f["pore_pressure"], 0.0, only=POROUS),
+    "fluid_content": ShownField("fluid content ζ", "1", lambda f: f["fluid_content"], 0.0, only=POROUS),
+    "swelling": ShownField("swelling ratio J", "1", lambda f: f["swelling"], least=None, only=SWOLLEN),
 }
 
 
@@ -100,9 +108,13 @@ def field_of(name: str) -> ShownField:
 
 
 def section_of(results: Results, step: float, field: ShownField) -> Section:
-    """The deformed section of a step in the plane through the tip's axis, its other half mirrored where it is one."""
+    """The deformed section of a step in the plane through the tip's axis, its other half mirrored where it is one;
+    UsageError for a field that the result does not have."""
     fields = read_fields(results.path, int(step))
-    values = field.values(fields)
+    try:
+        values = field.values(fields)
+    except KeyError as missing:
+        raise UsageError(f"{results.path} has no field {missing.args[0]}", f"it is of {field.only}") from None
     parts = [_part(fields, values, fields["region"] == region) for region in np.unique(fields["region"])]
     center = np.array([*results.report.get("center", [0.0]), 0.0][:2])
     if fields["cells"].shape[1] == 4:
@@ -174,7 +186,11 @@ class FieldRow:
         """(left, right, bottom, top) [length]: every contact with what is below it, or the whole of a small body."""
         points = np.concatenate([section.points for section in self.sections])
         (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
-        size = max(max(_at(run, step, "a"), abs(_at(run, step, "delta"))) for run, step, _ in self.shown)
+        depths = [_at(run, step, "delta") for run, step, _ in self.shown]
+        touched = max(_at(run, step, "a") for run, step, _ in self.shown)
+        size = max(touched, *np.abs(depths))
+        if not touched > 0 and max(depths) <= LIFTED * size:  # by what swells: no contact to look at
+            size = (top - bottom) / 2
         if self.zoom is not None:
             reach, (middle, _) = self.zoom * size, middle_of([self.shown[0][0]])
             sides = max(left, middle - reach), min(right, middle + reach)
@@ -192,7 +208,7 @@ class FieldRow:
         first, kind = first_axis(runs[0]), self.field.kind
         name = self.field.name.format(r=first, t={"r": r"\theta", "x": "y"}[first])
         axis = Axis(name) if kind == "1" else scaled(kind, runs, inside, name)
-        low, high, colours = _colours(axis(inside), areas, self.field.middle)
+        low, high, colours = _colours(axis(inside), areas, self.field)
         low, high = self.limits or (low, high)
         for axes, (run, step, words), section in zip(panels, self.shown[some], self.sections[some], strict=True):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
@@ -201,7 +217,7 @@ class FieldRow:
                 draw_tip(axes, scene, _at(run, step, "delta"), middle_of([run])[0], float(np.ptp(frame[:2])), length)
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
             axes.locator_params(nbins=5)
-            axes.set_title(titled(run, step, words), loc="left", fontsize="small", color=GREY)
+            axes.set_title(titled(run, step, words, apart="\n"), loc="left", fontsize="small", color=GREY)
             axes.set(xlabel=length.label, ylabel=Axis("z", unit=length.unit).label)
         ends = [axis(inside).min() < low, axis(inside).max() > high]
         beyond = {(False, True): "max", (True, False): "min", (True, True): "both"}.get(tuple(ends), "neither")
@@ -226,10 +242,12 @@ def _at(results: Results, step: float, column: str) -> float:
     return float(results[column][results["step"] == step][0])
 
 
-def _colours(values: np.ndarray, areas: np.ndarray, middle: float | None) -> tuple[float, float, Any]:
-    """The limits of the colours and their map: from 0 up, or as far to both sides of the middle."""
-    away = np.abs(values - (middle or 0.0))
+def _colours(values: np.ndarray, areas: np.ndarray, field: ShownField) -> tuple[float, float, Any]:
+    """The limits of the colours and their map: from the least up, or as far to both sides of the middle."""
+    middle = field.middle
+    begin = middle if middle is not None else field.least if field.least is not None else float(values.min())
+    away = np.abs(values - begin)
     order = np.argsort(away)
     covered = np.cumsum(areas[order])
     high = float(away[order[np.searchsorted(covered, COLOURED_PERCENT / 100 * covered[-1])]]) or 1.0
-    return (0.0, high, "viridis") if middle is None else (middle - high, middle + high, "RdBu_r")
+    return (begin, begin + high, "viridis") if middle is None else (begin - high, begin + high, "RdBu_r")

@@ -44,7 +44,7 @@ def force_indentation(results: Results, path: Path | str) -> None:
                 said = panels["pressure"].get_title(loc="left")
                 panels["pressure"].set_title(f"{said}\n{OF_FORCE}", loc="left", fontsize="small", color=GREY)
         canvas.legend_below(figure, panels["names"], panels["force"])
-        canvas.head(figure, results.report.get("title") or names_of([results])[0], _subtitle(results))
+        canvas.head(figure, results.report.get("title") or names_of([results])[0], subtitle(results))
         save(figure, path)
 
 
@@ -183,7 +183,8 @@ def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> 
     canvas.from_zero(axes, *(radius(run["a"]) for run in runs), radius(curve.get("a", [])))
 
 
-def _subtitle(results: Results) -> str:
+def subtitle(results: Results) -> str:
+    """What was solved and how, and how it ended where that was not well."""
     report = results.report
     parts = [choice(report, "symmetry"), choice(report, "kinematics"), report.get("method")]
     if report.get("gap"):

@@ -12,26 +12,28 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from indent_sim.process.errors import UsageError
-from indent_sim.results.pictures import canvas, curves
+from indent_sim.results.pictures import canvas, curves, history
 from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
 from indent_sim.results.pictures.canvas import Axes, Figure, SubFigure
 from indent_sim.results.pictures.fields import FieldRow, field_of
-from indent_sim.results.pictures.forces import draw_forces, named_apart
+from indent_sim.results.pictures.forces import draw_forces, named_apart, overlay
+from indent_sim.results.pictures.history import is_of_body, spread
 from indent_sim.results.pictures.pressure import contact_of, draw_map, draw_pressures, strongest_step, titled
 from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
 from indent_sim.results.xdmf import kept_steps
 
-WHAT = ("force", "pressure", "profile", "fields")
-OF_STEPS = ("pressure", "profile", "fields")
+WHAT = ("force", "pressure", "profile", "fields", "film")
+OF_STEPS = ("pressure", "profile", "fields", "film")
+MAPPED = ("fields", "film")  # film: states of a field spread over the path
 OF_FIELDS = {"fields": "--field", "limits": "--limits", "zoom": "--zoom"}  # entries of a wish, and their options
 MM = 1 / 25.4  # inches
 PANEL_WIDTH = 4.4  # inches: width of a panel where no width is asked for
 LINE_ASPECT, MAP_ASPECT = 0.72, 0.85  # height over width of panels
 # Inches around a field for words and numbers, and what its bar leaves
-WORDS_HEIGHT, NUMBERS_WIDTH, BESIDE_BAR = 0.75, 0.4, 0.85
+WORDS_HEIGHT, TIME_HEIGHT, NUMBERS_WIDTH, BESIDE_BAR = 0.75, 0.15, 0.4, 0.85
 LOWEST = 1.2  # inches: of a bar with its words
-MOST_IN_ROW, MOST_WIDE, MOST_PANELS = 4, 3, 40
+MOST_IN_ROW, MOST_IN_FILM, MOST_WIDE, MOST_PANELS = 4, 6, 3, 40
 T = TypeVar("T")
 NARROWEST_CELL, BAR_HEIGHT = 1.5, 0.5  # inches: of a panel of a layout at the standard font size, of a bar below it
 NARROWEST_LINES, NARROWEST_MAPS = 2.6, 1.8  # inches: panels at the standard font size
@@ -71,8 +73,8 @@ def wish(given: Mapping[str, Any]) -> Wish:
     if unknown := [word for word in found.what if word not in WHAT]:
         raise UsageError(f"--what {unknown[0]} is none of {', '.join(WHAT)}")
     for name, option in OF_FIELDS.items():
-        if name in given and "fields" not in found.what:
-            raise UsageError(f"{option} belongs to --what fields")
+        if name in given and not set(found.what) & set(MAPPED):
+            raise UsageError(f"{option} belongs to --what {' or '.join(MAPPED)}")
     if found.limits is not None and not found.limits[0] < found.limits[1]:
         raise UsageError(f"--limits {found.limits[0]:g}:{found.limits[1]:g}: the first must be below the second")
     if "steps" in given and not set(found.what) & set(OF_STEPS):
@@ -100,6 +102,14 @@ def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
     canvas.format_of(Path(path))
     with pictured(runs, wish) as figure:
         canvas.save(figure, path, *([wish.dpi] if wish.dpi else []))
+
+
+def draw_results(runs: Sequence[Results], path: Path | str) -> None:
+    """The picture of results of which nothing was wished for: of a body in time its history, else forces over depth."""
+    if len(runs) == 1 and is_of_body(runs[0].report):
+        history.draw(runs[0], Path(path))
+    else:
+        overlay(runs, path)
 
 
 @contextmanager
@@ -155,9 +165,9 @@ def _cells(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_R
     if "pressure" in wish.what:
         shown = _shown(runs, names, wish, "pressure")
         cells += [_pressure_row([one]) for one in shown if np.ptp(one[0].surface["y"]) > 0]
-    if "fields" in wish.what:
+    for what in (what for what in wish.what if what in MAPPED):
         for name in wish.fields:
-            row = _fields(runs, names, wish, name)
+            row = _fields(runs, names, wish, name, what)
             cells += [_field_cell(row, i) for i in range(len(row.shown))]
     return cells
 
@@ -183,8 +193,8 @@ def _field_cell(row: FieldRow, i: int) -> _Row:
     return _Row(1, height, lambda part: row.draw([part.subplots()], slice(i, i + 1), "bottom"))
 
 
-def _fields(runs: Sequence[Results], names: Sequence[str], wish: Wish, name: str) -> FieldRow:
-    return FieldRow(_shown(runs, names, wish, "fields"), field_of(name), wish.limits, wish.zoom)
+def _fields(runs: Sequence[Results], names: Sequence[str], wish: Wish, name: str, what: str) -> FieldRow:
+    return FieldRow(_shown(runs, names, wish, what), field_of(name), wish.limits, wish.zoom)
 
 
 def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[Callable[[Axes], None]]:
@@ -224,13 +234,14 @@ def _line_row(panels: Sequence[Callable[[Axes], None]], runs: int) -> _Row:
 def _map_rows(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> list[_Row]:
     """Rows of maps: of the pressure where the surface has two dimensions, and of every field."""
     rows: list[_Row] = []
-    most = wish.side_by_side(NARROWEST_MAPS, MOST_IN_ROW)
+    most, film = (wish.side_by_side(NARROWEST_MAPS, many) for many in (MOST_IN_ROW, MOST_IN_FILM))
     for what in wish.what:
         if what == "pressure":
             mapped = [one for one in _shown(runs, names, wish, what) if np.ptp(one[0].surface["y"]) > 0]
             rows += [_pressure_row(part) for part in _in_rows(mapped, most)]
-        if what == "fields":
-            rows += [_field_row(_fields(runs, names, wish, name), most) for name in wish.fields]
+        if what in MAPPED:
+            across = film if what == "film" else most
+            rows += [_field_row(_fields(runs, names, wish, name, what), across) for name in wish.fields]
     return rows
 
 
@@ -256,7 +267,8 @@ def _field_row(row: FieldRow, most: int) -> _Row:
 
     def height(width: float) -> float:
         aspect = float(np.ptp(row.frame[2:]) / np.ptp(row.frame[:2]))
-        return lines * max(aspect * (BESIDE_BAR * width / columns - NUMBERS_WIDTH), LOWEST) + WORDS_HEIGHT
+        panel = max(aspect * (BESIDE_BAR * width / columns - NUMBERS_WIDTH), LOWEST)
+        return lines * (panel + TIME_HEIGHT * any("t" in run.table for run, *_ in row.shown)) + WORDS_HEIGHT
 
     return _Row(columns, height, into)
 
@@ -283,15 +295,21 @@ def _shown(runs: Sequence[Results], names: Sequence[str], wish: Wish, what: str)
 
 
 def _steps(run: Results, wish: Wish, what: str) -> list[float]:
-    """The steps of a result that are shown: those asked for, or that of the largest force."""
-    kept = kept_steps(run.path, run["step"]) if what == "fields" else run.surface.get("step", ())
-    there = sorted(set(map(int, kept)))
-    key = "fields" if what == "fields" else "surface"
+    """The steps of a result that are shown: those asked for, or that of the largest force, of a film some of all."""
+    key = "fields" if what in MAPPED else "surface"
+    known = kept_steps(run.path, run["step"]) if key == "fields" else run.surface.get("step", ())
+    there = sorted(set(map(int, known)))
     if not there:
-        raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}=last or all")
+        kept = "all" if what == "film" else "last or all"
+        raise UsageError(f"{run.path} has no {key}; run it with --set output.{key}={kept}")
+    if what == "film" and not wish.steps:
+        if len(there) < len(run):
+            problem = f"{run.path} has fields of {len(there)} of {len(run)} steps, and a film is of all"
+            raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
+        return [float(step) for step in spread(run, there)]
     asked = [there[-1] if word == "last" else word for word in wish.steps]
-    known = replace(run, surface={"step": np.array(there, dtype=float)})
-    steps = there if "all" in asked else [int(word) for word in asked] or [int(strongest_step(known) or there[-1])]
+    drawn = replace(run, surface={"step": np.array(there, dtype=float)})
+    steps = there if "all" in asked else [int(word) for word in asked] or [int(strongest_step(drawn) or there[-1])]
     if missing := [step for step in steps if step not in there]:
         problem = f"{run.path} has no {key} of step {missing[0]}, only of {', '.join(map(str, there))}"
         raise UsageError(f"{problem}; output.{key}: all keeps every step")

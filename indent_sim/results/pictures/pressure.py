@@ -9,7 +9,7 @@ import numpy as np
 
 from indent_sim.model.tips import reach
 from indent_sim.results.outline import scene_of
-from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled
+from indent_sim.results.pictures.axes import Axis, axis, choice, first_axis, middle_of, scaled, time_said
 from indent_sim.results.pictures.canvas import COLOURS, GREY, Axes, Look, from_zero
 from indent_sim.results.reader import Results
 
@@ -20,6 +20,7 @@ PRESSED_SHARE = 0.02  # of the median pressure within the contact radius: beyond
 BESIDE_KINK = 1.5  # elements beside a kink of the tip, an infinite pressure, in which the mesh says what it is
 BESIDE_END = 4.0  # the same beside its end: one over a square root, no logarithm
 TOUCHED_RADII = 1.02  # contact radii up to which the tip touches, for the radius of a row is of its nodes
+AT_REST = 1e-6  # of the largest depth: a search for a force of 0 ends as near to 0 as that
 UNPRESSED = "#00224e"  # the darkest of the map's colours: behind words that may stand beside the body
 
 
@@ -240,12 +241,19 @@ def strongest_step(results: Results) -> float | None:
     return None
 
 
-def titled(results: Results, step: float, words: str) -> str:
-    """The words that tell a panel from others, and its depth."""
-    return ", ".join(filter(None, [words, f"δ = {depth_text(results, step)}"]))
+def titled(results: Results, step: float, words: str, apart: str = ", ") -> str:
+    """The words that tell a panel from others, its time where that passes, and its depth.
+
+    apart: what stands between time and depth.
+    """
+    times = results.table.get("t", np.full(len(results), np.nan))[results["step"] == step]
+    time = f"t = {time_said(results, float(times[0]))}{apart}" if np.isfinite(times).any() else ""
+    return ", ".join(filter(None, [words, f"{time}δ = {depth_text(results, step)}"]))
 
 
 def depth_text(results: Results, step: float) -> str:
     """The depth of a step in words, as the axes of the picture measure it."""
     delta = results["delta"][results["step"] == step]
+    if len(delta) and abs(delta[0]) < AT_REST * np.nanmax(np.abs(results["delta"])):
+        delta = np.zeros(1)
     return axis("delta", [results]).said(delta[0]) if len(delta) else "?"
