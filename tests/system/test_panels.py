@@ -19,7 +19,7 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import outline
 from indent_sim.results.pictures import canvas, fields, forces, panels
 from indent_sim.results.pictures.fields import FIELDS, section_of
-from indent_sim.results.xdmf import FieldWriter
+from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
 
 SCENE = """\
 body: {{shape: {body}, radius: 1.0, height: 1.0}}
@@ -239,9 +239,17 @@ class TestFields:
         result = in_folder(tmp_path / "run", a_result(units={}, steps=3))
         result.table.update({"delta": np.array([0.1, 0.2, 0.3]), "a": np.array([0.3, 0.4, 0.5])})
         tip = outline(Paraboloid(1.0), (0.0,), 1.0, "axisymmetric", 1)
-        writer = FieldWriter(result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all")
+        arrays = ARRAYS | MORE_ARRAYS
+        writer = FieldWriter(result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all", arrays=arrays)
+        fluid = {
+            "pore_pressure": np.arange(4.0),
+            "fluid_content": np.array([0.0, -1.0]),
+            "swelling": np.array([2, 3.0]),
+        }
+        fluid |= {"shear": np.zeros(4)}
         for step in (1, 2, 3):
-            writer.write(step, 0.1 * step, some_fields(step) | {"displacement": np.tile([0.1, -0.1 * step], (4, 1))})
+            own = {"displacement": np.tile([0.1, -0.1 * step], (4, 1))}
+            writer.write(step, 0.1 * step, some_fields(step) | fluid | own)
         return result
 
     def test_the_section_is_the_deformed_body_and_its_image(self, result):
@@ -274,8 +282,8 @@ class TestFields:
         """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the rest is within."""
         values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
         areas = np.append(np.ones(100), np.full(1000, 1e-7))
-        assert fields._colours(values, areas, None)[:2] == pytest.approx((0.0, 1.0))
-        assert fields._colours(values + 1, areas, 1.0)[:2] == pytest.approx((0.0, 2.0))
+        assert fields._colours(values, areas, FIELDS["von_mises"])[:2] == pytest.approx((0.0, 1.0))
+        assert fields._colours(values + 1, areas, FIELDS["J"])[:2] == pytest.approx((0.0, 2.0))
 
     def test_the_contact_is_inside_the_frame(self, result, drawn):
         left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()
