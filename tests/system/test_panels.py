@@ -105,6 +105,25 @@ class TestForces:
         for line in lines:
             assert line.get_ydata() == pytest.approx(1e3 * np.asarray(line.get_xdata()) ** 1.5, rel=1e-9, abs=1e-15)
 
+    def test_forces_over_time_are_those_of_the_rows(self, drawn):
+        """A ramp and a hold of two runs, over four decades of time: each branch begins where the one before ends."""
+        t = np.array([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+        runs = [a_result(units={}, theory=None, steps=7) for _ in range(2)]
+        for run, factor in zip(runs, (1.0, 2.0), strict=True):
+            falls = np.array([0.0, 0.5, 1.0, 1.5, 1.2, 1.1, 1.0])
+            run.table.update({"t": t, "force": factor * falls, "branch": np.array(["approach"] * 4 + ["hold"] * 3)})
+        axes = drawn(runs, what=("time",)).axes[0]
+        assert axes.get_xscale() == "log" and axes.get_xlabel() == "time t"
+        ramps, holds = ([line for line in axes.get_lines() if len(line.get_xdata()) > 2][k::2] for k in (0, 1))
+        for ramp, hold, factor in zip(ramps, holds, (1.0, 2.0), strict=True):
+            assert hold.get_xdata()[[0, -1]] == pytest.approx([1e-3, 1.0])
+            assert hold.get_ydata()[[0, -1]] == pytest.approx([1.5 * factor, factor])
+            assert ramp.get_ydata()[-1] == pytest.approx(1.5 * factor)
+
+    def test_a_run_without_times_has_none_to_draw(self, drawn):
+        with pytest.raises(UsageError, match="has no times"):
+            drawn([a_result(units={}, theory=None)], what=("time",))
+
     def test_the_half_space_ends_at_its_mark(self, drawn):
         """Under a force its depth may be beyond the run's: the dotted line goes on to it."""
         result = a_result(units={})
@@ -363,7 +382,7 @@ class TestRoom:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"what": ("forces",)}, "none of force, pressure"),
+        ({"what": ("forces",)}, "none of force, time, pressure"),
         ({"fields": ("J",)}, "--field belongs to --what fields"),
         ({"steps": ("2",)}, "--steps belongs to"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),
