@@ -13,15 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
-Matter = tuple[float, float]  # E, nu
-WAVES = 400.0  # highest degree times the contact angle; the force converges as its third power
-MARGIN = 1.0  # quadrature points per unit of WAVES
+Layer = tuple[float, tuple[float, float]]  # outer radius, (E, nu)
+WAVES = 200.0  # highest degree times the contact angle; 1e-5 of the force, which converges as its third power
+TERMS = 12  # of the pressure's polynomial
 
 
 @dataclass(frozen=True)
@@ -35,26 +35,27 @@ class Contact:
 
 
 def contact(
-    delta: float, layers: Sequence[tuple[float, Matter]], tip: Callable[[np.ndarray], np.ndarray], terms: int = 12
+    delta: float, layers: Sequence[Layer], tip: Callable[[np.ndarray], np.ndarray], terms: int = TERMS
 ) -> Contact:
     """The contact of a ball of radius 1 at the approach delta. layers: (outer radius, (E, nu)) from the surface
     inwards, the core last; tip: its height over the distance r from the axis."""
-    angle = brentq(
-        lambda c: of_angle(c, layers, tip, terms).delta / delta - 1, np.sqrt(delta) / 20, 2 * np.sqrt(delta), rtol=1e-8
-    )
+    wide = 2 * np.sqrt(delta)
+    while of_angle(wide / 2, layers, tip, terms).delta > delta:
+        wide /= 2
+    angle = brentq(lambda c: of_angle(c, layers, tip, terms).delta / delta - 1, wide / 2, wide, rtol=1e-7)
     return of_angle(angle, layers, tip, terms)
 
 
 def of_angle(
     c: float,
-    layers: Sequence[tuple[float, Matter]],
+    layers: Sequence[Layer],
     tip: Callable[[np.ndarray], np.ndarray],
-    terms: int = 12,
+    terms: int = TERMS,
     waves: float = WAVES,
 ) -> Contact:
     """The contact that ends at the angle c."""
     fall = 1 - np.cos(c)
-    v, weights = _gauss(int(MARGIN * waves) + 4 * terms)
+    v, weights = _gauss(int(waves) + 4 * terms)
     x = 1 - v**2  # sqrt(1 - x) = v has no singularity
     areas = 4 * np.pi * fall * v * weights  # 2 pi sin t dt
     shapes = v * legendre.legvander(2 * x - 1, terms).T  # one more than the pressure has: its equation gives the depth
@@ -97,52 +98,52 @@ def _influence(even: np.ndarray, radial: np.ndarray, along: np.ndarray, flex: np
     return np.einsum("n,ani,anj->ij", norm, traction, moved)
 
 
-def compliances(degrees: np.ndarray, layers: Sequence[tuple[float, Matter]]) -> np.ndarray:
-    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along the angle."""
-    return np.array([_compliance(int(n), tuple(layers)) for n in degrees])
+def compliances(degrees: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
+    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along the angle. 0 comes first."""
+    shells = [_solutions(degrees[1:], k, layers) for k in range(len(layers))]
+    starts = 4 * np.arange(len(layers) + 1)
+    starts[-1] -= 2  # the core has two solutions
+    matrix, right = np.zeros((len(degrees) - 1, starts[-1], starts[-1])), np.zeros((starts[-1], 2))
+    matrix[:, :2, : starts[1]] = shells[0][0][:, 2:]
+    right[:2] = np.eye(2)
+    for k, ((_, inner), (outer, _)) in enumerate(pairwise(shells)):
+        row = slice(4 * k + 2, 4 * k + 6)
+        matrix[:, row, starts[k] : starts[k + 1]] = inner
+        matrix[:, row, starts[k + 1] : starts[k + 2]] = -outer
+    found = shells[0][0][:, :2] @ np.linalg.solve(matrix, right[None])[:, : starts[1]]
+    swelling = np.diag([_swelling(layers), 0.0])
+    return np.concatenate([swelling[None], found])
 
 
-@cache
-def _compliance(n: int, layers: tuple[tuple[float, Matter], ...]) -> np.ndarray:
-    columns = [_solutions(n, k, layers) for k in range(len(layers))]
-    sides = [list(side) for side in zip(*columns, strict=True)]  # values at the outer and at the inner face
-    kinds = 2 if n else 1
-    unknowns = [outer.shape[1] for outer in sides[0]]
-    starts = np.concatenate([[0], np.cumsum(unknowns)])
-    size = starts[-1]
-    matrix, right = np.zeros((size, size)), np.zeros((size, kinds))
-    matrix[:kinds, : starts[1]] = sides[0][0][kinds:]
-    right[:kinds] = np.eye(kinds)
-    for k in range(len(layers) - 1):
-        row = kinds + 2 * kinds * k
-        matrix[row : row + 2 * kinds, starts[k] : starts[k + 1]] = sides[1][k]
-        matrix[row : row + 2 * kinds, starts[k + 1] : starts[k + 2]] = -sides[0][k + 1]
-    found = np.zeros((2, 2))
-    found[:kinds, :kinds] = sides[0][0][:kinds] @ np.linalg.solve(matrix, right)[: starts[1]]
-    return found
+def _swelling(layers: Sequence[Layer]) -> float:
+    """Displacement of the surface under the tension 1, from Lame's solution A r + B/r^2 from the core outwards."""
+    stiffness, inner = 0.0, 0.0  # tension over displacement at the inner face
+    for outer, (E, nu) in reversed(layers):
+        bulk, shear = E / (1 - 2 * nu), 2 * E / (1 + nu)  # 3 K, 4 mu
+        A, B = 1.0, 0.0
+        if inner:
+            A, B = np.linalg.solve([[inner, inner**-2], [bulk, -shear / inner**3]], [1.0, stiffness])
+        stiffness = (bulk * A - shear * B / outer**3) / (A * outer + B / outer**2)
+        inner = outer
+    return 1 / stiffness
 
 
-def _solutions(n: int, k: int, layers: Sequence[tuple[float, Matter]]) -> tuple[np.ndarray, np.ndarray]:
-    """(U, V, s_rr, s_rt) of each solution at the outer and inner face of shell k, each 1 where it is largest."""
-    (outer, (E, nu)), N = layers[k], n * (n + 1)
-    mu = E / (2 * (1 + nu))
-    ratio = 2 * (1 - nu) / (1 - 2 * nu)  # (lam + 2 mu)/mu
-    inner = layers[k + 1][0] if k + 1 < len(layers) else 0.0
-    powers = [n - 1, n + 1, -n, -n - 2] if n else [1, -2]
-    faces: list[list[list[float]]] = [[], []]
-    for p in powers if inner else [p for p in powers if p > 0 or (n and p >= n - 1)]:
-        if p in (n - 1, -n - 2) and n:
-            A, B = float(p + 1), 1.0
-        elif n:
-            A, B = float(ratio * N - p * (p + 1)), float(ratio * (p + 2) - p)
+def _solutions(n: np.ndarray, k: int, layers: Sequence[Layer]) -> tuple[np.ndarray, np.ndarray]:
+    """(degrees, 4, solutions): U, V, s_rr, s_rt at the outer and the inner face of shell k. Each solution is about 1 at
+    the face where it is largest, so that nothing overflows."""
+    (outer, (E, nu)), N = layers[k], n * (n + 1.0)
+    inner = layers[k + 1][0] if k + 1 < len(layers) else None
+    shear, ratio = E / (2 * (1 + nu)), 2 * (1 - nu) / (1 - 2 * nu)  # mu, (lambda + 2 mu)/mu
+    outside, inside = [], []
+    for p in (n - 1, n + 1) if inner is None else (n - 1, n + 1, -n, -n - 2):
+        if p[0] in (n[0] - 1, -n[0] - 2):  # neither volume nor rotation
+            A, B = p + 1.0, np.ones(len(n))
         else:
-            A, B = 1.0, 0.0
-        A, B = A / np.hypot(A, n * B), B / np.hypot(A, n * B)
-        divergence = (p + 2) * A - N * B
-        stresses = [mu * ((ratio - 2) * divergence + 2 * p * A), mu * (A + (p - 1) * B)]
-        largest = outer if p > 0 else inner
-        for face, r in zip(faces, (outer, inner), strict=True):
-            scale = (r / largest) ** p if r else 0.0
-            face.append([A * scale, B * scale, *(s * scale / r if r else 0.0 for s in stresses)])
-    kept = [0, 1, 2, 3] if n else [0, 2]
-    return np.array(faces[0]).T[kept], np.array(faces[1]).T[kept]
+            A, B = ratio * N - p * (p + 1), ratio * (p + 2) - p
+        A, B = (A, B) / np.hypot(A, n * B)
+        normal = (ratio - 2) * ((p + 2) * A - N * B) + 2 * p * A
+        moved = np.stack([A, B, shear * normal, shear * (A + (p - 1) * B)], axis=1)
+        for face, r in ((outside, outer), (inside, inner or outer)):
+            fading = (r / (outer if p[0] > 0 else inner or outer)) ** (p * 1.0)
+            face.append(moved * fading[:, None] / [1, 1, r, r])
+    return np.stack(outside, axis=2), np.stack(inside, axis=2)
