@@ -53,8 +53,8 @@ def skinned(t: float, E: float, tip: str = "plate", **sections: Any) -> dict[str
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
-    """Of a ball of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.75 % and less
-    at 1/100; twice less from there each time for nu 0.3 and 0.49)."""
+    """Of a ball of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.5 % and less at
+    1/100; for nu 0.3 and 0.49 in proportion, for nu 0 half as fast)."""
 
     def beside(c: float) -> float:
         found = layered_ball.of_angle(c, [(1.0, (1.0, nu))], plate, waves=100.0)
