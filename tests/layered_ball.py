@@ -99,7 +99,7 @@ def _influence(even: np.ndarray, radial: np.ndarray, along: np.ndarray, flex: np
 
 
 def compliances(degrees: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
-    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along the angle. 0 comes first."""
+    """(degrees, 2, 2): U and V at the surface of the tractions P_n along r and dP_n/dt along t. 0 comes first."""
     shells = [_solutions(degrees[1:], k, layers) for k in range(len(layers))]
     starts = 4 * np.arange(len(layers) + 1)
     starts[-1] -= 2  # the core has two solutions

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from layered_ball import Layer
 from mpi4py import MPI
-from scenes import ELASTIC, force, scene
+from scenes import ELASTIC, force
 from scipy.integrate import quad
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import read_fields
 from indent_sim.run.chain import simulate
+from indent_sim.scene.scene import resolve
 
 DELTA = 0.02
 DEEP = {"delta": DELTA, "steps": 1}
@@ -52,15 +53,15 @@ def skinned(t: float, E: float, tip: str = "plate", **sections: Any) -> dict[str
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
-    """Of a ball of one matter, a/R = 0.01: the approach of the centers that the ball's own compliance adds falls as
-    a/R, 2e-2 of F at most; half as large a contact halves it, to a tenth of it."""
+    """Of a ball of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.5 % and less at
+    1/100; for nu 0.3 and 0.49 in proportion, for nu 0 half as fast)."""
 
     def beside(c: float) -> float:
-        found = layered_ball.of_angle(c, [(1.0, (1.0, nu))], plate)
+        found = layered_ball.of_angle(c, [(1.0, (1.0, nu))], plate, waves=100.0)
         return found.force / (4 / 3 / (1 - nu**2) * (found.delta / 2) ** 1.5) - 1
 
-    assert abs(beside(0.01)) < 0.02
-    assert beside(0.005) == pytest.approx(beside(0.01) / 2, abs=2e-4)
+    assert abs(beside(0.0025)) < 0.003
+    assert abs(beside(0.0025)) < 0.6 * abs(beside(0.01))
 
 
 def test_the_series_of_one_matter_is_known() -> None:
@@ -71,9 +72,9 @@ def test_the_series_of_one_matter_is_known() -> None:
 
 
 def test_a_swollen_shell_is_lames() -> None:
-    """Degree 0 of a shell around next to nothing, under a pressure from outside: Lame (1852), 1e-6, the core's share."""
+    """Degree 0 of a shell around next to nothing, under a tension from outside: Lame (1852); 1e-6, the core's share."""
     E, nu, b = 1.0, 0.3, 0.8
-    found = layered_ball.compliances(np.array([0]), [(1.0, (E, nu)), (b, (1e-7, nu))])[0, 0, 0]
+    found = layered_ball.compliances(np.array([0, 2]), [(1.0, (E, nu)), (b, (1e-7, nu))])[0, 0, 0]
     assert found == pytest.approx(((1 - 2 * nu) + (1 + nu) * b**3 / 2) / (E * (1 - b**3)), rel=1e-6)
 
 
@@ -108,15 +109,36 @@ def test_skins_to_a_given_accuracy(tip: str, t: float, E: float, tmp_path: Path)
     assert abs(state.force - expected) <= state.force_error + KNOWN * expected
 
 
-@pytest.mark.parametrize("shape", ["ball", "ellipsoid"])
-@pytest.mark.parametrize(("radius", "E"), [(0.6, 100.0), (0.9, 10.0), (0.8, 0.01)])
-def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) -> None:
-    """A ball, or an ellipsoid of equal semi-axes, about the center: 0.3 % at automatic sizes."""
+def with_nucleus(shape: str, radius: float, E: float, **sections: Any) -> dict[str, Any]:
     size = {"radius": radius} if shape == "ball" else {"semi_axes": [radius] * 3}
     nucleus = {"shape": shape, "center": [0, 0, -1.0], "material": ELASTIC | {"E": E}} | size
     body = {"shape": "ball", "radius": 1.0, "inclusions": [nucleus]}
-    found = force(scene(body, indenter=TIPS["plate"], loading=DEEP))
+    return {"body": body, "material": ELASTIC, "indenter": TIPS["plate"], "loading": DEEP} | sections
+
+
+NUCLEI = [(0.6, 100.0), (0.9, 10.0), (0.4, 0.001), (0.6, 0.01), (0.8, 0.1), (0.8, 0.01), (0.9, 0.001), (0.95, 0.01)]
+
+
+@pytest.mark.parametrize("shape", ["ball", "ellipsoid"])
+@pytest.mark.parametrize(("radius", "E"), NUCLEI)
+def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) -> None:
+    """A ball, or an ellipsoid of equal semi-axes, about the center, the rind around a soft one as a shell: 0.3 % asked
+    for at automatic sizes, 0.16 % found."""
+    found = force(resolve(from_mapping(with_nucleus(shape, radius, E))))
     assert found == pytest.approx(series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))]), rel=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("radius", "E"), [pytest.param(*row, marks=[pytest.mark.verify] * (row != (0.9, 0.001))) for row in NUCLEI]
+)
+def test_a_nucleus_to_a_given_accuracy(radius: float, E: float, tmp_path: Path) -> None:
+    """0.1 % asked for: the error is less, and inside the bar."""
+    expected = series([(1.0, CORE), (radius, (E, ELASTIC["nu"]))])
+    quiet = {"plot": False, "fields": "none"}
+    config = from_mapping(with_nucleus("ellipsoid", radius, E, accuracy=0.001, output=quiet))
+    state = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states[-1]
+    assert state.force_error is not None and state.force_error <= 1e-3 * state.force
+    assert abs(state.force - expected) <= state.force_error + KNOWN * expected
 
 
 def stiffness(E: float, nu: float) -> np.ndarray:
