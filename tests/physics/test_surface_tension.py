@@ -64,7 +64,7 @@ def test_mesh_against_theory(body: str, gamma: float) -> None:
 @pytest.mark.parametrize("gamma", [0.02, 0.4, 7.0])
 def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_path: Path) -> None:
     """Where the pressure ends with a step, the radius inside its bar, 2 %, and the pressure to 1 %; to 5 % where the
-    plan warns of it, gamma/E* being 30 contact radii and more. The mesh smears the step over an element, a tenth of a."""
+    plan warns of it, gamma/E* being 30 contact radii and more. Meshes smear the step over an element, a tenth of a."""
     exact = known(base := tensed(HALF_SPACE, gamma))[0]
     quiet = {"plot": False, "fields": "none"}
     document = {"body": HALF_SPACE | {"surface_tension": gamma}, "material": ELASTIC, "indenter": PARABOLOID}
@@ -81,7 +81,7 @@ def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_pat
 
 @pytest.mark.parametrize("gamma", [0.02, 1.0])
 def test_the_contact_radius_under_a_cone(gamma: float) -> None:
-    """Whose pressure is infinite at the apex as well: 2.5 %, a quarter of an element; 4 % without regard to the step."""
+    """Whose pressure is infinite at the apex as well: 2.5 %, a quarter of an element; 4 % if read off at 0."""
     base = tensed(HALF_SPACE, gamma, indenter=CONE)
     exact = base.plan.theory and base.plan.theory.at(base.physics.deltas[-1])
     assert exact

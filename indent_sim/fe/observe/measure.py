@@ -147,12 +147,12 @@ def contact(body: Observed) -> dict[str, float]:
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
-    projected on the horizontal plane; 0 for delta <= 0, unless the tip adheres or the body swells. Under surface tension
-    the pressure ends with a step, which a mesh smears: the region is that of SMEARED of the step, and the peak that of
-    the means over facets, as nodes swing beside a step. Else the peak is over the
-    contact quadrature points and the nodes. It is NaN where no mesh knows it (see `scene.expected.peakless`), the penetration
-    the largest <-g> over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own
-    shape, of which the gap function may know nothing; 0 with a reference gap."""
+    projected on the horizontal plane; 0 for delta <= 0, unless the tip adheres or the body swells. Under surface
+    tension the pressure ends with a step, which a mesh smears and nodes beside it swing about: a is where p_hat is
+    SMEARED of the step, and the peak the largest mean over a facet. Else the peak is over the contact quadrature points
+    and the nodes. It is NaN where no mesh knows it (see `scene.expected.peakless`). The penetration is the largest <-g>
+    over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which
+    the gap function may know nothing; 0 with a reference gap."""
     dim = body.trace.dim
     grid, (inner, weights), nodes = lattice(dim)[0], contact_quadrature(dim), body.trace.node_points()
     s = sample(body, np.vstack([grid, inner, nodes]))
@@ -196,7 +196,7 @@ def _stick_radius(body: Observed, a: float, s: Sample, x: np.ndarray, grid: np.n
     end = len(grid)
     sticks = np.minimum(s.p_hat[:, :end], body.friction.room_at(grid))
     size = _region(body, s.X[:, :end, :-1], x[:, :end, :-1], sticks)
-    return body.scene.physics.part.kinematics.contact_radius(size)
+    return min(a, body.scene.physics.part.kinematics.contact_radius(size))
 
 
 def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:
