@@ -53,7 +53,7 @@ def skinned(t: float, E: float, tip: str = "plate", **sections: Any) -> dict[str
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_a_small_contact_of_the_series_is_hertz(nu: float) -> None:
-    """Of a ball of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.5 % and less at
+    """Of one matter: what a ball adds to Hertz' half-spaces fades with a/R, to 0.3 % at 1/400 (0.5 % and less at
     1/100; for nu 0.3 and 0.49 in proportion, for nu 0 half as fast)."""
 
     def beside(c: float) -> float:
@@ -119,8 +119,14 @@ def with_nucleus(shape: str, radius: float, E: float, **sections: Any) -> dict[s
 NUCLEI = [(0.6, 100.0), (0.9, 10.0), (0.4, 0.001), (0.6, 0.01), (0.8, 0.1), (0.8, 0.01), (0.9, 0.001), (0.95, 0.01)]
 
 
-@pytest.mark.parametrize("shape", ["ball", "ellipsoid"])
-@pytest.mark.parametrize(("radius", "E"), NUCLEI)
+@pytest.mark.parametrize(
+    ("shape", "radius", "E"),
+    [
+        pytest.param(shape, *row, marks=[] if row in soft_and_stiff else [pytest.mark.verify])
+        for shape, soft_and_stiff in (("ball", [(0.6, 100.0)]), ("ellipsoid", [(0.9, 10.0), (0.8, 0.01), (0.95, 0.01)]))
+        for row in NUCLEI
+    ],
+)
 def test_a_nucleus_in_the_middle_is_a_core(shape: str, radius: float, E: float) -> None:
     """A ball, or an ellipsoid of equal semi-axes, about the center, the rind around a soft one as a shell: 0.3 % asked
     for at automatic sizes, 0.16 % found."""

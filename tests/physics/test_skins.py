@@ -153,9 +153,9 @@ def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("t", [0.2, pytest.param(0.1, marks=pytest.mark.verify)])
 def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) -> None:
-    """1000 times as stiff as the core it hands the force on to where a ball is bonded, all around: 0.3 % of what elements
-    1e-5 long there give (0.04 % found, 0.38 % without elements of their own), and 0.1 % where that is asked for, inside
-    the bar, to 0.02 %, what that reference knows."""
+    """1000 times as stiff as the core it hands the force on to where a ball is bonded: 0.3 % of what elements 1e-5 long
+    there give (0.04 % found, 0.38 % without elements of their own), and 0.1 % where that is asked for, inside the
+    bar, to 0.02 %, what that reference knows."""
     given = with_skins(BODIES["whole"], (t, 1000.0), output=QUIET)
     base = resolve(from_mapping(given))
     at = 1 / base.physics.scales.length
