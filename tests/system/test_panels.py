@@ -280,6 +280,18 @@ class TestFields:
         assert found.points[len(half) :] == pytest.approx(half * [-1, 1])
         assert sorted(set(found.values)) == pytest.approx(some_fields(2)["von_mises"])
 
+    def test_lines_are_drawn_where_regions_meet(self, result, drawn):
+        """The two cells are of two regions: their common side, and its image."""
+        found = section_of(result, 2.0, FIELDS["von_mises"])
+        common = {tuple(self.POINTS[k] + [0.1, -0.2]) for k in set(self.CELLS[0]) & set(self.CELLS[1])}
+        ends = found.points[found.faces]
+        assert len(ends) == 2 and {tuple(end) for end in np.round(ends[0], 9)} == {
+            tuple(np.round(c, 9)) for c in common
+        }
+        assert ends[1] == pytest.approx(ends[0] * [-1, 1])
+        (line, *_) = drawn([result], what=("fields",), steps=("2",)).axes[0].lines
+        assert np.isnan(line.get_xdata()).sum() == 2
+
     def test_panels_of_steps_share_frame_and_colours(self, drawn, result):
         figure = drawn([result], what=("fields",), steps=("all",), fields=("von_mises", "J"))
         shown = [axes for axes in figure.axes if axes.get_title(loc="left")]

@@ -26,6 +26,7 @@ LIFTED = 0.01  # of the way that a tip is lifted: it sinks in no deeper
 WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
 COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
+FACE_WIDTH = 0.6  # points: of the lines between regions
 Beside = Literal["right", "bottom"]  # where the bar of the colours stands
 Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
 
@@ -68,17 +69,22 @@ FIELDS = {
 
 @dataclass(frozen=True)
 class Section:
-    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,) of a field there."""
+    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,) of a field there.
+
+    faces: pairs (k, 2) of the points at the ends of lines between two regions: layers, skins, inclusions.
+    """
 
     points: np.ndarray
     triangles: np.ndarray
     values: np.ndarray
+    faces: np.ndarray
 
     def mirrored(self, middle: float) -> Section:
         """With its image in the vertical line x = middle."""
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
-        return Section(np.concatenate([self.points, image]), triangles, np.tile(self.values, 2))
+        faces = np.concatenate([self.faces, self.faces + len(image)])
+        return Section(np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces)
 
     @cached_property
     def areas(self) -> np.ndarray:
@@ -124,10 +130,22 @@ def section_of(results: Results, step: float, field: ShownField) -> Section:
     starts = np.cumsum([0, *(len(moved) for _, moved, *_ in parts[:-1])])
     triangles = np.concatenate([cells + start for (_, _, cells, _), start in zip(parts, starts, strict=True)])
     points, shown = np.concatenate([part[1] for part in parts]), np.concatenate([part[3] for part in parts])
-    section = Section(points[:, [0, 2]], triangles, shown)
+    regions = np.repeat(np.arange(len(parts)), [len(cells) for _, _, cells, _ in parts])
+    section = Section(points[:, [0, 2]], triangles, shown, _faces(points, triangles, regions))
     left = fields["points"][:, 0].min()
     is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(fields["points"][:, 0])
     return section.mirrored(center[0]) if is_half else section
+
+
+def _faces(points: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
+    """The edges (k, 2) that triangles of two regions, each with points of its own, have at one place."""
+    _, first, places = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    edges = np.sort(places.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    found, which = np.unique(edges, axis=0, return_inverse=True)
+    low, high = np.full(len(found), regions.max()), np.zeros(len(found), dtype=regions.dtype)
+    np.minimum.at(low, which.ravel(), np.repeat(regions, 3))
+    np.maximum.at(high, which.ravel(), np.repeat(regions, 3))
+    return np.asarray(first[found[low < high]])
 
 
 def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) -> Part:
@@ -235,6 +253,9 @@ def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least:
     if is_sliver.any():
         small = section.triangles[is_sliver]
         axes.tripcolor(x, z, small, facecolors=values[small].mean(axis=1), edgecolors="face", lw=0.3, **look)
+    if len(section.faces):
+        lines = np.pad(length(section.points[section.faces]), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=FACE_WIDTH)
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
 
 
