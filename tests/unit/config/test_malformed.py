@@ -56,6 +56,11 @@ def tip(lines: str) -> str:
     return edited("shape: paraboloid\n  R: 1.0", lines)
 
 
+def matter(lines: str) -> str:
+    """The scene with another material."""
+    return edited("model: linear_elastic\n  E: 1.0\n  nu: 0.3", lines)
+
+
 def body(lines: str) -> str:
     """The scene with another body."""
     return edited("shape: box\n  size: [1.0, 1.0, 1.0]\n  base: fixed\n  sides: free", lines)
@@ -199,6 +204,15 @@ MALFORMED = [
     (tip("shape: pyramid\n  half_angle: 60\n  faces: 4.0"), 15, "indenter.faces", "a whole number"),
     (tip("shape: pyramid\n  half_angle: 60\n  tip_radius: -1"), 15, "indenter.tip_radius", "must be >= 0"),
     (tip("shape: pyramid"), 12, "indenter.half_angle", "missing; give a number > 1e-06 and < 90"),
+    (tip("shape: hyperboloid\n  R: 1.0"), 12, "indenter.half_angle", "missing; give a number > 1e-06 and < 90"),
+    (tip("shape: hyperboloid\n  half_angle: 35"), 12, "indenter.R", "missing; give a number > 0"),
+    (tip("shape: hyperboloid\n  half_angle: 90\n  R: 1.0"), 14, "indenter.half_angle", "and < 90, got 90"),
+    (tip("shape: hyperboloid\n  half_angle: 35\n  R: 0"), 15, "indenter.R", "must be > 0, got 0"),
+    (matter("model: fung\n  mu: 1.0\n  nu: 0.3"), 8, "material.b", "missing; give a number > 0"),
+    (matter("model: fung\n  mu: -1.0\n  b: 1.0\n  nu: 0.3"), 10, "material.mu", "must be > 0, got -1"),
+    (matter("model: fung\n  mu: 1.0\n  b: 0\n  nu: 0.3"), 11, "material.b", "must be > 0, got 0"),
+    (matter("model: fung\n  mu: 1.0\n  b: 1.0"), 8, "material", "needs exactly one of nu, kappa"),
+    (matter("model: fung\n  mu: 1.0\n  b: 1.0\n  nu: 0.3\n  kappa: 2.0"), 8, "material", "exactly one of nu, kappa"),
     (tip("shape: cone\n  half_angle: 60\n  faces: 4"), 15, "indenter.faces", "(it belongs to pyramid)"),
     (tip("shape: profile"), 12, "indenter.points", "missing; give a list of 2 to 1000 lists of 2"),
     (tip("shape: profile\n  points: [[0, 0]]"), 14, "indenter.points", "list"),
