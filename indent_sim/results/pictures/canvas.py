@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import sys
 import tempfile
 import textwrap
 import warnings
@@ -59,12 +60,26 @@ STYLE: Look = {
 @contextmanager
 def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterator[Figure]:
     """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
-    with warnings.catch_warnings():  # of an Axes3D that is not wanted here, where two matplotlibs are installed
-        warnings.filterwarnings("ignore", "Unable to import Axes3D")
+    with warnings.catch_warnings(), _without_help_texts():
+        warnings.filterwarnings("ignore", "Unable to import Axes3D")  # not wanted here, where two matplotlibs are
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(STYLE | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
+
+
+@contextmanager
+def _without_help_texts() -> Iterator[None]:
+    """While matplotlib loads, a quarter of its time goes into help texts of its classes, which only a prompt shows."""
+    from matplotlib import artist
+
+    written = artist.kwdoc
+    if not hasattr(sys, "ps1"):
+        artist.kwdoc = lambda kind: ""
+    try:
+        yield
+    finally:
+        artist.kwdoc = written
 
 
 def from_zero(axes: Axes, *curves: np.ndarray) -> None:
