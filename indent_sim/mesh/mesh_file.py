@@ -150,7 +150,7 @@ def _made(reader: Reader, found: Found, made: Callable[[MeshFile], T]) -> T:
         is_unknown = isinstance(failure, KeyError)  # the number of a kind of cell, say
         words = f"its reader does not know {failure}" if is_unknown else str(failure) or "it is empty or cut short"
         problem = f"'{found.name}' is not a mesh that can be read: {_cited(words)}"
-        raise refused(problem, "write it anew, as gmsh 4.1 say") from None
+        raise refused(problem, "write it anew, as gmsh 4.1, say") from None
     return made(mesh)
 
 
@@ -179,8 +179,10 @@ def _refuse_elsewhere(path: Path, inside: str, file: str) -> None:
         links = accumulate(inside.strip("/").split("/"), "{}/{}".format)
         is_here = all(isinstance(store.get(link, getlink=True), h5py.HardLink) for link in links)
         found = store[inside] if is_here else None
-        if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual or found.dtype.kind not in "fiu":
+        if not isinstance(found, h5py.Dataset) or found.external or found.is_virtual:
             raise refused(f"'{file}' takes its numbers from '{_cited(inside)}', which are not in '{path.name}' itself")
+        if found.dtype.kind not in "fiu":
+            raise refused(f"'{file}' takes its numbers from '{_cited(inside)}' of '{path.name}', which are not real")
 
 
 def _refuse_parts(found: Found) -> None:
