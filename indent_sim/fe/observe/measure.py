@@ -40,7 +40,7 @@ class Observed(Protocol):
         """lam (facets, points) as a pressure to be looked at [pressure]."""
 
 
-TOUCHING = 1e-8  # of E*, a pressure that is not round-off
+LEAST_PRESSURE = 1e-8  # of E*, a pressure that is not round-off
 SAME_NODE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
 UNDER = 0.5  # of the radius at which a tip ends: no tip is steep there, and a ball has its stem above (tips.STEM)
 # Of E*/h, h the size of the facet, by formulation. Measured on 60 random layers between frictionless walls, two to
@@ -82,7 +82,7 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
 def touching(body: Observed) -> np.ndarray:
     """Which corners (facets, corners) of this rank's contact facets touch the tip, as `a` counts it."""
     p_hat = sample(body, body.trace.node_points()[: body.trace.dim]).p_hat
-    return np.asarray(p_hat > TOUCHING * body.scene.physics.material.E_star)
+    return np.asarray(p_hat > LEAST_PRESSURE * body.scene.physics.material.E_star)
 
 
 def _edge_stiffness(body: Observed) -> np.ndarray:
@@ -120,7 +120,9 @@ def _may_touch_above(body: Observed, pressure: np.ndarray) -> bool:
     physics = body.scene.physics
     if not physics.evolves:
         return physics.contact.may_snap
-    return bool(body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX) > TOUCHING * physics.material.E_star)
+    return bool(
+        body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX) > LEAST_PRESSURE * physics.material.E_star
+    )
 
 
 def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
