@@ -205,7 +205,11 @@ def test_fields_by_pyvista(tmp_path):
     with meshio.xdmf.TimeSeriesReader(tmp_path / "results" / "gel" / "fields.xdmf") as reader:
         reader.read_points_cells()
         arrays = {name for found in reader.read_data(reader.num_steps - 1)[1:] for name in found}
-    assert set(re.findall(r'(?:body\[|by_vector\(|scalars=)"(\w+)"', recipe)) == {"displacement", "pressure", "von_mises"}
+    assert set(re.findall(r'(?:body\[|by_vector\(|scalars=)"(\w+)"', recipe)) == {
+        "displacement",
+        "pressure",
+        "von_mises",
+    }
     assert {"displacement", "pressure", "von_mises"} <= arrays
 
 
