@@ -68,7 +68,7 @@ def _is_no_number(scene: Scene, state: State, earlier: Sequence[State]) -> str |
 
 def _pulls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force >= 0."""
-    if state.force >= -_noise(scene, state, earlier):
+    if state.force >= 0 or state.force >= -_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, and nothing holds on to the tip"
 
@@ -136,25 +136,26 @@ def _is_inside_the_skin(scene: Scene, state: State, earlier: Sequence[State]) ->
 
 def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """0 <= Pi <= force delta, as of any force that grows with the depth."""
-    work, is_deepest = state.force * state.delta, all(one.delta <= state.delta for one in earlier)
+    work = state.force * state.delta
     is_its_work = -WORK_SLACK * work <= state.energy <= (1 + WORK_SLACK) * work
-    if is_its_work or _may_soften(scene) or (scene.physics.has_friction and not is_deepest):
+    if is_its_work or _may_soften(scene):
+        return None
+    if scene.physics.has_friction and any(one.delta > state.delta for one in earlier):
         return None
     return f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} did {work:.6g} at most"
 
 
 def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    went_back = any(later.delta < one.delta for one, later in pairwise((*earlier, state)))
-    if went_back and scene.physics.has_friction:  # which gives less back
-        return None
+    if scene.physics.has_friction and any(later.delta < one.delta for one, later in pairwise((*earlier, state))):
+        return None  # friction gives less back
     fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
-    noise = _noise(scene, state, earlier)
     shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
     deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
     for shallow, deep in ((shallower, state), (state, deeper)):
         lost = shallow.force - deep.force - _bar(shallow) - _bar(deep)
-        if lost > fall * abs(shallow.force) + noise and not _may_soften(scene):
+        lost -= fall * abs(shallow.force)
+        if lost > 0 and lost > _noise(scene, state, earlier) and not _may_soften(scene):  # many rows: cheapest first
             forces = f"{shallow.force:.6g} at delta = {shallow.delta:.6g} and {deep.force:.6g} at {deep.delta:.6g}"
             return f"the force is {forces}, where it must be larger"
     return None

@@ -266,6 +266,8 @@ class Simulation:
 
     def _audit_fluid(self, state: State) -> None:
         """What has left the body and what is missing in it must be one, beside the most that ever left."""
+        if state.unbalanced == 0:
+            return
         a, depth = self.scene.plan.prediction["a"], max(abs(one.delta) for one in (*self.states, state))
         left = max(abs(one.outflow or 0.0) for one in (*self.states, state))
         largest = max(left, DISPLACED * a ** (self.scene.physics.scales.dim - 1) * depth)

@@ -10,6 +10,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -105,6 +106,7 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     **{f"indent-sim init {kind}\n": "tests/system/test_journeys.py" for kind in ("cell", "film", "gel", "study")},
     'eval "$(_INDENT_SIM_COMPLETE=zsh': "test_tab_completion, as far as it needs no zsh",
     "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
+    "import pyvista": "test_fields_by_pyvista, where there is one",
 }
 INSTEAD = {  # the same with fewer runs
     "indent-sim study configs/studies": "indent-sim plan configs/studies",
@@ -180,11 +182,35 @@ def test_the_commands_of_a_page_run(name, tmp_path):
     if "STUDY.yaml" in text:
         (tmp_path / "STUDY.yaml").write_text(shortened(BLOCK.findall(text)[0][1]))
     for kind, block in commands_of(ROOT / name):
+        if reason_of(block):
+            continue
         if kind == "python":
             followed([f'"{sys.executable}" - <<"END"\n{block}\nEND'], tmp_path)
-        elif not reason_of(block):
+        else:
             lines = [re.sub(r" +#.*", "", line.strip()) for line in shortened(block).splitlines()]
             followed([line for line in lines if line], tmp_path)
+
+
+@pytest.mark.slow
+def test_fields_by_pyvista(tmp_path):
+    """The recipe up to its picture, for which there may be no screen; without PyVista the same by meshio."""
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    followed(["indent-sim run scene.yaml --output results/gel --quiet"], tmp_path)
+    page = (ROOT / "docs" / "how_do_i.md").read_text(encoding="utf-8")
+    recipe = next(text for _, text in BLOCK.findall(page) if text.startswith("import pyvista"))
+    if find_spec("pyvista"):
+        return followed([f'"{sys.executable}" - <<"END"\n{recipe.split("body.plot")[0]}\nEND'], tmp_path)
+    import meshio
+
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "results" / "gel" / "fields.xdmf") as reader:
+        reader.read_points_cells()
+        arrays = {name for found in reader.read_data(reader.num_steps - 1)[1:] for name in found}
+    assert set(re.findall(r'(?:body\[|by_vector\(|scalars=)"(\w+)"', recipe)) == {
+        "displacement",
+        "pressure",
+        "von_mises",
+    }
+    assert {"displacement", "pressure", "von_mises"} <= arrays
 
 
 @pytest.mark.slow
