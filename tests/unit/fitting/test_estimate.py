@@ -131,6 +131,19 @@ def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     assert name in verdict.cause and not verdict.explained and low < 0 < high
 
 
+def test_a_snap_in_slow_noise_is_asked_about():
+    """A pull-off of 20 % falls by nine deviations of the changes in AR 10 noise, whose own falls ask once in 1000."""
+    truth, draw = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0018}}), np.random.default_rng(7)
+    config = scene(HALF_SPACE)
+    forces = {name: SceneForces(one, ["material.E"], DEEPEST) for name, one in (("jkr", truth), ("own", config))}
+    asked = {"jkr": 0, "own": 0}
+    for name, made in forces.items():
+        for _ in range(10):
+            force = measured(made, [0.0], X, drawn(NOISES["AR 10"], N, draw))
+            asked[name] += bends_of(fit(forces["own"], Samples(X, force), Origin())).snap < 1e-3
+    assert asked["jkr"] >= 9 and asked["own"] <= 1, asked
+
+
 def test_another_tip_is_named_by_its_exponent():
     config, cone = scene(HALF_SPACE), scene(HALF_SPACE, tip={"shape": "cone", "half_angle": 60.0})
     forces, made = SceneForces(config, ["material.E"], DEEPEST), SceneForces(cone, ["material.E"], DEEPEST)
