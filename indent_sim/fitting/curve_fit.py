@@ -39,6 +39,10 @@ GRADES = 1.25  # ratio of the depths of tables, so that curves share them
 LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
 MEANS, HERTZ_POINTS = 200, 200
 R_VARIATION = 0.05  # for the exponent of the force
+STEEP_BASELINE = 0.5  # of the rise, along the samples: more is hardly a baseline
+IN_CONTACT = (
+    "a curve that begins in contact has none, and its modulus is wrong; --no-slope, --contact-point say what is known"
+)
 ENDS = ("value", "low", "high")  # of an interval in fit.json
 Models = Literal["needed", "all"]
 NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
@@ -310,6 +314,8 @@ def _warnings(verdict: Verdict) -> list[str]:
     estimate = verdict.estimate
     parameters = estimate.model.forces.parameters
     told = [f"{one.key} is at the end of its range" for k, one in enumerate(parameters) if estimate.at_bound(k)]
+    if estimate.p[-1] > STEEP_BASELINE * estimate.rise:
+        told.append(f"the baseline rises by {100 * estimate.p[-1] / estimate.rise:.0f} % of the force: {IN_CONTACT}")
     error, sd = estimate.model.forces.error, estimate.sd[: len(parameters)]
     if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):  # a third of 1.96 sd
         told.append(f"the mesh is off by {100 * error:.2g} %, more than a third of the noise: a finer mesh tells more")

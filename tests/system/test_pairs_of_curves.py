@@ -1,4 +1,4 @@
-"""Every curve beside every other: results of all ways, studies and measured files in `compare`, `plot`, `compare_to`."""
+"""Every curve beside every other in `compare`, `plot` and `compare_to`: results of all ways, studies, measured files."""
 
 from __future__ import annotations
 
@@ -134,9 +134,8 @@ def test_every_pair_is_drawn():
 def study_of(scene: str, reference: str) -> None:
     """A study in the scene with a reference: rows with an error, or the reason why there are none."""
     name = f"of_{scene}_{reference}".replace("/", "_").replace(".", "_")
-    Path(f"{name}.yaml").write_text(
-        f"base: {scene}.yaml\nvary: {{material.E: [1 kPa, 2 kPa]}}\ncompare_to: ./{reference}\noutput: {{plot: false}}\n"
-    )
+    text = f"base: {scene}.yaml\nvary: {{material.E: [1 kPa, 2 kPa]}}\ncompare_to: ./{reference}\n"
+    Path(f"{name}.yaml").write_text(text + "output: {plot: false}\n")
     done = call("study", f"{name}.yaml", "--output", name, "--json")
     off = [row.get("force_error_vs") for row in json.loads(done.stdout)["rows"]] if not done.exit_code else None
     if scene in HISTORIES or reference == "study":

@@ -329,8 +329,9 @@ def refuse_hopeless(samples: Samples) -> None:
     n, force = len(samples), samples.force
     if n < FEWEST_POINTS:
         raise Refused(f"{n} points" if n != 1 else "1 point")
-    if not np.ptp(force) > 0 or not np.ptp(samples.x) > 0:
-        raise Refused("no contact: the force does not change")
+    for name, values in (("depth", samples.x), ("force", force)):
+        if not np.ptp(values) > 0:
+            raise Refused(f"no contact: the {name} does not change")
     most = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
     if most > max(SATURATED_SHARE * n, MOST_SATURATED):
         raise Refused(f"saturated: {most} points at the largest force")

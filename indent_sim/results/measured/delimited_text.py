@@ -94,7 +94,7 @@ def read_text(
 def _decoded(data: bytes) -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
-            return _with_line_ends(data.decode("utf-16"))
+            return _plain(data.decode("utf-16"))
         except UnicodeDecodeError:
             raise NoCurve("neither text nor a known AFM file") from None
     if b"\0" in data[:100_000]:
@@ -103,11 +103,13 @@ def _decoded(data: bytes) -> str:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return _with_line_ends(text)
+    return _plain(text)
 
 
-def _with_line_ends(text: str) -> str:
-    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+def _plain(text: str) -> str:
+    """The text with lines that end in one way, and with the minus that a computer reads."""
+    text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    return text.replace("\N{MINUS SIGN}", "-")
 
 
 def _layout(text: str) -> _Layout:
@@ -161,10 +163,19 @@ def _titles(shape: _Layout, head: Sequence[str], width: int) -> tuple[str, ...]:
     if not rows or not lines or shape.cells(lines[-1]) != rows[-1]:
         return ()
     *above, last = rows
+    is_comment = next(line for line in reversed(head) if line.strip()).lstrip()[0] in "#%"
+    if is_comment and width in WITHOUT_HEADER and not any(map(_is_title, last)):  # words about something else
+        return ()
     units = [cell.strip("[]()") for cell in last]
     if above and any(units) and all(not unit or _is_unit(unit) for unit in units):
         return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(above[-1], units, strict=True))
     return tuple(last)
+
+
+def _is_title(cell: str) -> bool:
+    """Whether a cell names a column of a curve, or has a unit of one."""
+    names = {_title(cell, kind) for kind in ("length", "force", "time")}
+    return any(unit for _, unit in names) or any(name in known for name, _ in names for known in TITLES.values())
 
 
 def _is_unit(text: str) -> bool:
