@@ -15,7 +15,8 @@ from indent_sim.config.quantities import size_of
 from indent_sim.config.scene_file import to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import NoTable, elastic_scene, solved
+from indent_sim.fitting.elastic_table import elastic_scene, solved
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.inference import models
 from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, far_level, fit, refuse_hopeless
 from indent_sim.fitting.inference.models import Other, with_experiment

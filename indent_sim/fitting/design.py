@@ -14,7 +14,7 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import BARELY_DEEPER, SOLVED_WIDTHS, in_words, relative_calibration
-from indent_sim.fitting.elastic_table import NoTable
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.inference.estimate import BASELINE_KEPT, Estimate, Model, Samples, deviation
 from indent_sim.fitting.inference.noise import WHITE, Averaged
 from indent_sim.fitting.inference.profile_likelihood import profiled

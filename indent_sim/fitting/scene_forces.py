@@ -18,7 +18,8 @@ from scipy.signal import lfilter
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import LEAST_RADIUS, ElasticTable, Lattice, NoTable, elastic_scene
+from indent_sim.fitting.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_scene
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.parameters import EXPONENTS, FREE_EXPONENT, WORK, Parameter, number_at, parameters_of
 from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
@@ -61,7 +62,7 @@ class SceneForces:
         self.pivot = deepest
         self.adheres = self.experiment.adhesion is not None
         self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
-        self.lattice = Lattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
+        self.lattice = ElasticLattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
 
         radius = self.lattice.first.radius
         self.parameters = tuple(_within(one, radius) for one in self.parameters)

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.elastic_table import NoTable
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
 from indent_sim.fitting.scene_forces import SceneForces
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from indent_sim.fitting.elastic_table import NoTable
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.inference.estimate import Estimate, deviation
 from indent_sim.fitting.inference.noise import NORMAL_95
 

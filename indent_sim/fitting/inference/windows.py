@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from indent_sim.fitting.elastic_table import NoTable
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.inference.estimate import FEWEST_PUSHING, Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.inference.noise import NORMAL_95
 
