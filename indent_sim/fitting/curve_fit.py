@@ -12,19 +12,30 @@ from typing import Any, Literal
 import numpy as np
 
 from indent_sim.config.quantities import size_of
-from indent_sim.config.scene_file import to_mapping
+from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import elastic_scene, solved
-from indent_sim.fitting.lattice import NoTable
+from indent_sim.fitting.elastic_table import at_once, elastic_scene, solved
+from indent_sim.fitting.history_table import remembers, way_of
 from indent_sim.fitting.inference import models
-from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, far_level, fit, refuse_hopeless
+from indent_sim.fitting.inference.estimate import (
+    Estimate,
+    Model,
+    Origin,
+    Refused,
+    Samples,
+    beginnings,
+    far_level,
+    fit,
+    refuse_hopeless,
+)
 from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
-from indent_sim.fitting.scene_forces import SceneForces, Tables
+from indent_sim.fitting.lattice import NoTable
+from indent_sim.fitting.parameters import SPRINGS, number_at, pressures, with_numbers
+from indent_sim.fitting.scene_forces import SceneForces, Tables, is_in_time
 from indent_sim.model.units import PRESSURE, Unit, unit_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part
@@ -34,6 +45,8 @@ from indent_sim.run.readings import hertz_force
 from indent_sim.theory.solution import UNSOLVED
 
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
+WAY_IN = 0.01  # of the way: where a hold begins at the latest
+SAME_WAY, MOST_WAYS = 0.01, 4  # of the depth: first touch that far off is another way; how often it is followed anew
 SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
 BARELY_DEEPER = 1.01  # times the width, where the body has no more
 GRADES = 1.25  # ratio of the depths of tables, so that curves share them
@@ -129,16 +142,61 @@ def _units(config: Config) -> dict[str, str]:
 def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> CurveFit:
     config, samples, notes = _prepared(curve, request)
     refuse_hopeless(samples)
+    if is_in_time(config) and samples.t is None:
+        raise NoCurve("no column of time, which a scene that relaxes or drains needs")
+    follow = _followed if remembers(config) else _estimated
+    estimate = follow(config, request, samples, tables)
+    verdict = _judged(profiled(estimate), config, request.models, tables)
+    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
+
+
+def _estimated(config: Config, request: Request, samples: Samples, tables: Tables) -> Estimate:
+    """The estimate of a scene, solved as deep as the curve turns out to be."""
     forces = _forces(config, request.keys, samples, tables)
-    if forces.relaxes and samples.t is None:
-        raise NoCurve("no column of time, which a scene that relaxes needs")
     estimate = fit(forces, samples, request.origin)
     deep = _depth_of(estimate)
     if deep > forces.deepest:
-        forces = tables.forces(config, request.keys, SOLVED_WIDTHS * deep)
+        estimate = fit(tables.forces(config, request.keys, SOLVED_WIDTHS * deep), samples, request.origin)
+    return estimate
+
+
+def _followed(config: Config, request: Request, samples: Samples, tables: Tables) -> Estimate:
+    """The estimate of a scene with a memory, run along the measured way from first touch on: that of an elastic body
+    first, and again where the fit has moved it."""
+    assert samples.t is not None
+    compliance = config.experiment.compliance if config.experiment else 0.0
+    depth = samples.x - compliance * (samples.force - far_level(samples))
+    way_in = samples.where(np.arange(len(samples)) <= int(np.argmax(depth > depth.max() - WAY_IN * np.ptp(depth))))
+    c = _first_touch(config, request, way_in, tables)
+    for _ in range(MOST_WAYS):
+        way = way_of(samples.t, depth - c)
+        forces = tables.forces(config, request.keys, SOLVED_WIDTHS * way.deepest, way)
         estimate = fit(forces, samples, request.origin)
-    verdict = _judged(profiled(estimate), config, request.models, tables)
-    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
+        moved, c = abs(estimate.contact_point - c), estimate.contact_point
+        if moved < SAME_WAY * way.deepest:
+            break
+        found = zip(forces.parameters, estimate.theta, strict=True)
+        config = with_numbers(config, {one.key: one.value(float(theta)) for one, theta in found})
+    return estimate
+
+
+def _first_touch(config: Config, request: Request, way_in: Samples, tables: Tables) -> float:
+    """The contact point of an elastic body on the way in, of a free first modulus; Refused where there is none."""
+    if request.origin.contact_point is not None:
+        return request.origin.contact_point
+    elastic = _forces(_elastic(config, _width(way_in, config)), (pressures(config)[0],), way_in, tables)
+    starts = beginnings(elastic, way_in, request.origin)
+    if not starts:
+        raise Refused("no contact: the force does not rise with the depth")
+    p, _ = Model(elastic, way_in, request.origin).fitted(starts[0])
+    return float(p[-3])
+
+
+def _elastic(config: Config, depth: float) -> Config:
+    """The same scene of matter without a memory, behind the same spring, pressed to a depth."""
+    held = to_mapping(config).get("experiment")
+    document = to_mapping(at_once(config, depth))
+    return from_mapping(document | ({"experiment": held} if held else {}))
 
 
 def _prepared(curve: Measured, request: Request) -> tuple[Config, Samples, list[str]]:

@@ -127,6 +127,11 @@ def _at_once(config: Config) -> dict[str, Any]:
     return document
 
 
+def at_once(config: Config, deepest: float) -> Config:
+    """The scene without its experiment, of matter that is drained and does not relax, pressed to a depth."""
+    return from_mapping(_at_once(config) | {"loading": {"delta": float(deepest)}})
+
+
 def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> ElasticTable:
     """The table of a scene by its own solver: theory, a condensed body, or a load path.
 

@@ -1,4 +1,4 @@
-"""Every curve beside every other in `compare`, `plot` and `compare_to`: results of all ways, studies, measured files."""
+"""Every curve beside every other in `compare`, `plot`, `compare_to`: results of all ways, studies, measured files."""
 
 from __future__ import annotations
 

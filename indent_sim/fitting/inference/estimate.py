@@ -15,8 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
+from indent_sim.fitting.lattice import NoTable
 from indent_sim.fitting.scene_forces import SceneForces
 
 FEWEST_POINTS, FEWEST_PUSHING = 30, 20

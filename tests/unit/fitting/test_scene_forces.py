@@ -77,17 +77,6 @@ def test_roles_and_numbers_of_keys():
         parameters_of(config, ["material.E"] * 2, DEEPEST)
 
 
-@pytest.mark.parametrize("more, problem", [
-    ({"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}}, "material.relaxation.of: in a fit all moduli relax alike"),
-    ({"flow": {"diffusivity": 40.0}}, "material.flow: a fit does not follow the fluid"),
-])  # fmt: skip
-def test_matter_that_a_fit_does_not_follow_is_refused(more, problem):
-    material = {"model": "linear_elastic", "E": 1.0, "nu": 0.3} | more
-    config = scene(material=material, loading={"history": [[0, 0], [1, 0.1]]})
-    with pytest.raises(ConfigError, match=problem):
-        SceneForces(config, ["material.E"], DEEPEST)
-
-
 def test_two_layers_move_by_their_own_moduli():
     """F(E_1, E_2) is homogeneous of degree one, and right where both are interpolated."""
 

@@ -1,0 +1,127 @@
+"""Fits of matter with a memory: tables along a measured way are the scene's runs, and the truth comes back."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import pytest
+from measurements import HALF_SPACE, drawn, relaxing, scene
+
+from indent_sim.config.scene_file import from_mapping, to_mapping
+from indent_sim.fitting.curve_fit import Request, fit_curve
+from indent_sim.fitting.history_table import Way, way_of
+from indent_sim.fitting.inference.estimate import Origin, Samples, fit
+from indent_sim.fitting.inference.noise import WHITE
+from indent_sim.fitting.parameters import pressures
+from indent_sim.fitting.scene_forces import SceneForces, Tables
+from indent_sim.process.errors import ConfigError
+from indent_sim.results.measured.measurement import Measured, parts_of
+from indent_sim.run.chain import states
+from indent_sim.scene.scene import resolve
+
+E, D = "material.E", "material.flow.diffusivity"
+DEPTH, RAMP, END = 0.05, 0.1, 3.0
+WAY = Way(((0.0, 0.0), (RAMP, DEPTH), (END, DEPTH)))
+POROUS = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 0.1}}
+T = np.linspace(-0.1, END, 500)
+X = np.minimum(DEPTH * T / RAMP, DEPTH)
+
+
+def porous(**more):  # type: ignore[no-untyped-def]
+    """A draining layer on a coarse mesh, six elements in contact: half a second a run."""
+    history = [list(corner) for corner in WAY.corners]
+    material = POROUS | more
+    return scene(material=material, loading={"history": history}, mesh={"h_contact": 0.04, "h_far": 0.3})
+
+
+@functools.cache
+def table() -> SceneForces:
+    return SceneForces(porous(), [E, D], 1.3 * DEPTH, WAY)
+
+
+def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """The forces of a run at times, straight between its rows."""
+    document = to_mapping(config)
+    document["loading"]["times"] = t.tolist()
+    return np.array([state.force for state in states(resolve(from_mapping(document)), with_surface=False)])
+
+
+def test_a_table_is_the_run_of_other_numbers():
+    """E scales; ln D lies between nodes 0.4 apart, whose cubic and smoothing in time miss 1e-3 of the force."""
+    forces, t = table(), np.array([0.05, 0.1, 0.12, 0.2, 0.5, 1.0, 3.0])
+    theta = np.log([3.0, 0.17])
+    other = run(porous(E=3.0, flow={"diffusivity": 0.17}), t)
+    times = np.append(0.0, t)  # first touch is where the depth becomes > 0
+    found = forces(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
+    np.testing.assert_allclose(found, other, atol=2e-3 * other.max())
+    assert found[1] > 1.3 * found[-1]  # it has drained
+
+
+@pytest.mark.verify
+def test_the_truth_comes_back_with_another_first_touch():
+    """40 intervals of 95 %: fewer than 33 hold their truth once in 400."""
+    forces, draw, inside = table(), np.random.default_rng(1), np.zeros(2)
+    truth = forces.start + np.array([0.3, -0.2])
+    pure = forces(truth, X, T)
+    for _ in range(40):
+        force = pure + pure.max() * (0.01 * drawn(WHITE, len(T), draw) + 0.2)
+        found = fit(forces, Samples(X + 0.004, force, T), Origin())
+        inside += [low < value < high for value, (low, high) in zip(truth, map(found.interval, range(2)), strict=True)]
+    assert (inside >= 33).all(), inside
+
+
+def test_a_curve_is_followed_along_its_own_way():
+    """From a scene whose E and D are off by 2 and 3; the run that makes the curve is not the fit's own table."""
+    t = np.unique(np.concatenate([np.linspace(0.005, 0.2, 40), np.geomspace(0.2, END, 60)]))
+    force = np.interp(T, np.append(0, t), np.append(0, run(porous(), t)), left=0.0)
+    force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(2)) + 0.01
+    curve = Measured("made up", force, X + 0.3, None, T + 7.0, parts=parts_of(X))
+    request = Request(porous(E=2.0, flow={"diffusivity": 0.3}), (E, D), part="all")
+    entry = fit_curve(curve, request, Tables()).entry
+    assert entry["status"] == "done", entry["reason"]
+    for key, value, most in ((E, 1.0, 0.02), (D, 0.1, 0.15)):  # 2.5 deviations
+        stated = entry["parameters"][key]
+        assert abs(stated["value"] / value - 1) < most and stated["low"] < value < stated["high"], stated
+    assert entry["contact_point"]["value"] == pytest.approx(0.3, abs=0.02 * DEPTH)
+    assert entry["explained"], entry["cause"]
+
+
+def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
+    """At nu 0.5 all moduli relax alike: the run on a mesh against theory, 1 % by its six elements in contact."""
+    terms, t = [[0.5, 0.3]], np.array([0.05, 0.1, 0.15, 0.3, 0.6, 1.0])
+    material = {"model": "linear_elastic", "E": 1.0, "nu": 0.5, "relaxation": {"prony": terms, "of": "shear"}}
+    more = {"loading": {"history": [[0, 0], [RAMP, DEPTH], [END, DEPTH]]}, "mesh": {"h_contact": 0.03}}
+    own = SceneForces(scene(HALF_SPACE, material=material, **more), [E], 1.3 * DEPTH, WAY)
+    theory = relaxing(terms, HALF_SPACE)
+    alike = to_mapping(theory) | {"material": material | {"relaxation": {"prony": terms}}}
+    exact = SceneForces(from_mapping(alike), [E], 0.1)
+    t = np.append(0.0, t)
+    x, dense = np.minimum(DEPTH * t / RAMP, DEPTH), np.linspace(0, 1, 2001)
+    wanted = np.interp(t, dense, exact(np.zeros(1), np.minimum(DEPTH * dense / RAMP, DEPTH), dense))
+    np.testing.assert_allclose(own(np.zeros(1), x, t), wanted, atol=0.01 * wanted.max())
+
+
+def test_corners_of_a_measured_way():
+    t = np.linspace(0.0, 2.0, 401)
+    delta = np.interp(t, [0.0, 0.5, 1.5, 2.0], [-0.1, 0.1, 0.1, 0.0])
+    way = way_of(t, delta)
+    wanted = [(0.0, 0.0), (0.25, 0.1), (1.25, 0.1), (1.75, 0.0)]
+    assert way.corners == tuple(pytest.approx(corner, abs=1e-12) for corner in wanted)
+    held = way_of(t[200:300], delta[200:300])
+    assert held.corners == ((0.0, 0.0), (0.0, 0.1), pytest.approx((0.495, 0.1)))
+    shaken = delta + 1e-4 * np.sin(300 * t)  # a thousandth of the deepest
+    assert len(way_of(t, shaken).corners) < 8
+
+
+def test_what_scales_the_force_and_what_a_fit_does_not_follow():
+    """A permeability has a pressure in its unit: with it E is no factor of the force."""
+    assert pressures(porous()) == [E]
+    assert pressures(porous(flow={"permeability": 0.1})) == [E, "material.flow.permeability"]
+    with pytest.raises(ConfigError, match="needs a way in time"):
+        SceneForces(porous(), [E], DEPTH)
+    gel = {"model": "gel", "n_omega": 1e-3, "chi": 0.2, "kt_omega": 1.0}
+    with pytest.raises(ConfigError):
+        SceneForces(scene(material=gel), [E], DEPTH)
+    assert math.isfinite(table().error)
