@@ -167,16 +167,15 @@ def _followed(config: Config, request: Request, samples: Samples, tables: Tables
     compliance = config.experiment.compliance if config.experiment else 0.0
     depth = samples.x - compliance * (samples.force - far_level(samples))
     way_in = samples.where(np.arange(len(samples)) <= int(np.argmax(depth > depth.max() - WAY_IN * np.ptp(depth))))
-    c = _first_touch(config, request, way_in, tables)
+    c, estimate = _first_touch(config, request, way_in, tables), None
     for _ in range(MOST_WAYS):
         way = way_of(samples.t, depth - c)
         forces = tables.forces(config, request.keys, SOLVED_WIDTHS * way.deepest, way)
-        estimate = fit(forces, samples, request.origin)
+        estimate = fit(forces, samples, request.origin, near=estimate)
         moved, c = abs(estimate.contact_point - c), estimate.contact_point
         if moved < SAME_WAY * way.deepest:
             break
-        found = zip(forces.parameters, estimate.theta, strict=True)
-        config = with_numbers(config, {one.key: one.value(float(theta)) for one, theta in found})
+    assert estimate is not None
     return estimate
 
 

@@ -404,22 +404,25 @@ def _begun(
     return best
 
 
-def fit(forces: SceneForces, samples: Samples, origin: Origin) -> Estimate:
-    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them."""
-    starts = beginnings(forces, samples, origin)
+def fit(forces: SceneForces, samples: Samples, origin: Origin, near: Estimate | None = None) -> Estimate:
+    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them.
+
+    near: an estimate of almost the same forces on this curve, from which alone the fit begins.
+    """
+    few = Model(forces, samples.means(MOST_PILOT), origin)
+    starts = beginnings(forces, samples, origin) if near is None else [rebased(near.model, few, near.p)]
     if not starts:
         other = Samples(samples.x, -samples.force, samples.t)
         turned = " (it falls: one that pushes in counts > 0)" if beginnings(forces, other, origin) else ""
         raise Refused(f"no contact: the force does not rise with the depth{turned}")
-    few = Model(forces, samples.means(MOST_PILOT), origin)
     followed = [_followed(few, start) for start in starts]
     best = min((one for one in followed if one), key=lambda one: one[1], default=None)
     if best is None:
         raise Refused("no contact: no fit was found")
-    near = nearby(samples, float(best[0][len(forces.parameters)]))
-    if len(near) < FEWEST_POINTS:
-        raise Refused(f"no contact: {len(near)} points in contact")
-    model = Model(forces, near, origin)
+    close = nearby(samples, float(best[0][len(forces.parameters)]))
+    if len(close) < FEWEST_POINTS:
+        raise Refused(f"no contact: {len(close)} points in contact")
+    model = Model(forces, close, origin)
     estimate = estimated(model, rebased(few, model, best[0]))
     _refuse_weak(estimate)
     return estimate
