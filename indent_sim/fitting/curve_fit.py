@@ -15,8 +15,6 @@ from indent_sim.config.quantities import size_of
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import at_once, elastic_scene, solved
-from indent_sim.fitting.history_table import remembers, way_of
 from indent_sim.fitting.inference import models
 from indent_sim.fitting.inference.estimate import (
     Estimate,
@@ -33,9 +31,11 @@ from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.lattice import NoTable
-from indent_sim.fitting.parameters import SPRINGS, number_at, pressures, with_numbers
-from indent_sim.fitting.scene_forces import SceneForces, Tables, is_in_time
+from indent_sim.fitting.scene_curve.elastic_table import at_once, elastic_scene, solved
+from indent_sim.fitting.scene_curve.history_table import remembers, way_of
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, pressures, with_numbers
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, is_in_time
 from indent_sim.model.units import PRESSURE, Unit, unit_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part

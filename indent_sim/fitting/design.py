@@ -14,14 +14,14 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import BARELY_DEEPER, SOLVED_WIDTHS, in_words, relative_calibration
-from indent_sim.fitting.history_table import Way, remembers, way_of
 from indent_sim.fitting.inference.estimate import BASELINE_KEPT, Estimate, Model, Samples, deviation
 from indent_sim.fitting.inference.noise import WHITE, Averaged
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, half_widths, tied
-from indent_sim.fitting.lattice import NoTable
-from indent_sim.fitting.parameters import number_at, with_numbers
-from indent_sim.fitting.scene_forces import SceneForces, Tables, relaxation_of
+from indent_sim.fitting.scene_curve.history_table import Way, remembers, way_of
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import number_at, with_numbers
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, relaxation_of
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.scene.scene import resolve
 

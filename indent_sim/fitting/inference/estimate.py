@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
-from indent_sim.fitting.lattice import NoTable
-from indent_sim.fitting.scene_forces import SceneForces
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 FEWEST_POINTS, FEWEST_PUSHING = 30, 20
 SATURATED_SHARE, MOST_SATURATED = 0.02, 5  # of the points at the largest force

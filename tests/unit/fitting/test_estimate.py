@@ -14,8 +14,8 @@ from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Sam
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.parameters import WORK
-from indent_sim.fitting.scene_forces import SceneForces, Tables
+from indent_sim.fitting.scene_curve.parameters import WORK
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 
 DEEPEST, C = 0.13, 0.013
 TABLES = Tables()

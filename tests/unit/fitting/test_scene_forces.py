@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from measurements import HALF_SPACE, LAYER, relaxing, scene
 
-from indent_sim.fitting.elastic_table import NoTable, elastic_scene
-from indent_sim.fitting.parameters import WORK, number_at, parameters_of, pressures
-from indent_sim.fitting.scene_forces import SceneForces, relaxed
+from indent_sim.fitting.scene_curve.elastic_table import NoTable, elastic_scene
+from indent_sim.fitting.scene_curve.parameters import WORK, number_at, parameters_of, pressures
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, relaxed
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.adhesion import Jkr
 from indent_sim.theory.surface.punches import LayerPunches

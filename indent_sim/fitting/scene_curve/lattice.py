@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from indent_sim.config.schema import Config
-from indent_sim.fitting.parameters import Parameter, with_numbers
+from indent_sim.fitting.scene_curve.parameters import Parameter, with_numbers
 from indent_sim.process.errors import IndentSimError
 
 

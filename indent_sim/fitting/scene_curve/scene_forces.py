@@ -18,10 +18,17 @@ from scipy.signal import lfilter
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_scene
-from indent_sim.fitting.history_table import HistoryTable, Way, remembers, touched
-from indent_sim.fitting.lattice import NoTable
-from indent_sim.fitting.parameters import EXPONENTS, FREE_EXPONENT, WORK, Parameter, number_at, parameters_of
+from indent_sim.fitting.scene_curve.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_scene
+from indent_sim.fitting.scene_curve.history_table import HistoryTable, Way, remembers, touched
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import (
+    EXPONENTS,
+    FREE_EXPONENT,
+    WORK,
+    Parameter,
+    number_at,
+    parameters_of,
+)
 from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.relaxation import PowerLaw, Prony

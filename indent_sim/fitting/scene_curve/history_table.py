@@ -18,8 +18,8 @@ import numpy as np
 
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
-from indent_sim.fitting.lattice import Lattice, NoTable
-from indent_sim.fitting.parameters import Parameter
+from indent_sim.fitting.scene_curve.lattice import Lattice, NoTable
+from indent_sim.fitting.scene_curve.parameters import Parameter
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import states
 from indent_sim.scene.scene import resolve
