@@ -32,7 +32,7 @@ from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
 from indent_sim.fitting.scene_curve.elastic_table import at_once, elastic_scene, solved
-from indent_sim.fitting.scene_curve.history_table import remembers, way_of
+from indent_sim.fitting.scene_curve.history_table import remembers, touched, way_of
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, pressures, with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, is_in_time
@@ -76,12 +76,13 @@ class Request:
 @dataclass(frozen=True)
 class Drawn:
     """What a picture and the curve's table show: depth, force off the baseline and the fit, each (n,); `named`: the
-    fits of other models by name."""
+    fits of other models by name; t: times from first touch on [s], where the scene's force depends on them."""
 
     delta: np.ndarray
     force: np.ndarray
     fit: np.ndarray
     named: dict[str, np.ndarray] = field(default_factory=dict)
+    t: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -441,7 +442,9 @@ def _drawn(verdict: Verdict) -> Drawn:
     for one in verdict.named:
         other = one.estimate
         named[one.name] = other.model.contact(other.p) + other.model.baseline(other.p) - baseline
-    return Drawn(delta, model.samples.force - baseline, fitted, named)
+    t = model.samples.t
+    from_touch = t - touched(t, delta) if t is not None and model.forces.relaxes else None
+    return Drawn(delta, model.samples.force - baseline, fitted, named, from_touch)
 
 
 def request_words(request: Request) -> Mapping[str, Any]:
