@@ -75,9 +75,10 @@ def solve(base: Scene) -> list[State]:
     states = list(chain.states(base))
     assert len(states) == len(base.physics.deltas)
     largest = max(abs(state.force) for state in states)
+    attraction = base.physics.scales.unscaled(base.physics.contact).adhesion
     for k, state in enumerate(states):
         assert state.converged, state.reason
-        assert_audited(state, largest)
+        assert_audited(state, largest, attraction.work * state.a if attraction else 0.0)
         assert contradiction(base, state, states[:k]) is None
     return states
 
@@ -99,9 +100,10 @@ def force(base: Scene) -> float:
     return solve(base)[-1].force
 
 
-def assert_audited(state: State, largest: float) -> None:
+def assert_audited(state: State, largest: float, pull: float = 0.0) -> None:
     """What the contact gives, the supports take: 1e-8 of the force is what Newton's tolerance of 1e-10 leaves at
-    most; a body let go of has no force of its own, so there 1e-14 of the largest force met is round-off."""
-    tolerance = 1e-8 * abs(state.force) + 1e-14 * largest
+    most, or of what a tip that adheres pulls with while as much pushes; a body let go of has no force of its own, so
+    there 1e-14 of the largest force met is round-off."""
+    tolerance = 1e-8 * max(abs(state.force), pull) + 1e-14 * largest
     assert abs(state.force - state.reaction) <= tolerance
     assert state.stray_reaction <= tolerance

@@ -90,7 +90,7 @@ def study(
 def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: Any) -> Figure:
     """The figure of results or of a study, which a notebook shows; `figure.savefig(path)` writes it.
 
-    what: panels with commas between them: force, pressure, profile, fields, film; others as `indent-sim plot` has them:
+    what: panels, by commas: force, time, pressure, profile, fields, film; the others as `indent-sim plot` has:
     fields, steps, units, width [mm], font [points], layout (rows, columns), letters "a", limits (low, high), zoom.
     UsageError for what the results do not have. Of a study its curves.
     """

@@ -537,7 +537,9 @@ def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[st
 
 @program.command()
 @click.argument("paths", metavar="RESULT_OR_CURVE...", nargs=-1, required=True, type=PATH)
-@click.option("--what", callback=_words, help="Panels: force, pressure, profile, fields, film; several with commas.")
+@click.option(
+    "--what", callback=_words, help="Panels: force, time, pressure, profile, fields, film; several with commas."
+)
 @click.option("--field", "fields", callback=_words, shell_complete=_fields, help="Fields, with commas [von_mises].")
 @click.option("--steps", callback=_words, help="Steps with commas, last or all [that of the largest force].")
 @click.option("--units", callback=_pairs, help="Units shown, e.g. length=nm,force=pN,pressure=kPa.")

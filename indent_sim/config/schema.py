@@ -405,8 +405,6 @@ def _flow(config: Config) -> Iterator[ConfigError]:
     if isinstance(config.contact, Nitsche):
         problem = "nitsche takes the body's own stress, and with fluid that is not the whole"
         yield ConfigError("contact.method", problem, "use augmented_lagrangian")
-    if config.contact.adhesion:
-        yield ConfigError("contact.adhesion", "together with flow is not verified", "leave one of the two out")
     drainage = config.drainage or Drainage()
     if isinstance(config.body, MeshFromFile) and drainage.sides != "sealed":
         problem = "of a body from a mesh file are not known: a side without a name has no facets of its own"
@@ -565,7 +563,10 @@ def _history(config: Config) -> Iterator[ConfigError]:
     if found.largest <= 0 and not swells:
         yield ConfigError(key, "never presses the tip in", "give a largest value above 0")
     low = min(value for _, value in found.points) if found.control == "force" else 0.0
-    if low < 0 and not (config.experiment and config.experiment.adhesion):
+    if low < 0 and config.contact.adhesion:
+        problem = f"a force of {low:g} pulls, and pulls in time have depths of their own"
+        yield ConfigError(key, problem, "give loading.history, of depths, or forces of 0 and more")
+    elif low < 0 and not (config.experiment and config.experiment.adhesion):
         yield ConfigError(key, f"a force of {low:g} pulls, and nothing holds on to the tip", "give experiment.adhesion")
 
 

@@ -36,7 +36,7 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 AUDIT_FLOOR = 1e-4
 
 SWOLLEN = 100.0  # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
-DISPLACED = 1e-3  # of a^2 delta: a smaller outflow is none beside what flows inside the body
+DISPLACED = 1e-2  # of a^2 delta: a smaller outflow is none beside what flows inside the body
 
 Progress = Callable[[State, int, int], None]
 

@@ -190,7 +190,8 @@ class Physics:
         mixed = any(region.formulation == "mixed" or region.material.flow for region in self.part.regions)
         stages = 2 if self.permeable else 1
         is_nonlinear = self.contact.has_memory or not self.is_linear or self.evolves
-        steps, touching = stages * a_row * len(self.deltas), [False, *(delta > 0 for delta in self.deltas)]
+        steps = stages * a_row * (len(self.deltas) + sum(map(len, self.path.turns)))
+        touching = [False, *(delta > 0 for delta in self.deltas)]
         snaps = sum(one != other for one, other in pairwise(touching)) if self.contact.may_snap else 0
         is_slow = self.evolves and not self.small_strain
         return Work(method, linear, mixed, steps, is_nonlinear, self.has_friction, snaps, is_slow)

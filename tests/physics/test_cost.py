@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import BOX, CYLINDER, PARABOLOID, grid_of, scene
+from scenes import BOX, CYLINDER, ELASTIC, PARABOLOID, WALLED, grid_of, scene
 
 from indent_sim.config.scene_file import load
 from indent_sim.run.accuracy import foreseen
@@ -70,6 +70,15 @@ def test_more_steps_take_longer() -> None:
     mesh = {"h_contact": 0.004, "h_far": 0.5}
     few, many = (scene(CYLINDER, loading={"delta": 0.1, "steps": n}, mesh=mesh) for n in (1, 100))
     assert many.plan.prediction["seconds"] > few.plan.prediction["seconds"] > 0
+
+
+def test_steps_between_the_rows_of_a_history_are_counted() -> None:
+    """The steps are the same, however many of them are rows."""
+    wet = ELASTIC | {"nu": 0.2, "flow": {"diffusivity": 1.0}}
+    history = {"history": [[0, 0], [0.1, 0.02], [1, 0.02]]}
+    all_rows, one = (scene(WALLED, material=wet, loading=history | times) for times in ({}, {"times": [1]}))
+    predicted = [base.plan.prediction["seconds"] for base in (all_rows, one)]
+    assert len(all_rows.physics.deltas) > 20 and predicted[1] == pytest.approx(predicted[0], rel=0.05)
 
 
 def test_solves_of_a_tip_that_snaps_in_and_comes_off() -> None:

@@ -550,6 +550,42 @@ def test_a_stopped_history_goes_on(control: str) -> None:
         assert state.outflow == pytest.approx(row.outflow, rel=1e-7)
 
 
+STICKY = {"method": "augmented_lagrangian", "adhesion": {"work": 6e-4, "range": 0.03}}
+OUT = 0.002  # deep where it still holds on, and as far outside where it has come off (a range of 0.03 is felt on)
+
+
+def sticky(**sections: Any) -> Scene:
+    return layer(h=0.025, contact=STICKY, **sections)
+
+
+def test_a_tip_that_adheres_comes_off_a_body_that_drains() -> None:
+    """At once it is the incompressible body, 1e-3: the pressure of pores is linear on an element; drained the elastic
+    one on the same mesh. Pulled off over a hundred times of drainage, 2e-3: what has not drained yet, with the elastic
+    body's depth of the snap between the same rows."""
+    depths = [DELTA, OUT, -OUT, -3 * OUT, -10 * OUT]
+    after = [[0.0, 0.0], [0.0, DELTA], [LONG, DELTA]]
+    out = [[LONG + 100 * (DELTA - depth) / DELTA, depth] for depth in depths[1:]]
+    rows = solve(
+        sticky(material=WET, loading={"history": [*after, *out], "times": [0, *(t for t, _ in [*after[2:], *out])]})
+    )
+    elastic = solve(sticky(loading={"deltas": depths}))
+    (stiff,) = solve(sticky(material=ELASTIC | {"E": 1.25, "nu": 0.5}, loading={"delta": DELTA, "steps": 1}))
+    assert rows[0].force == pytest.approx(stiff.force, rel=1e-3)
+    assert rows[1].force == pytest.approx(elastic[0].force, rel=1e-6)
+    largest = max(abs(row.force) for row in elastic)
+    assert [row.force for row in rows[1:]] == pytest.approx([row.force for row in elastic], abs=2e-3 * largest)
+    assert rows[2].a > 0 and rows[-1].a == elastic[-1].a == 0
+
+
+def test_a_tip_that_adheres_is_let_go_of_at_no_force() -> None:
+    """It sinks to the depth at which the drained body pulls as much as it pushes, and stays in contact."""
+    path = {"force_history": [[0, 0], [1, 4e-3], [2, 0], [50, 0]], "times": [0, 1, 2, 50]}
+    rows, elastic = solve(sticky(material=WET, loading=path)), solve(sticky(loading={"forces": [4e-3, 0]}))
+    assert [row.force for row in rows] == pytest.approx([0.0, 4e-3, 0.0, 0.0], abs=1e-10)
+    assert rows[-1].delta == pytest.approx(elastic[-1].delta, rel=1e-4)  # what is left of the pressure
+    assert rows[-1].a == pytest.approx(elastic[-1].a, rel=1e-3)
+
+
 def test_a_force_in_time_is_met_and_creeps_to_the_drained_depth() -> None:
     rows = rows_of("force_history")
     held = [row.force for row in rows if row.branch == "hold"]

@@ -80,6 +80,16 @@ def test_a_weight_sinks_in_and_is_lifted() -> None:
     assert found[0].delta == pytest.approx(solid.delta, rel=2e-3)
 
 
+def test_a_weight_on_a_swollen_gel_is_put_on_and_taken_off_at_once() -> None:
+    """A gel touches wherever it has swollen to, there the tip sinks in by steps of no time, and is let go of by such;
+    at once nothing has flowed, so only the dent of one time unit is left: less than 1 % of the height."""
+    path = {"force_history": [[0, 0], [50, 0], [50, 0.1], [51, 0.1], [51, 0], [52, 0]], "times": [49, 50, 51, 52]}
+    free, loaded, left, later = rows(gel(loading=path, mesh={"h_contact": 0.15, "h_far": 0.4}))
+    assert [row.force for row in (free, loaded, left, later)] == pytest.approx([0, 0.1, 0, 0], abs=1e-9)
+    assert free.delta < -0.2 and loaded.delta > free.delta + 0.05
+    assert abs(left.delta - free.delta) < 0.01 and left.a == later.a == 0
+
+
 def test_without_flow_it_is_at_rest_in_its_bath() -> None:
     """What a gel with flow comes to; of free swelling in the bath where no stretch is given."""
     bath = Gel(G=1.0, n_omega=1e-3, chi=0.6).free_potential(STRETCH)

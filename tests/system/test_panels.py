@@ -19,7 +19,7 @@ from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import outline
 from indent_sim.results.pictures import canvas, fields, forces, panels
 from indent_sim.results.pictures.fields import FIELDS, section_of
-from indent_sim.results.xdmf import FieldWriter
+from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
 
 SCENE = """\
 body: {{shape: {body}, radius: 1.0, height: 1.0}}
@@ -104,6 +104,25 @@ class TestForces:
         assert len(lines) == 2
         for line in lines:
             assert line.get_ydata() == pytest.approx(1e3 * np.asarray(line.get_xdata()) ** 1.5, rel=1e-9, abs=1e-15)
+
+    def test_forces_over_time_are_those_of_the_rows(self, drawn):
+        """A ramp and a hold of two runs, over four decades of time: each branch begins where the one before ends."""
+        t = np.array([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+        runs = [a_result(units={}, theory=None, steps=7) for _ in range(2)]
+        for run, factor in zip(runs, (1.0, 2.0), strict=True):
+            falls = np.array([0.0, 0.5, 1.0, 1.5, 1.2, 1.1, 1.0])
+            run.table.update({"t": t, "force": factor * falls, "branch": np.array(["approach"] * 4 + ["hold"] * 3)})
+        axes = drawn(runs, what=("time",)).axes[0]
+        assert axes.get_xscale() == "log" and axes.get_xlabel() == "time t"
+        ramps, holds = ([line for line in axes.get_lines() if len(line.get_xdata()) > 2][k::2] for k in (0, 1))
+        for ramp, hold, factor in zip(ramps, holds, (1.0, 2.0), strict=True):
+            assert hold.get_xdata()[[0, -1]] == pytest.approx([1e-3, 1.0])
+            assert hold.get_ydata()[[0, -1]] == pytest.approx([1.5 * factor, factor])
+            assert ramp.get_ydata()[-1] == pytest.approx(1.5 * factor)
+
+    def test_a_run_without_times_has_none_to_draw(self, drawn):
+        with pytest.raises(UsageError, match="has no times"):
+            drawn([a_result(units={}, theory=None)], what=("time",))
 
     def test_the_half_space_ends_at_its_mark(self, drawn):
         """Under a force its depth may be beyond the run's: the dotted line goes on to it."""
@@ -239,9 +258,17 @@ class TestFields:
         result = in_folder(tmp_path / "run", a_result(units={}, steps=3))
         result.table.update({"delta": np.array([0.1, 0.2, 0.3]), "a": np.array([0.3, 0.4, 0.5])})
         tip = outline(Paraboloid(1.0), (0.0,), 1.0, "axisymmetric", 1)
-        writer = FieldWriter(result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all")
+        arrays = ARRAYS | MORE_ARRAYS
+        writer = FieldWriter(result.path, self.POINTS, self.CELLS, np.array([0, 1]), tip, keep="all", arrays=arrays)
+        fluid = {
+            "pore_pressure": np.arange(4.0),
+            "fluid_content": np.array([0.0, -1.0]),
+            "swelling": np.array([2, 3.0]),
+        }
+        fluid |= {"shear": np.zeros(4)}
         for step in (1, 2, 3):
-            writer.write(step, 0.1 * step, some_fields(step) | {"displacement": np.tile([0.1, -0.1 * step], (4, 1))})
+            own = {"displacement": np.tile([0.1, -0.1 * step], (4, 1))}
+            writer.write(step, 0.1 * step, some_fields(step) | fluid | own)
         return result
 
     def test_the_section_is_the_deformed_body_and_its_image(self, result):
@@ -274,8 +301,8 @@ class TestFields:
         """A thousand points at an edge, all in a millionth of the area, are beyond the colours; the rest is within."""
         values = np.append(np.linspace(0, 1, 100), np.full(1000, 50.0))
         areas = np.append(np.ones(100), np.full(1000, 1e-7))
-        assert fields._colours(values, areas, None)[:2] == pytest.approx((0.0, 1.0))
-        assert fields._colours(values + 1, areas, 1.0)[:2] == pytest.approx((0.0, 2.0))
+        assert fields._colours(values, areas, FIELDS["von_mises"])[:2] == pytest.approx((0.0, 1.0))
+        assert fields._colours(values + 1, areas, FIELDS["J"])[:2] == pytest.approx((0.0, 2.0))
 
     def test_the_contact_is_inside_the_frame(self, result, drawn):
         left, right = drawn([result], what=("fields",), steps=("all",)).axes[0].get_xlim()
@@ -355,7 +382,7 @@ class TestRoom:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"what": ("forces",)}, "none of force, pressure"),
+        ({"what": ("forces",)}, "none of force, time, pressure"),
         ({"fields": ("J",)}, "--field belongs to --what fields"),
         ({"steps": ("2",)}, "--steps belongs to"),
         ({"what": ("fields",), "fields": ("mises",)}, "there is no field mises"),

@@ -66,8 +66,9 @@ class Equilibrium(Protocol):
         """Find the equilibrium at a depth, `dt` [time] after the last accepted one, from the present unknowns; where it
         fails they are as they were."""
 
-    def settle(self, depth: float) -> bool:
-        """Find where a body that adheres comes to rest at a depth, let go of in the present state; else as `solve`."""
+    def settle(self, depth: float, dt: float = 0.0) -> bool:
+        """Find where a body that adheres comes to rest at a depth, let go of in the present state, and what it is `dt`
+        [time] later; else as `solve`."""
         return False
 
     def accept(self) -> float:

@@ -47,24 +47,25 @@ class LoadControl:
         self._curve = []
 
     def renew(self, force: float, delta: float, slope: float) -> bool:
-        """Stand at the depth of a force > 0 on a curve that is another one now, near `delta`, where it rises by about
-        `slope` if nothing better is known; by secants, and by halves of the bracket where these leave it."""
+        """Stand at the depth of a force on a curve that is another one now, near `delta`, where it rises by about
+        `slope` if nothing better is known; by secants, and by halves of the bracket where these leave it. A force of 0
+        only of a tip that adheres: else it has many depths."""
         tried, low, high, longest = list[Pair](), -math.inf, math.inf, math.inf
-        slope = self._slope or slope
+        slope, pull = self._slope or slope, self._pull or 0.0
         for _ in range(TRIES):
             found, reached = self._reach(delta)
             if reached != delta:  # it stands where it set out from, at another time
                 self.failure = ""
                 return False
-            if abs(found - force) <= self.tolerance * force:
+            if abs(found - force) <= self.tolerance * (force + pull):
                 self._curve = []
-                self.know(found, reached)
+                self.know(found + pull, reached)
                 return True
             tried = [*tried[-1:], (found, reached)]
             low, high = (max(low, reached), high) if found < force else (low, min(high, reached))
             if math.isfinite(high - low) and high - low <= 4e-16 * max(abs(high), abs(low)):
                 self.failure = "the force jumps over it"
-                return abs(found - force) <= FORCE_SLACK * force
+                return abs(found - force) <= FORCE_SLACK * (force + pull)
             if len(tried) > 1 and (rise := tried[1][0] - tried[0][0]) * (run := tried[1][1] - tried[0][1]) > 0:
                 slope = self._slope = rise / run
             elif not found:

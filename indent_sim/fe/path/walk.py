@@ -65,7 +65,8 @@ class Walk:
         self._control = LoadControl(self._go, physics.body.height, from_row=self._has_memory)
 
     def _step_rule(self, way: Way | None = None) -> StepRule:
-        """Of a path without failures yet; on a way that takes time depths are measured in it, and nothing is free."""
+        """Of a path without failures yet; on a way that takes time depths are measured in it, and nothing is free. What
+        has evolved may touch at any depth."""
         scene, longest, fine = self.equilibrium.scene, inf, inf  # without limit where the gap is linear in u
         if scene.physics.gap == "current":
             # of the deepest contact's radius: a longer step into a gap at the deformed point may end elsewhere
@@ -74,7 +75,7 @@ class Walk:
             longest, fine = min(longest, LONG * self._range), JUMP / 4 * self._range
         if way and way.takes_time:
             return StepRule(way.measured(longest), -inf, way.measured(fine))
-        return StepRule(longest, self._untouched.delta, fine)
+        return StepRule(longest, -inf if scene.physics.evolves else self._untouched.delta, fine)
 
     @property
     def _last(self) -> Point:
@@ -172,10 +173,10 @@ class Walk:
         self._before, substeps = self._points, self._substeps
         physics = self.equilibrium.scene.physics
         expected, self._t = physics.deltas[step - 1] or self._range, t
-        if t == self._last.place.t and not (physics.evolves and force == 0):
-            return self._substeps - substeps if self._control.press(force, expected) else 0
-        if force == 0:
+        if force == 0 and physics.evolves and not self._range:
             return self._substeps - substeps if self._touch() else 0
+        if t == self._last.place.t and not (physics.evolves and t > 0):
+            return self._substeps - substeps if self._control.press(force, expected) else 0
         delta, a = self._last.delta or expected, self.equilibrium.scene.plan.prediction["a"] / physics.scales.length
         for _ in range(MOST_SEARCHES):
             if not self._control.renew(force, delta, 2 * physics.material.E_star * a):
@@ -257,7 +258,7 @@ class Walk:
         jumps = found and self._touches != self._last.touches
         if self._range and (jumps or not found):
             self.return_to_last()
-            found = not self._is_long(delta) and self.equilibrium.settle(delta)
+            found = not self._is_long(delta) and self.equilibrium.settle(delta, place.t - self._last.place.t)
         if not found:
             self.return_to_last()
             return False

@@ -23,6 +23,7 @@ from indent_sim.fe.solve.prediction import expected, shares
 from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import Matter, Touch, matter_of, touch_of
+from indent_sim.fe.terms.term import Stage
 from indent_sim.model.tips import deepest_inside
 
 MOST_SETS = 6  # of vertices under a tip that seals, in one stage
@@ -118,11 +119,16 @@ class BodyEquilibrium:
 
         return find
 
-    def settle(self, depth: float) -> bool:
-        """True when found where the body comes to rest at a depth, let go of in the present state; else as `solve`."""
-        drag = self.touch.drag
+    def settle(self, depth: float, dt: float = 0.0) -> bool:
+        """True when found where the body comes to rest at a depth, let go of in the present state, and then what `dt`
+        makes of that; else as `solve`. A snap takes no time."""
+        drag, at_once = self.touch.drag, Stage(0.0)
         assert drag
-        return self._find(depth, lambda: come_to_rest(self.newton, drag))
+        self.problem.begin(at_once)
+        if not self._find(depth, lambda: come_to_rest(self.newton, drag)):
+            return False
+        self.problem.end(at_once)
+        return dt == 0 or self.solve(depth, dt)
 
     def _find(self, depth: float, algorithm: Callable[[], bool]) -> bool:
         before, self.problem.delta.value = self.problem.guess(), depth

@@ -212,6 +212,8 @@ class SceneForces:
 
 def _history(config: Config, shape: Sequence[Parameter], way: Way | None, elastic: ElasticTable) -> HistoryTable:
     """The table along a way, with the exponent of the elastic force at its deepest."""
+    if config.experiment and config.experiment.adhesion:
+        raise ConfigError("experiment.adhesion", "a fit does not follow a tip that adheres in time", "leave it out")
     if way is None:
         raise ConfigError("loading", "matter that drains, or relaxes in shear, needs a way in time", "give a history")
     less, more = elastic.force(np.array([0.95, 1.05]) * way.deepest)

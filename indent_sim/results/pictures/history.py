@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import Report
+from indent_sim.results.pictures import curves
 from indent_sim.results.pictures.axes import axis, choice, time_axis
 from indent_sim.results.pictures.canvas import GREY, Axes, canvas, head, legend_below, save
 from indent_sim.results.pictures.curves import Points, smooth
@@ -69,6 +72,36 @@ def _draw_over_time(axes: Axes, results: Results, name: str) -> None:
     draw_branches(axes, results.table, "t", t, column, name, _smooth_in_log)
     axes.set_xscale("log")
     axes.set_xlim(t(first_seen(results)), 1.2 * t(results["t"][-1]))
+
+
+def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) -> None:
+    """What answers in each of several runs over their times: the force, or where all prescribe it the depth.
+
+    UsageError for a run without times.
+    """
+    if bare := [run for run in runs if np.isnan(run.table.get("t", np.nan)).all()]:
+        raise UsageError(f"{bare[0].path} has no times", "loading.history and force_history give some")
+    asked = "delta" if all(run.report.get("control") == "force" for run in runs) else "force"
+    t, column = time_axis(runs), axis(asked, runs)
+    is_wide = all(_spans_decades(run) for run in runs)
+    for i, (run, name) in enumerate(zip(runs, names, strict=True)):
+        colour, label = curves.look(i, len(runs))["color"], name
+        for begin, end in pairwise([0, *_turns(run), len(run)]):
+            piece = slice(max(begin - 1, 0), end)
+            points = (_smooth_in_log if is_wide else smooth)(t(run["t"][piece]), column(run[asked][piece]))
+            axes.plot(*points, color=colour, lw=1.5, label=label)
+            label = "_"  # named once
+    if is_wide:
+        axes.set_xscale("log")
+        axes.set_xlim(min(t(first_seen(run)) for run in runs), 1.2 * max(t(run["t"][-1]) for run in runs))
+    axes.axhline(0, color=GREY, lw=0.6, zorder=0)
+    axes.set(xlabel=t.label, ylabel=column.label)
+
+
+def _turns(run: Results) -> np.ndarray:
+    """The rows at which another branch begins."""
+    branches = run.table.get("branch", np.zeros(len(run)))
+    return np.flatnonzero(branches[1:] != branches[:-1]) + 1
 
 
 def _smooth_in_log(t: np.ndarray, y: np.ndarray) -> Points:

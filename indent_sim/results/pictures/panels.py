@@ -23,7 +23,7 @@ from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
 from indent_sim.results.xdmf import kept_steps
 
-WHAT = ("force", "pressure", "profile", "fields", "film")
+WHAT = ("force", "time", "pressure", "profile", "fields", "film")
 OF_STEPS = ("pressure", "profile", "fields", "film")
 MAPPED = ("fields", "film")  # film: states of a field spread over the path
 OF_FIELDS = {"fields": "--field", "limits": "--limits", "zoom": "--zoom"}  # entries of a wish, and their options
@@ -105,11 +105,14 @@ def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
 
 
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
-    """The picture of results of which nothing was wished for: of a body in time its history, else forces over depth."""
-    if len(runs) == 1 and is_of_body(runs[0].report):
+    """The picture of results of which nothing was wished for: of a body in time its history, of several forces over
+    time and depth, else forces over depth."""
+    if not all(is_of_body(run.report) for run in runs):
+        overlay(runs, path)
+    elif len(runs) == 1:
         history.draw(runs[0], Path(path))
     else:
-        overlay(runs, path)
+        draw(runs, Wish(("time", "force")), path)
 
 
 @contextmanager
@@ -204,6 +207,8 @@ def _line_panels(runs: Sequence[Results], names: Sequence[str], wish: Wish) -> l
     for what in wish.what:
         if what == "force":
             panels.append(lambda axes: draw_forces(axes, runs, theory, names if len(runs) > 1 else ("this run",)))
+        elif what == "time":
+            panels.append(partial(history.draw_over_time, runs=runs, names=names if len(runs) > 1 else ("this run",)))
         elif what == "profile":
             panels.append(partial(draw_profiles, shown=_coloured(_shown(runs, names, wish, what))))
         elif what == "pressure":

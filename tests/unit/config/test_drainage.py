@@ -46,7 +46,6 @@ SCENE: dict[str, Any] = {
         ({"drainage": {"bath": [[1, 0], [1, 0.1]]}}, r"drainage.bath\[1\]", "does not go on"),
         ({"drainage": {"tip": {"conductance": 0}}}, "drainage.tip", "must be drained or sealed or a section"),
         ({"contact": {"method": "nitsche"}}, "contact.method", "nitsche takes the body's own stress"),
-        ({"contact": {"adhesion": {"work": 1e-3, "range": 0.1}}}, "contact.adhesion", "not verified"),
         ({"solver": {"method": "theory"}}, "solver.method", "no fluid in the pores"),
         ({"solver": {"method": "condensed"}}, "solver.method", "inside the body"),
         ({"experiment": {"adhesion": {"work": 1e-3}}}, "experiment.adhesion", "made of a curve"),
