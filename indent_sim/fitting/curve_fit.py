@@ -46,7 +46,7 @@ from indent_sim.theory.solution import UNSOLVED
 
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
 WAY_IN = 0.01  # of the way: where a hold begins at the latest
-SAME_WAY, MOST_WAYS = 0.01, 4  # of the depth: first touch that far off is another way; how often it is followed anew
+SAME_WAY, MOST_WAYS = 0.002, 4  # of the depth, as which a diffusivity goes: another way; how often it is followed
 SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
 BARELY_DEEPER = 1.01  # times the width, where the body has no more
 GRADES = 1.25  # ratio of the depths of tables, so that curves share them

@@ -214,7 +214,10 @@ def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:
 
 
 def half_widths(estimate: Estimate, mesh: float, calibration: float) -> tuple[float, ...]:
-    """What a relative error of the force, from the mesh and from calibration at one standard deviation, adds."""
-    force = estimate.model.contact(estimate.p)
+    """What a relative error of the force, from the mesh and from calibration at one standard deviation, adds, and what
+    its steps in time miss."""
+    force, model = estimate.model.contact(estimate.p), estimate.model
     of = shifted(estimate, math.hypot(mesh, NORMAL_95 * calibration) * force)
-    return tuple(of.tolist())
+    samples = model.samples
+    of_steps = shifted(estimate, model.forces.missed(estimate.theta, samples.x - estimate.contact_point, samples.t))
+    return tuple(np.hypot(of, of_steps).tolist())

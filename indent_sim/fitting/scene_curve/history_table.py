@@ -20,6 +20,7 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.scene_curve.lattice import Lattice, NoTable
 from indent_sim.fitting.scene_curve.parameters import Parameter
+from indent_sim.model.loading import PER_DOUBLING
 from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import states
 from indent_sim.scene.scene import resolve
@@ -28,6 +29,7 @@ from indent_sim.theory.solution import UNSOLVED
 CORNER = 0.003  # of the deepest: by as much a measured way may miss its corners
 SHALLOW = 0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
 GRADED, SHORTEST = 40, 1e-4  # times in every piece of a way, from so much of its length on
+FINER = 2  # times shorter steps, by which those of a table are judged
 NODES, LOG_STEP, LINEAR_STEP = 4, 0.4, 0.05  # of the lattice: 3e-4 of the force of a draining layer
 LARGEST_NU = 0.45  # of a body that drains, whose diffusivity loses its sense at 0.5
 
@@ -110,6 +112,12 @@ class HistoryTable:
         known = self.way.times
         return _smooth(known, self.lattice.at(theta), np.clip(t, known[0], known[-1]))
 
+    def missed(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
+        """What G lacks of a run of the scene, which has these coordinates, in steps of half the length."""
+        known = self.way.times
+        off = _gains(scene, self.way, self.power, FINER) - self.lattice.at(theta)
+        return np.interp(t, known, off)
+
     @property
     def first(self) -> float:
         """G of the scene as it stands where the way is first at its deepest."""
@@ -124,12 +132,13 @@ def _spaced(parameter: Parameter) -> Parameter:
     return replace(parameter, step=LINEAR_STEP, high=min(parameter.high, LARGEST_NU))
 
 
-def _gains(config: Config, way: Way, power: float) -> np.ndarray:
-    """G at the way's times."""
+def _gains(config: Config, way: Way, power: float, finer: int = 1) -> np.ndarray:
+    """G at the way's times, of a run in steps that are so many times shorter."""
     document: dict[str, Any] = to_mapping(config)
     document.pop("experiment", None)
-    kept = {"per_doubling": config.loading.per_doubling} if config.loading.per_doubling else {}
-    document["loading"] = {"history": [list(corner) for corner in way.corners], **kept}
+    document["loading"] = {"history": [list(corner) for corner in way.corners]}
+    if finer > 1 or config.loading.per_doubling:
+        document["loading"]["per_doubling"] = finer * (config.loading.per_doubling or PER_DOUBLING)
     try:
         found = list(states(resolve(from_mapping(document)), with_surface=False))
     except UNSOLVED as error:

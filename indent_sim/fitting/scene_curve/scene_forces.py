@@ -28,6 +28,7 @@ from indent_sim.fitting.scene_curve.parameters import (
     Parameter,
     number_at,
     parameters_of,
+    with_numbers,
 )
 from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
@@ -155,6 +156,16 @@ class SceneForces:
             if np.abs(change).max(initial=0.0) < SETTLED_DEPTH * self.deepest:
                 break
         return gain * delta**power  # type: ignore[no-any-return]
+
+    def missed(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
+        """What the force of a body with a memory lacks of one solved by itself, in shorter steps (n,); else nothing."""
+        history, at = self.history, self._settings(theta)
+        if history is None or t is None or not (x > 0).any():
+            return np.zeros(len(x))
+        values = {one.key: one.value(float(theta[k])) for k in self._shape for one in (self.parameters[k],)}
+        off = history.missed(with_numbers(self.config, values), at.shape, t - touched(t, x))
+        depth = np.maximum(x - at.compliance * self(theta, x, t), 0.0)
+        return at.scale * off * depth**history.power  # type: ignore[no-any-return]
 
     def _settings(self, theta: np.ndarray) -> Settings:
         values = {one.key: one.value(float(x)) for one, x in zip(self.parameters, theta, strict=True)}

@@ -25,13 +25,15 @@ DEPTH, RAMP, END = 0.05, 0.1, 3.0
 WAY = Way(((0.0, 0.0), (RAMP, DEPTH), (END, DEPTH)))
 POROUS = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 0.1}}
 T = np.linspace(-0.1, END, 500)
+GRADED = np.concatenate([np.linspace(0.005, RAMP, 20), RAMP + np.geomspace(1e-4, END - RAMP, 80)])
 X = np.minimum(DEPTH * T / RAMP, DEPTH)
 
 
-def porous(**more):  # type: ignore[no-untyped-def]
-    """A draining layer on a coarse mesh, four elements in contact, in few steps: half a second a run."""
-    loading = {"history": [list(corner) for corner in WAY.corners], "per_doubling": 2}
-    return scene(material=POROUS | more, loading=loading, mesh={"h_contact": 0.06, "h_far": 0.4})
+def porous(fine: int = 1, **more):  # type: ignore[no-untyped-def]
+    """A draining layer on a coarse mesh, four elements in contact, in few steps: half a second a run; `fine` times as
+    many elements and steps."""
+    loading = {"history": [list(corner) for corner in WAY.corners], "per_doubling": 2 * fine}
+    return scene(material=POROUS | more, loading=loading, mesh={"h_contact": 0.06 / fine, "h_far": 0.4})
 
 
 @functools.cache
@@ -47,14 +49,16 @@ def run(config, t: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
 
 
 def test_a_table_is_the_run_of_other_numbers():
-    """E scales; ln D lies between nodes 0.4 apart, whose cubic and smoothing in time miss 1e-3 of the force."""
+    """E scales; ln D lies between nodes 0.4 apart. At rows of its own the run has other steps: 4e-3 of the force."""
     forces, t = table(), np.array([0.05, 0.1, 0.12, 0.2, 0.5, 1.0, 3.0])
     theta = np.log([3.0, 0.17])
     other = run(porous(E=3.0, flow={"diffusivity": 0.17}), t)
     times = np.append(0.0, t)  # first touch is where the depth becomes > 0
     found = forces(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
-    np.testing.assert_allclose(found, other, atol=2e-3 * other.max())
+    np.testing.assert_allclose(found, other, atol=6e-3 * other.max())
     assert found[1] > 1.3 * found[-1]  # it has drained
+    missed = forces.missed(theta, np.minimum(DEPTH * times / RAMP, DEPTH), times)[1:]
+    assert 1e-3 < np.abs(missed).max() / other.max() < 1e-2  # of steps half as long: of two a doubling
 
 
 @pytest.mark.verify
@@ -70,26 +74,40 @@ def test_the_truth_comes_back_with_another_first_touch():
     assert (inside >= 33).all(), inside
 
 
+def curve_of(fine: int, seed: int) -> Measured:
+    """A curve that a run of its own makes, with half a per cent of noise, first touch at 0.3."""
+    force = np.interp(T, np.append(0, GRADED), np.append(0, run(porous(fine), GRADED)), left=0.0)
+    force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(seed)) + 0.01
+    return Measured("made up", force, X + 0.3, None, T + 7.0, parts=parts_of(X))
+
+
+def followed(fine: int, seed: int):  # type: ignore[no-untyped-def]
+    """The entry of such a curve, from a scene whose E and D are off by 2 and 3."""
+    request = Request(porous(fine, E=2.0, flow={"diffusivity": 0.3}), (E, D), part="all")
+    entry = fit_curve(curve_of(fine, seed), request, Tables()).entry
+    assert entry["status"] == "done" and entry["explained"], entry["reason"] or entry["cause"]
+    return entry["parameters"]
+
+
 def test_a_curve_is_followed_along_its_own_way():
-    """From a scene whose E and D are off by 2 and 3; the run that makes the curve is not the fit's own table."""
-    t = np.unique(np.concatenate([np.linspace(0.005, 0.2, 40), np.geomspace(0.2, END, 60)]))
-    force = np.interp(T, np.append(0, t), np.append(0, run(porous(), t)), left=0.0)
-    force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(2)) + 0.01
-    curve = Measured("made up", force, X + 0.3, None, T + 7.0, parts=parts_of(X))
-    request = Request(porous(E=2.0, flow={"diffusivity": 0.3}), (E, D), part="all")
-    entry = fit_curve(curve, request, Tables()).entry
-    assert entry["status"] == "done", entry["reason"]
-    for key, value, most in ((E, 1.0, 0.02), (D, 0.1, 0.15)):  # 2.5 deviations
-        stated = entry["parameters"][key]
-        assert abs(stated["value"] / value - 1) < most and stated["low"] < value < stated["high"], stated
-    assert entry["contact_point"]["value"] == pytest.approx(0.3, abs=0.02 * DEPTH)
-    assert entry["explained"], entry["cause"]
+    """Four elements in contact: forces that jump by 0.8 % where one joins, and a diffusivity off by some per cent."""
+    found = followed(1, 2)
+    assert found[E]["value"] == pytest.approx(1.0, rel=0.03)
+    assert found[D]["value"] == pytest.approx(0.1, rel=0.08)
+
+
+@pytest.mark.verify
+def test_intervals_of_curves_that_are_followed():
+    """Of five intervals of 95 % fewer than three hold the truth once in 860."""
+    stated = [followed(2, seed) for seed in range(5)]
+    for key, value in ((E, 1.0), (D, 0.1)):
+        assert sum(one[key]["low"] < value < one[key]["high"] for one in stated) >= 3, [one[key] for one in stated]
 
 
 @pytest.mark.verify
 def test_a_hold_behind_a_cantilever():
     """The way of the base is z = delta + F/k; the spring gives by a fifth of the depth at first and less later."""
-    k, t = 5.0, np.unique(np.concatenate([np.linspace(0.005, 0.2, 40), np.geomspace(0.2, END, 60)]))
+    k, t = 5.0, GRADED
     force = np.interp(T, np.append(0, t), np.append(0, run(porous(), t)), left=0.0)
     z = X + force / k + 0.3
     force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(3))
@@ -101,7 +119,7 @@ def test_a_hold_behind_a_cantilever():
     assert entry["status"] == "done", entry["reason"]
     for key, value in ((E, 1.0), (D, 0.1)):
         stated = entry["parameters"][key]
-        assert stated["low"] / 1.03 < value < stated["high"] * 1.03, stated  # 3 %: corners of a way with noise in it
+        assert stated["low"] < value < stated["high"], stated
 
 
 def test_shear_that_relaxes_at_constant_volume_is_lee_and_radok():
