@@ -596,6 +596,18 @@ def test_a_force_in_time_is_met_and_creeps_to_the_drained_depth() -> None:
     assert depths[-1] == pytest.approx(drained.delta, rel=1e-6)
 
 
+def test_a_column_under_a_sudden_force_settles_by_the_root_of_time() -> None:
+    """Terzaghi, with the default steps: 5e-4 at the end of a creep whose depth is not straight in any step. The force
+    of a stage between is straight: with a straight depth there it was 2.7e-3."""
+    whole, mesh = WALLED | {"radius": 0.1}, {"h_contact": 0.05, "h_far": 0.05}
+    force = 0.01 * np.pi * 0.1**2
+    sections: dict[str, Any] = {"material": WET, "mesh": mesh, "drainage": {"tip": "drained"}}
+    sections["loading"] = {"force_history": [[0, 0], [1e-4, force], [0.1, force]], "times": [0.1]}
+    (last,) = solve(scene(whole, **sections, indenter={"shape": "flat_punch", "radius": 0.1}))
+    exact = exact_time.terzaghi_settlement(1.0, 0.2, PERMEABILITY, 1.0, 0.01, 0.1)
+    assert last.delta == pytest.approx(exact, rel=5e-4)
+
+
 def test_rows_at_some_times_are_near_those_of_all() -> None:
     """A step that ends on a row is two: 1e-3."""
     base = layer(material=WET, loading={"history": RAMP, "per_doubling": 2, "times": [5.001, 5.3, 6.1]})

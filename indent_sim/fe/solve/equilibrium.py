@@ -24,9 +24,12 @@ from indent_sim.fe.terms.contact.multiplier import stiffness_scale
 from indent_sim.fe.terms.contact.traction import Traction
 from indent_sim.fe.terms.scene_terms import Matter, Touch, matter_of, touch_of
 from indent_sim.fe.terms.term import Stage
+from indent_sim.model.loading import LoadPath
 from indent_sim.model.tips import deepest_inside
 
 MOST_SETS = 6  # of vertices under a tip that seals, in one stage
+# Depths that are tried for the force of a stage between, and how near it is: rows do not tell then where they set out
+MOST_BETWEEN, BETWEEN = 8, 1e-9
 INSIDE_OUT = 0.2  # of the contact radius; the singular edge of a punch has J < 0 in 0.003 of it, which no force feels
 
 
@@ -42,9 +45,12 @@ class BodyEquilibrium:
         self.has_memory = problem.has_memory
         self.newton = Newton(problem)
         self._stages = 0  # found so far
+        self._forces = None if problem.law.may_snap else _forces_over_time(scene.physics.path)
+        self._rise = 0.0  # of the force over depth, at the last stage between
         self._algorithm = self._with_valve(algorithm_of(self.newton, touch))
         self.snapshot, self.restore = problem.snapshot, problem.restore
-        self._largest_inside_out = INSIDE_OUT * scene.plan.prediction["a"] / scene.physics.scales.length
+        self._a = scene.plan.prediction["a"] / scene.physics.scales.length
+        self._largest_inside_out = INSIDE_OUT * self._a
         self._deepest = deepest_inside(scene.physics.indenter)
         if problem.law.multiplier == "stress":  # other zeros of Nitsche's residual lie about an element deep in the tip
             self._deepest = min(self._deepest, scene.sizes.h_contact / 2)
@@ -95,12 +101,35 @@ class BodyEquilibrium:
         began, before = self.problem.body.before_depth, self.problem.guess()
         for stage in self.problem.stages(dt):
             self.problem.begin(stage)
-            if not self._find(began + stage.end * (depth - began) if stage.end < 1.0 else depth, self._algorithm):
+            is_last = stage.end == 1.0
+            if not (self._find(depth, self._algorithm) if is_last else self._between(began, depth, stage.end)):
                 self.problem.take(before)
                 return False
             self.problem.end(stage)
             self._stages += 1
         return True
+
+    def _between(self, began: float, depth: float, share: float) -> bool:
+        """True when found before the end of a step, at the share of it: where the depth is straight in time, or where
+        forces are prescribed, the force. A depth that goes with the root of time, as after a sudden force, is not."""
+        delta, tried = began + share * (depth - began), list[tuple[float, float]]()
+        asked = self._forces(float(self.problem.body.now.t.value)) if self._forces else 0.0
+        if not self._find(delta, self._algorithm):
+            return False
+        if asked <= 0:
+            return True
+        for _ in range(MOST_BETWEEN):
+            missing = asked - self.force
+            if abs(missing) <= BETWEEN * asked:
+                return True
+            tried = [*tried[-1:], (missing, delta)]
+            if len(tried) > 1 and (rise := (tried[0][0] - missing) / (delta - tried[0][1])) > 0:
+                self._rise = rise
+            rise = self._rise or 2 * self.scene.physics.material.E_star * self._a
+            delta += missing / rise
+            if not self._find(delta, self._algorithm):
+                break
+        return self._find(began + share * (depth - began), self._algorithm)
 
     def _with_valve(self, algorithm: Callable[[], bool]) -> Callable[[], bool]:
         """The algorithm with the surface sealed where that very equilibrium touches the tip: found, looked at, found
@@ -251,3 +280,11 @@ class SolvedBody(WholeBody):
     def inside_out(self) -> float:
         """Size [length] of the region in which J < 0 (collective)."""
         return max(strain.inside_out() for strain in self.strains)
+
+
+def _forces_over_time(path: LoadPath) -> Callable[[float], float] | None:
+    """The force that is asked for [force] at a time since the path's begin; None of a path that asks for none."""
+    if path.control == "depth" or path.begin is None:
+        return None
+    forces, times = zip(*(place for step in range(1, len(path.values) + 1) for place in path.leg(step)), strict=True)
+    return lambda t: float(np.interp(t, times, forces))
