@@ -57,6 +57,7 @@ STEEP_BASELINE = 0.5  # of the rise, along the samples: more is hardly a baselin
 IN_CONTACT = (
     "a curve that begins in contact has none, and its modulus is wrong; --no-slope, --contact-point say what is known"
 )
+DIGITS, MOST_DIGITS = 4, 10  # of numbers in words
 ENDS = ("value", "low", "high")  # of an interval in fit.json
 Models = Literal["needed", "all"]
 NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
@@ -381,14 +382,20 @@ def _warnings(verdict: Verdict) -> list[str]:
     return told
 
 
-def said(key: str, config: Config, value: float, beside: float | None = None) -> str:
-    """A value of a key with its unit, where the scene has units: of the size of another one that stands beside it."""
-    kind = kind_of(config, key)
+def said(key: str, config: Config, value: float, beside: Interval | None = None) -> str:
+    """A value of a key with its unit, where the scene has units: of the size of an interval that it stands beside, with
+    the digits that tell its ends apart."""
+    kind, digits = kind_of(config, key), _digits(beside) if beside else DIGITS
     if kind is None:
-        return f"{value:.4g}"
-    return scaled(
-        kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value if beside is None else beside]), key
-    ).said(value)
+        return f"{value:.{digits}g}"
+    runs = [Results(Path(), {}, {"units": _units(config)})]
+    return scaled(kind, runs, np.array([beside.value if beside else value]), key).said(value, digits)
+
+
+def _digits(stated: Interval) -> int:
+    """Two of the width of an interval, four at least."""
+    width = (stated.high - stated.low) / max(abs(stated.high), abs(stated.low), 1e-300)
+    return min(max(DIGITS, 2 - math.floor(math.log10(width))), MOST_DIGITS) if 0 < width < math.inf else DIGITS
 
 
 def kind_of(config: Config, key: str) -> str | None:
@@ -417,7 +424,7 @@ def in_short(entry: Mapping[str, Any], config: Config) -> str:
 
 def in_words(key: str, config: Config, stated: Interval) -> str:
     """A key's value and interval with their unit."""
-    value, low, high = (said(key, config, number, stated.value) for number in (stated.value, stated.low, stated.high))
+    value, low, high = (said(key, config, number, stated) for number in (stated.value, stated.low, stated.high))
     return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
 
 

@@ -106,12 +106,12 @@ def test_intervals_of_curves_that_are_followed():
 
 @pytest.mark.verify
 def test_a_hold_behind_a_cantilever():
-    """The way of the base is z = delta + F/k; the spring gives by a fifth of the depth at first and less later."""
+    """The way of the base is z = delta + F/k; the spring gives by a third of the depth at first and less later."""
     k, t = 5.0, GRADED
-    force = np.interp(T, np.append(0, t), np.append(0, run(porous(), t)), left=0.0)
+    force = np.interp(T, np.append(0, t), np.append(0, run(porous(2), t)), left=0.0)
     z = X + force / k + 0.3
     force = force + 0.005 * force.max() * drawn(WHITE, len(T), np.random.default_rng(3))
-    config = porous(E=2.0, flow={"diffusivity": 0.3})
+    config = porous(2, E=2.0, flow={"diffusivity": 0.3})
     held = from_mapping(to_mapping(config) | {"experiment": {"cantilever": {"stiffness": k}}})
     entry = fit_curve(
         Measured("made up", force, None, z, T, parts=parts_of(X)), Request(held, (E, D), part="all"), Tables()
