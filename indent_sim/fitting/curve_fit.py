@@ -45,6 +45,7 @@ from indent_sim.run.readings import hertz_force
 from indent_sim.theory.solution import UNSOLVED
 
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
+BLURRED = 4.0  # medians of the change between samples: by less a depth behind a spring is noise
 WAY_IN = 0.01  # of the way: where a hold begins at the latest
 SAME_WAY, MOST_WAYS = 0.002, 4  # of the depth, as which a diffusivity goes: another way; how often it is followed
 SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
@@ -167,16 +168,20 @@ def _followed(config: Config, request: Request, samples: Samples, tables: Tables
     first, and again where the fit has moved it."""
     assert samples.t is not None
     compliance = config.experiment.compliance if config.experiment else 0.0
-    depth = samples.x - compliance * (samples.force - far_level(samples))
+    force = samples.force - far_level(samples)
+    blur = BLURRED * compliance * float(np.median(np.abs(np.diff(force))))  # of depths behind a spring
+    depth = samples.x - compliance * force
     way_in = samples.where(np.arange(len(samples)) <= int(np.argmax(depth > depth.max() - WAY_IN * np.ptp(depth))))
     c, estimate = _first_touch(config, request, way_in, tables), None
     for _ in range(MOST_WAYS):
-        way = way_of(samples.t, depth - c)
+        way = way_of(samples.t, depth - c, blur)
         forces = tables.forces(config, request.keys, SOLVED_WIDTHS * way.deepest, way)
         estimate = fit(forces, samples, request.origin, near=estimate)
         moved, c = abs(estimate.contact_point - c), estimate.contact_point
-        if moved < SAME_WAY * way.deepest:
+        if moved < SAME_WAY * way.deepest and not blur:
             break
+        if compliance:  # the spring gives by the force that was fitted, which has no noise
+            depth, blur = samples.x - compliance * forces(estimate.theta, samples.x - c, samples.t), 0.0
     assert estimate is not None
     return estimate
 

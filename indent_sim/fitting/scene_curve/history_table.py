@@ -61,10 +61,11 @@ class Way:
         return np.unique(np.concatenate([t[:1], *(a + (b - a) * share for a, b in itertools.pairwise(t.tolist()))]))
 
 
-def way_of(t: np.ndarray, delta: np.ndarray) -> Way:
+def way_of(t: np.ndarray, delta: np.ndarray, blur: float = 0.0) -> Way:
     """The way through samples at times (n,) and depths (n,), of which those before first touch are < 0.
 
-    Its corners are those of Douglas and Peucker that miss no sample by 0.3 % of the deepest. NoTable without depth.
+    Its corners are those of Douglas and Peucker that miss no sample by 0.3 % of the deepest, or by `blur` [length].
+    NoTable without depth.
     """
     first = int(np.argmax(delta > 0))
     if not delta[first] > 0 or first == len(t) - 1:
@@ -76,7 +77,7 @@ def way_of(t: np.ndarray, delta: np.ndarray) -> Way:
     while open_pieces:
         i, j = open_pieces.pop()
         off = np.abs(delta[i : j + 1] - np.interp(t[i : j + 1], t[[i, j]], delta[[i, j]]))
-        if off.max() > CORNER * delta.max():
+        if off.max() > max(CORNER * delta.max(), blur):
             k = i + int(np.argmax(off))
             kept.add(k)
             open_pieces += [(i, k), (k, j)]
