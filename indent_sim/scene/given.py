@@ -60,7 +60,9 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
 RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
-FOLLOWED_TO = 0.004  # of the force, with PER_DOUBLING steps of each length; of second order in them
+# Of the force, with PER_DOUBLING steps of each length; of second order in them. What rubs is known to less: an error bar
+# is five times what half steps change
+FOLLOWED_TO, RUBS_TO = 0.004, 0.02
 PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation
 # Of the shortest piece of a history: its first step at least, and of that the shortest time of a power law, which is a
 # sum of exponentials down to there
@@ -378,7 +380,8 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
 
     experiment = config.experiment and config.experiment.without_units(scales)
     stepped = is_stepped(history, relaxation, compliance)
-    finer = ceil(sqrt(FOLLOWED_TO / (target_of(config.accuracy) or FOLLOWED_TO)))
+    known_to = FOLLOWED_TO if config.contact.is_conservative else RUBS_TO
+    finer = ceil(sqrt(known_to / (target_of(config.accuracy) or known_to)))
     steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
     plain = theory_of(whole, layers, tip, center) if tension else theory
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)

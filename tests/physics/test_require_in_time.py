@@ -88,6 +88,21 @@ def test_a_jump_is_undrained(law: dict[str, Any], agreement: float) -> None:
     assert (100 + found.percent) / (100 + found.high) == pytest.approx(1, abs=agreement)
 
 
+def test_a_jump_is_one_however_it_is_written() -> None:
+    """From the first point on, after it at the same time, or later: before it the body is at rest. To the solver's
+    tolerance; of a body that also relaxes, whose limits are walked on the way there."""
+    law = POROUS | {"relaxation": {"prony": [[0.5, CONTACT]], "of": "shear"}}
+    before = {"plain": [], "at rest": [[0, 0]], "later": [[-CONTACT, 0], [0, 0]]}
+    jump = [[0, DEPTH], [CONTACT, DEPTH]]
+    found = [rows(scene(law, loading={"history": [*rest, *jump], "per_doubling": 2})) for rest in before.values()]
+    for name in ("drainage", "rate"):
+        first, *others = (effects[name] for effects in found)
+        for other in others:
+            assert (other.percent, other.low, other.high) == pytest.approx(
+                (first.percent, first.low, first.high), abs=1e-6
+            )
+
+
 def force(config: Config, t: float) -> float:
     """Of a run of its own at a time."""
     found = list(states(resolve(config), with_surface=False))

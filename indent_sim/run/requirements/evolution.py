@@ -190,9 +190,10 @@ class Evolution:
         own, top = self._whole.loading, self._top
         if own.history is None or top.t is None:
             raise NotConverged("under prescribed forces a body that both drains and relaxes is not taken apart")
-        passed = tuple(point for point in own.history if point[0] < top.t)
-        history = (*(passed or own.history[:1]), (top.t, top.delta)) if own.history[0][0] < top.t else own.history
-        return replace(own, history=history, times=(top.t,))
+        passed = tuple(point for point in own.history if point[0] <= top.t)
+        is_at_once = top.t == own.history[0][0]
+        there = () if passed[-1][0] == top.t else ((top.t, top.delta),)
+        return replace(own, history=own.history if is_at_once else (*passed, *there), times=(top.t,))
 
 
 def _effect(name: str, own: float, other: float, words: str) -> Effect:
@@ -217,7 +218,7 @@ def _to_last_rise(loading: Loading) -> Loading:
     points = getattr(loading, way)
     rises = [k for k, (before, after) in enumerate(pairwise(points), start=1) if after[1] > before[1]]
     end = max(rises, default=0) + 1
-    while len(points[:end]) < 2:  # a jump from rest that is held
+    while points[end - 1][0] == points[0][0]:  # a jump from rest, and what holds it
         end += 1
     return replace(loading, times="auto", **{way: points[:end]})  # type: ignore[arg-type]
 
