@@ -65,7 +65,8 @@ def _at_foot(part: Part, radius: float, a: float, nu: float) -> list[Corner]:
     r, z = next(side.end for side in part.outline if side.surface == "base")
     distance, is_bonded = min(r, -z), part.supports["base"] == "fixed"
     felt = CORNER_ERROR * (2 * nu) ** 2 * exp(-FADING * max((r - a) / part.height - BESIDE, 0.0)) if is_bonded else 0.0
-    share = max(felt, NOTCH if part.height > radius else 0.0) * min(a / distance, 1.0)
+    wide = max(a, -min(part.interfaces, default=0.0))  # stiff skins hand on all that is less wide than they are thick
+    share = max(felt, NOTCH if part.height > radius else 0.0) * min(wide / distance, 1.0)
     return [Corner(rounded(r), -z, distance, share)] if share else []
 
 

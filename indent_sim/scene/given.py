@@ -60,7 +60,7 @@ Center = tuple[float, ...]  # horizontal position of the tip's axis [length]
 # than the second an element of linear pressure does not drain as a half-space does, and the force is up to 1.4 % low
 FIRST_STEP, DRAINS_ELEMENT = 1e-3, 6.0
 RAMP_STEPS = 8.0  # in which a bath comes at finite strain: no Newton step finds a sudden layer
-# Of the force, with PER_DOUBLING steps of each length; of second order in them. What rubs is known to less: an error
+# Of the force, with PER_DOUBLING steps of each length; of second order in them. What rubs is known to less: its error
 # bar is five times what half steps change
 FOLLOWED_TO, RUBS_TO = 0.004, 0.02
 PER_TIME = 20.0  # first steps of a piece in the shortest time of a relaxation

@@ -54,6 +54,8 @@ ACROSS = {2: (2.0, 30.0), 3: (2.0, 6.0)}  # elements in half the thickness of an
 # What the force feels of a missing part of an inclusion, at most; and elements in one with flat faces, which miss none
 # of it, times those in a round one. Measured for moduli of 1e-3 to 1e3 times the body's: 0.02 to 0.1 % at auto
 MOST_FELT, FLAT_INCLUSION_FACTOR = 0.25, 0.5
+PER_RIND = 4.0  # elements between it and the top of a cap or ball, which bends as a shell all around a soft inclusion:
+# 0.1 to 0.2 % of the force for 0.05 to 0.4 of the radius, beside the series of `test_layered_ball`
 INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides alone
 
 
@@ -246,7 +248,9 @@ def _elements_across(inclusion: Inclusion, given: Given, error: float) -> float:
     needed = (min(felt, MOST_FELT) / (4 * error)) ** 0.5
     needed *= 1.0 if inclusion.is_round(physics.part.dim) else FLAT_INCLUSION_FACTOR
     room = -inclusion.center[2] - inclusion.half(2)  # to the surface
-    return min(max(needed, inclusion.thinnest / room, few), many)
+    usual = min(max(needed, inclusion.thinnest / room, few), many)
+    rind = PER_RIND * (HEARD * AUTO / error) ** 0.5
+    return max(usual, rind * inclusion.thinnest / room) if physics.part.dome else usual
 
 
 def _refuse_lost(found: Sizes, given: Given, largest: float) -> None:

@@ -151,6 +151,23 @@ def test_accuracy_is_met_inside_error_bars(case: int, tmp_path: Path) -> None:
     assert abs(state.force - finest) <= 1.125 * state.force_error
 
 
+@pytest.mark.parametrize("t", [0.2, pytest.param(0.1, marks=pytest.mark.verify)])
+def test_a_stiff_skin_is_felt_at_the_edge_of_its_bond(t: float, tmp_path: Path) -> None:
+    """1000 times as stiff as the core it hands the force on to where a ball is bonded: 0.3 % of what elements 1e-5 long
+    there give (0.04 % found, 0.38 % without elements of their own), and 0.1 % where that is asked for, inside the
+    bar, to 0.02 %, what that reference knows."""
+    given = with_skins(BODIES["whole"], (t, 1000.0), output=QUIET)
+    base = resolve(from_mapping(given))
+    at = 1 / base.physics.scales.length
+    fine = coarser(base.sizes, 0.4, base.physics.part.height)
+    finest = force(dataclasses.replace(base, sizes=dataclasses.replace(fine, corners=((at, at),), h_corner=1e-5)))
+    assert force(base) == pytest.approx(finest, rel=3e-3)
+    config = from_mapping(given | {"accuracy": 0.001})
+    (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run").states
+    assert state.force_error is not None and state.force_error <= 1e-3 * state.force
+    assert abs(state.force - finest) <= state.force_error + 2e-4 * finest
+
+
 @pytest.mark.parametrize(
     "body", [BALL, *(pytest.param(body, marks=pytest.mark.verify) for body in BODIES.values() if body is not BALL)]
 )
