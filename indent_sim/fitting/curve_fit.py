@@ -47,7 +47,7 @@ from indent_sim.theory.solution import UNSOLVED
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
 BLURRED = 4.0  # medians of the change between samples: by less a depth behind a spring is noise
 WAY_IN = 0.01  # of the way: where a hold begins at the latest
-SAME_WAY, MOST_WAYS = 0.002, 4  # of the depth, as which a diffusivity goes: another way; how often it is followed
+SAME_WAY, MOST_FOLLOWED = 0.002, 4  # of the depth, as which a diffusivity goes: another way; how often it is followed
 SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
 BARELY_DEEPER = 1.01  # times the width, where the body has no more
 GRADES = 1.25  # ratio of the depths of tables, so that curves share them
@@ -173,7 +173,7 @@ def _followed(config: Config, request: Request, samples: Samples, tables: Tables
     depth = samples.x - compliance * force
     way_in = samples.where(np.arange(len(samples)) <= int(np.argmax(depth > depth.max() - WAY_IN * np.ptp(depth))))
     c, estimate = _first_touch(config, request, way_in, tables), None
-    for _ in range(MOST_WAYS):
+    for _ in range(MOST_FOLLOWED):
         way = way_of(samples.t, depth - c, blur)
         forces = tables.forces(config, request.keys, SOLVED_WIDTHS * way.deepest, way)
         estimate = fit(forces, samples, request.origin, near=estimate)

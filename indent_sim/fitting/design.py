@@ -18,7 +18,7 @@ from indent_sim.fitting.inference.estimate import BASELINE_KEPT, Estimate, Model
 from indent_sim.fitting.inference.noise import WHITE, Averaged
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, half_widths, tied
-from indent_sim.fitting.scene_curve.history_table import Way, remembers, way_of
+from indent_sim.fitting.scene_curve.history_table import MeasuredWay, remembers, way_of
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import number_at, with_numbers
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, relaxation_of
@@ -172,7 +172,7 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
     return _Measurement(config, forces, depth, x[:end], t[:end])
 
 
-def _way(config: Config) -> Way | None:
+def _way(config: Config) -> MeasuredWay | None:
     """The scene's own way, where the force depends on it as a whole."""
     path = config.loading.in_time
     if not remembers(config) or path is None:

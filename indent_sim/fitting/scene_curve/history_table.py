@@ -27,11 +27,11 @@ from indent_sim.scene.scene import resolve
 from indent_sim.theory.solution import UNSOLVED
 
 CORNER = 0.003  # of the deepest: by as much a measured way may miss its corners
-SHALLOW = 0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
-GRADED, SHORTEST = 40, 1e-4  # times in every piece of a way, from so much of its length on
-FINER = 2  # times shorter steps, by which those of a table are judged
-NODES, LOG_STEP, LINEAR_STEP = 4, 0.4, 0.05  # of the lattice: 3e-4 of the force of a draining layer
-LARGEST_NU = 0.45  # of a body that drains, whose diffusivity loses its sense at 0.5
+SHALLOW_CONTACT = 0.05  # of the deepest: contacts of few elements, whose G is taken from deeper ones
+TIMES_OF_PIECE, EARLIEST = 40, 1e-4  # times in every piece of a way, from so much of its length on
+JUDGED_FINER = 2  # times shorter steps, by which those of a table are judged
+RUN_NODES, LOG_RUN_STEP, LINEAR_RUN_STEP = 4, 0.4, 0.05  # of the lattice: 3e-4 of the force of a draining layer
+LARGEST_DRAINED_NU = 0.45  # of a body that drains, whose diffusivity loses its sense at 0.5
 
 
 def remembers(config: Config) -> bool:
@@ -43,7 +43,7 @@ def remembers(config: Config) -> bool:
 
 
 @dataclass(frozen=True)
-class Way:
+class MeasuredWay:
     """The way of the tip from first touch on: corners (t [s], delta [length]), straight between them."""
 
     corners: tuple[tuple[float, float], ...]
@@ -57,11 +57,11 @@ class Way:
     def times(self) -> np.ndarray:
         """Times (n,) at which a smooth force is known well by its values: graded after every corner."""
         t = np.unique([t for t, _ in self.corners])
-        share = np.geomspace(SHORTEST, 1.0, GRADED)
+        share = np.geomspace(EARLIEST, 1.0, TIMES_OF_PIECE)
         return np.unique(np.concatenate([t[:1], *(a + (b - a) * share for a, b in itertools.pairwise(t.tolist()))]))
 
 
-def way_of(t: np.ndarray, delta: np.ndarray, blur: float = 0.0) -> Way:
+def way_of(t: np.ndarray, delta: np.ndarray, blur: float = 0.0) -> MeasuredWay:
     """The way through samples at times (n,) and depths (n,), of which those before first touch are < 0.
 
     Its corners are those of Douglas and Peucker that miss no sample by 0.3 % of the deepest, or by `blur` [length].
@@ -82,7 +82,7 @@ def way_of(t: np.ndarray, delta: np.ndarray, blur: float = 0.0) -> Way:
             kept.add(k)
             open_pieces += [(i, k), (k, j)]
     corners = [(float(t[k]), float(delta[k])) for k in sorted(kept)]
-    return Way(tuple([*begin, *corners[1:]]))
+    return MeasuredWay(tuple([*begin, *corners[1:]]))
 
 
 def touched(t: np.ndarray, delta: np.ndarray) -> float:
@@ -100,13 +100,13 @@ class HistoryTable:
     power: the exponent p of the depth. NoTable where the scene has no solution along the way.
     """
 
-    def __init__(self, config: Config, shape: Sequence[Parameter], way: Way, power: float):
+    def __init__(self, config: Config, shape: Sequence[Parameter], way: MeasuredWay, power: float):
         self.way, self.power = way, power
 
         def solve(scene: Config) -> np.ndarray:
             return _gains(scene, way, power)
 
-        self.lattice = Lattice(config, [_spaced(one) for one in shape], solve(config), solve, NODES)
+        self.lattice = Lattice(config, [_spaced(one) for one in shape], solve(config), solve, RUN_NODES)
 
     def gain(self, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
         """G [force/length^p] at times (n,) after first touch, at coordinates of the shape parameters."""
@@ -116,7 +116,7 @@ class HistoryTable:
     def missed(self, scene: Config, theta: Sequence[float], t: np.ndarray) -> np.ndarray:
         """What G lacks of a run of the scene, which has these coordinates, in steps of half the length."""
         known = self.way.times
-        off = _gains(scene, self.way, self.power, FINER) - self.lattice.at(theta)
+        off = _gains(scene, self.way, self.power, JUDGED_FINER) - self.lattice.at(theta)
         return np.interp(t, known, off)
 
     @property
@@ -129,11 +129,11 @@ class HistoryTable:
 def _spaced(parameter: Parameter) -> Parameter:
     """A parameter on the lattice of runs."""
     if not parameter.is_linear:
-        return replace(parameter, step=LOG_STEP)
-    return replace(parameter, step=LINEAR_STEP, high=min(parameter.high, LARGEST_NU))
+        return replace(parameter, step=LOG_RUN_STEP)
+    return replace(parameter, step=LINEAR_RUN_STEP, high=min(parameter.high, LARGEST_DRAINED_NU))
 
 
-def _gains(config: Config, way: Way, power: float, finer: int = 1) -> np.ndarray:
+def _gains(config: Config, way: MeasuredWay, power: float, finer: int = 1) -> np.ndarray:
     """G at the way's times, of a run in steps that are so many times shorter."""
     document: dict[str, Any] = to_mapping(config)
     document.pop("experiment", None)
@@ -147,7 +147,7 @@ def _gains(config: Config, way: Way, power: float, finer: int = 1) -> np.ndarray
     if not found or not found[-1].converged:
         raise NoTable(f"the measured way was not followed: {found[-1].reason if found else 'no row'}")
     t, delta, force = np.array([(one.t, one.delta, one.force) for one in found], dtype=float).T
-    used = delta > SHALLOW * way.deepest
+    used = delta > SHALLOW_CONTACT * way.deepest
     used[:-1] &= np.diff(t) > 0  # of a jump the row after it
     known = way.times
     return _smooth(t[used], force[used] / delta[used] ** power, np.clip(known, t[used][0], t[used][-1]))

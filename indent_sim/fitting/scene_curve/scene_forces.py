@@ -19,7 +19,7 @@ from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
 from indent_sim.fitting.scene_curve.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_scene
-from indent_sim.fitting.scene_curve.history_table import HistoryTable, Way, remembers, touched
+from indent_sim.fitting.scene_curve.history_table import HistoryTable, MeasuredWay, remembers, touched
 from indent_sim.fitting.scene_curve.lattice import NoTable
 from indent_sim.fitting.scene_curve.parameters import (
     EXPONENTS,
@@ -64,7 +64,7 @@ class SceneForces:
     relaxes in shear. ConfigError for a scene that cannot exist, NoTable for one without a solution.
     """
 
-    def __init__(self, config: Config, keys: Sequence[str], deepest: float, way: Way | None = None):
+    def __init__(self, config: Config, keys: Sequence[str], deepest: float, way: MeasuredWay | None = None):
         self.config, self.keys, self.deepest = config, tuple(keys), deepest
         self.parameters = parameters_of(config, keys, deepest)
         self.experiment = config.experiment or Experiment()
@@ -221,7 +221,9 @@ class SceneForces:
         return force
 
 
-def _history(config: Config, shape: Sequence[Parameter], way: Way | None, elastic: ElasticTable) -> HistoryTable:
+def _history(
+    config: Config, shape: Sequence[Parameter], way: MeasuredWay | None, elastic: ElasticTable
+) -> HistoryTable:
     """The table along a way, with the exponent of the elastic force at its deepest."""
     if config.experiment and config.experiment.adhesion:
         raise ConfigError("experiment.adhesion", "a fit does not follow a tip that adheres in time", "leave it out")
@@ -300,9 +302,11 @@ class Tables:
     """The forces of scenes to some depths, made once for all curves that share them."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, tuple[str, ...], float, Way | None], SceneForces] = {}
+        self._known: dict[tuple[str, tuple[str, ...], float, MeasuredWay | None], SceneForces] = {}
 
-    def forces(self, config: Config, keys: tuple[str, ...], deepest: float, way: Way | None = None) -> SceneForces:
+    def forces(
+        self, config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None = None
+    ) -> SceneForces:
         """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
         name = to_yaml(config), keys, deepest, way
         if name not in self._known:
@@ -312,7 +316,7 @@ class Tables:
         return self._known[name]
 
 
-def _new(config: Config, keys: tuple[str, ...], deepest: float, way: Way | None) -> SceneForces:
+def _new(config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None) -> SceneForces:
     for key in keys:
         number_at(config, key)
     try:

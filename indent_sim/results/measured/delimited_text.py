@@ -17,7 +17,7 @@ from indent_sim.results.measured.measurement import DIMENSIONS, Measured, NoCurv
 
 HEAD_LINES = 2000  # in which the first line of numbers is looked for
 LONGEST_LINE = 100_000  # letters
-BLOCK = 1_000_000  # letters that are taken apart at once: as lists of cells they fill some hundred megabytes
+BLOCK_LETTERS = 1_000_000  # letters that are taken apart at once: as lists of cells they fill some hundred megabytes
 MOST_UNKNOWN = 0.5  # share of rows that may lack depth or force
 LARGEST_MEASURED = 1e100  # of a measurement, whatever its unit
 TITLES = {
@@ -257,7 +257,7 @@ def _blocks(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
     for _ in range(layout.first):
         begin = text.index("\n", begin) + 1
     while begin < len(text):
-        end = text.find("\n", begin + BLOCK) + 1 or len(text)
+        end = text.find("\n", begin + BLOCK_LETTERS) + 1 or len(text)
         yield number, text[begin:end]
         number += text.count("\n", begin, end)
         begin = end

@@ -12,7 +12,7 @@ from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.fitting.curve_fit import Request, fit_curve
 from indent_sim.fitting.inference.estimate import Origin, Samples, fit
 from indent_sim.fitting.inference.noise import WHITE
-from indent_sim.fitting.scene_curve.history_table import Way, way_of
+from indent_sim.fitting.scene_curve.history_table import MeasuredWay, way_of
 from indent_sim.fitting.scene_curve.parameters import pressures
 from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 from indent_sim.process.errors import ConfigError
@@ -22,7 +22,7 @@ from indent_sim.scene.scene import resolve
 
 E, D = "material.E", "material.flow.diffusivity"
 DEPTH, RAMP, END = 0.05, 0.1, 3.0
-WAY = Way(((0.0, 0.0), (RAMP, DEPTH), (END, DEPTH)))
+WAY = MeasuredWay(((0.0, 0.0), (RAMP, DEPTH), (END, DEPTH)))
 POROUS = {"model": "linear_elastic", "E": 1.0, "nu": 0.2, "flow": {"diffusivity": 0.1}}
 T = np.linspace(-0.1, END, 500)
 GRADED = np.concatenate([np.linspace(0.005, RAMP, 20), RAMP + np.geomspace(1e-4, END - RAMP, 80)])
