@@ -167,12 +167,14 @@ def requirements(found: Requirements, width: int = 120) -> str:
 
 def curve_requirements(found: CurveRequirements, width: int = 120) -> str:
     """What a curve says of the scene and of other models beside it, and what the scene requires at its depth."""
-    from indent_sim.fitting.curve_fit import said
+    from indent_sim.fitting.curve_fit import ENDS, said
+    from indent_sim.fitting.inference.verdict import Interval
 
     key, config, against = found.key, found.config, " and ".join(found.entry["cause"])
 
     def row(name: str, verdict: str, one: Mapping[str, Any], added: Mapping[str, float]) -> list[str]:
-        value, low, high = (said(key, config, one[end], one["value"]) for end in ("value", "low", "high"))
+        stated = Interval(*(one[end] for end in ENDS))
+        value, low, high = (said(key, config, one[end], stated) for end in ENDS)
         beside = ", ".join(f"{other} = {said(other, config, number)}" for other, number in added.items())
         return [name, value, f"{low} to {high}", verdict, beside]
 
@@ -201,7 +203,7 @@ def _intervals(parameters: Mapping[str, Interval], config: Config) -> list[str]:
         if not one.high < NOT_KNOWN * max(one.low, 1e-300):
             return "not known"
         half = f" (±{50 * (one.high - one.low) / one.value:.2g} %)" if one.value else ""
-        return f"{said(key, config, one.low, one.value)} to {said(key, config, one.high, one.value)}{half}"
+        return f"{said(key, config, one.low, one)} to {said(key, config, one.high, one)}{half}"
 
     return [told(key, one) for key, one in parameters.items()]
 

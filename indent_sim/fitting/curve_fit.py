@@ -12,18 +12,30 @@ from typing import Any, Literal
 import numpy as np
 
 from indent_sim.config.quantities import size_of
-from indent_sim.config.scene_file import to_mapping
+from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config, spot_at
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import NoTable, elastic_scene, solved
 from indent_sim.fitting.inference import models
-from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Samples, far_level, fit, refuse_hopeless
+from indent_sim.fitting.inference.estimate import (
+    Estimate,
+    Model,
+    Origin,
+    Refused,
+    Samples,
+    beginnings,
+    far_level,
+    fit,
+    refuse_hopeless,
+)
 from indent_sim.fitting.inference.models import Other, with_experiment
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.parameters import SPRINGS, number_at, with_numbers
-from indent_sim.fitting.scene_forces import SceneForces, Tables
+from indent_sim.fitting.scene_curve.elastic_table import at_once, elastic_scene, solved
+from indent_sim.fitting.scene_curve.history_table import remembers, touched, way_of
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import SPRINGS, number_at, pressures, with_numbers
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, is_in_time
 from indent_sim.model.units import PRESSURE, Unit, unit_of
 from indent_sim.process.errors import ConfigError
 from indent_sim.results.measured.measurement import Measured, NoCurve, Part
@@ -33,12 +45,20 @@ from indent_sim.run.readings import hertz_force
 from indent_sim.theory.solution import UNSOLVED
 
 CONTACT_RISE = 0.02  # of the rise: where the contact begins at the latest
+BLURRED = 4.0  # medians of the change between samples: by less a depth behind a spring is noise
+WAY_IN = 0.01  # of the way: where a hold begins at the latest
+SAME_WAY, MOST_FOLLOWED = 0.002, 4  # of the depth, as which a diffusivity goes: another way; how often it is followed
 SOLVED_WIDTHS = 1.3  # times the width of the contact: what is solved
 BARELY_DEEPER = 1.01  # times the width, where the body has no more
 GRADES = 1.25  # ratio of the depths of tables, so that curves share them
 LEAST_DEPTH = 0.05  # of the width of a contact on a soft spring
 MEANS, HERTZ_POINTS = 200, 200
 R_VARIATION = 0.05  # for the exponent of the force
+STEEP_BASELINE = 0.5  # of the rise, along the samples: more is hardly a baseline
+IN_CONTACT = (
+    "a curve that begins in contact has none, and its modulus is wrong; --no-slope, --contact-point say what is known"
+)
+DIGITS, MOST_DIGITS = 4, 10  # of numbers in words
 ENDS = ("value", "low", "high")  # of an interval in fit.json
 Models = Literal["needed", "all"]
 NUMBERS = (ArithmeticError, ValueError, np.linalg.LinAlgError)
@@ -58,12 +78,13 @@ class Request:
 @dataclass(frozen=True)
 class Drawn:
     """What a picture and the curve's table show: depth, force off the baseline and the fit, each (n,); `named`: the
-    fits of other models by name."""
+    fits of other models by name; t: times from first touch on [s], where the scene's force depends on them."""
 
     delta: np.ndarray
     force: np.ndarray
     fit: np.ndarray
     named: dict[str, np.ndarray] = field(default_factory=dict)
+    t: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -124,16 +145,64 @@ def _units(config: Config) -> dict[str, str]:
 def _fitted(curve: Measured, request: Request, tables: Tables, began: float) -> CurveFit:
     config, samples, notes = _prepared(curve, request)
     refuse_hopeless(samples)
+    if is_in_time(config) and samples.t is None:
+        raise NoCurve("no column of time, which a scene that relaxes or drains needs")
+    follow = _followed if remembers(config) else _estimated
+    estimate = follow(config, request, samples, tables)
+    verdict = _judged(profiled(estimate), config, request.models, tables)
+    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
+
+
+def _estimated(config: Config, request: Request, samples: Samples, tables: Tables) -> Estimate:
+    """The estimate of a scene, solved as deep as the curve turns out to be."""
     forces = _forces(config, request.keys, samples, tables)
-    if forces.relaxes and samples.t is None:
-        raise NoCurve("no column of time, which a scene that relaxes needs")
     estimate = fit(forces, samples, request.origin)
     deep = _depth_of(estimate)
     if deep > forces.deepest:
-        forces = tables.forces(config, request.keys, SOLVED_WIDTHS * deep)
-        estimate = fit(forces, samples, request.origin)
-    verdict = _judged(profiled(estimate), config, request.models, tables)
-    return CurveFit(_entry(curve.name, verdict, config, (*curve.notes, *notes), began), _drawn(verdict))
+        estimate = fit(tables.forces(config, request.keys, SOLVED_WIDTHS * deep), samples, request.origin)
+    return estimate
+
+
+def _followed(config: Config, request: Request, samples: Samples, tables: Tables) -> Estimate:
+    """The estimate of a scene with a memory, run along the measured way from first touch on: that of an elastic body
+    first, and again where the fit has moved it."""
+    assert samples.t is not None
+    compliance = config.experiment.compliance if config.experiment else 0.0
+    force = samples.force - far_level(samples)
+    blur = BLURRED * compliance * float(np.median(np.abs(np.diff(force))))  # of depths behind a spring
+    depth = samples.x - compliance * force
+    way_in = samples.where(np.arange(len(samples)) <= int(np.argmax(depth > depth.max() - WAY_IN * np.ptp(depth))))
+    c, estimate = _first_touch(config, request, way_in, tables), None
+    for _ in range(MOST_FOLLOWED):
+        way = way_of(samples.t, depth - c, blur)
+        forces = tables.forces(config, request.keys, SOLVED_WIDTHS * way.deepest, way)
+        estimate = fit(forces, samples, request.origin, near=estimate)
+        moved, c = abs(estimate.contact_point - c), estimate.contact_point
+        if moved < SAME_WAY * way.deepest and not blur:
+            break
+        if compliance:  # the spring gives by the force that was fitted, which has no noise
+            depth, blur = samples.x - compliance * forces(estimate.theta, samples.x - c, samples.t), 0.0
+    assert estimate is not None
+    return estimate
+
+
+def _first_touch(config: Config, request: Request, way_in: Samples, tables: Tables) -> float:
+    """The contact point of an elastic body on the way in, of a free first modulus; Refused where there is none."""
+    if request.origin.contact_point is not None:
+        return request.origin.contact_point
+    elastic = _forces(_elastic(config, _width(way_in, config)), (pressures(config)[0],), way_in, tables)
+    starts = beginnings(elastic, way_in, request.origin)
+    if not starts:
+        raise Refused("no contact: the force does not rise with the depth")
+    p, _ = Model(elastic, way_in, request.origin).fitted(starts[0])
+    return float(p[-3])
+
+
+def _elastic(config: Config, depth: float) -> Config:
+    """The same scene of matter without a memory, behind the same spring, pressed to a depth."""
+    held = to_mapping(config).get("experiment")
+    document = to_mapping(at_once(config, depth))
+    return from_mapping(document | ({"experiment": held} if held else {}))
 
 
 def _prepared(curve: Measured, request: Request) -> tuple[Config, Samples, list[str]]:
@@ -310,20 +379,28 @@ def _warnings(verdict: Verdict) -> list[str]:
     estimate = verdict.estimate
     parameters = estimate.model.forces.parameters
     told = [f"{one.key} is at the end of its range" for k, one in enumerate(parameters) if estimate.at_bound(k)]
+    if estimate.p[-1] > STEEP_BASELINE * estimate.rise:
+        told.append(f"the baseline rises by {100 * estimate.p[-1] / estimate.rise:.0f} % of the force: {IN_CONTACT}")
     error, sd = estimate.model.forces.error, estimate.sd[: len(parameters)]
     if len(sd) and error > 0.65 * float(np.min(sd[sd > 0], initial=np.inf)):  # a third of 1.96 sd
         told.append(f"the mesh is off by {100 * error:.2g} %, more than a third of the noise: a finer mesh tells more")
     return told
 
 
-def said(key: str, config: Config, value: float, beside: float | None = None) -> str:
-    """A value of a key with its unit, where the scene has units: of the size of another one that stands beside it."""
-    kind = kind_of(config, key)
+def said(key: str, config: Config, value: float, beside: Interval | None = None) -> str:
+    """A value of a key with its unit, where the scene has units: of the size of an interval that it stands beside, with
+    the digits that tell its ends apart."""
+    kind, digits = kind_of(config, key), _digits(beside) if beside else DIGITS
     if kind is None:
-        return f"{value:.4g}"
-    return scaled(
-        kind, [Results(Path(), {}, {"units": _units(config)})], np.array([value if beside is None else beside]), key
-    ).said(value)
+        return f"{value:.{digits}g}"
+    runs = [Results(Path(), {}, {"units": _units(config)})]
+    return scaled(kind, runs, np.array([beside.value if beside else value]), key).said(value, digits)
+
+
+def _digits(stated: Interval) -> int:
+    """Two of the width of an interval, four at least."""
+    width = (stated.high - stated.low) / max(abs(stated.high), abs(stated.low), 1e-300)
+    return min(max(DIGITS, 2 - math.floor(math.log10(width))), MOST_DIGITS) if 0 < width < math.inf else DIGITS
 
 
 def kind_of(config: Config, key: str) -> str | None:
@@ -352,7 +429,7 @@ def in_short(entry: Mapping[str, Any], config: Config) -> str:
 
 def in_words(key: str, config: Config, stated: Interval) -> str:
     """A key's value and interval with their unit."""
-    value, low, high = (said(key, config, number, stated.value) for number in (stated.value, stated.low, stated.high))
+    value, low, high = (said(key, config, number, stated) for number in (stated.value, stated.low, stated.high))
     return f"{key.rpartition('.')[2]} = {value}, 95 % in {low} to {high}"
 
 
@@ -377,7 +454,9 @@ def _drawn(verdict: Verdict) -> Drawn:
     for one in verdict.named:
         other = one.estimate
         named[one.name] = other.model.contact(other.p) + other.model.baseline(other.p) - baseline
-    return Drawn(delta, model.samples.force - baseline, fitted, named)
+    t = model.samples.t
+    from_touch = t - touched(t, delta) if t is not None and model.forces.relaxes else None
+    return Drawn(delta, model.samples.force - baseline, fitted, named, from_touch)
 
 
 def request_words(request: Request) -> Mapping[str, Any]:

@@ -14,13 +14,14 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import BARELY_DEEPER, SOLVED_WIDTHS, in_words, relative_calibration
-from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.inference.estimate import BASELINE_KEPT, Estimate, Model, Samples, deviation
 from indent_sim.fitting.inference.noise import WHITE, Averaged
 from indent_sim.fitting.inference.profile_likelihood import profiled
 from indent_sim.fitting.inference.verdict import Interval, Verdict, half_widths, tied
-from indent_sim.fitting.parameters import number_at, with_numbers
-from indent_sim.fitting.scene_forces import SceneForces, Tables, relaxation_of
+from indent_sim.fitting.scene_curve.history_table import MeasuredWay, remembers, way_of
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import number_at, with_numbers
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables, relaxation_of
 from indent_sim.process.errors import ConfigError, NotConverged
 from indent_sim.scene.scene import resolve
 
@@ -158,17 +159,28 @@ def _measurement(config: Config, keys: tuple[str, ...], tables: Tables) -> _Meas
     depth = max(physics.deltas) * physics.scales.depth
     if not depth > 0:
         raise ConfigError("loading", "the tip never touches the body", "give loading.delta > 0")
+    way, path = _way(config), config.loading.in_time
     try:
-        forces = tables.forces(config, keys, SOLVED_WIDTHS * depth)
+        forces = tables.forces(config, keys, SOLVED_WIDTHS * depth, way)
     except (ConfigError, NoTable):
-        forces = tables.forces(config, keys, BARELY_DEEPER * depth)
-    path = config.loading.in_time
+        forces = tables.forces(config, keys, BARELY_DEEPER * depth, way)
     if path is None:
         top = depth + forces.experiment.compliance * float(forces.rigid(forces.start)(np.array([depth]))[0])
         return _Measurement(config, forces, depth, np.array([0.0, top]), np.array([0.0, 1.0]))
     t, x = np.array(path.from_rest).T
     end = int(np.flatnonzero(x == x.max())[-1]) + 1
     return _Measurement(config, forces, depth, x[:end], t[:end])
+
+
+def _way(config: Config) -> MeasuredWay | None:
+    """The scene's own way, where the force depends on it as a whole."""
+    path = config.loading.in_time
+    if not remembers(config) or path is None:
+        return None
+    if config.experiment and config.experiment.compliance:
+        raise ConfigError("experiment", "a design of matter with a memory follows the tip", "leave the spring out")
+    t, delta = np.array(path.from_rest).T
+    return way_of(t, delta)
 
 
 def _verdict(measurement: _Measurement, estimate: Estimate) -> Verdict:

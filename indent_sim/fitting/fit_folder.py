@@ -18,8 +18,8 @@ from typing import Any
 
 from indent_sim.fitting import fit_table
 from indent_sim.fitting.curve_fit import CurveFit, Request, fit_curve, newtons_per_metre, refused, request_words
-from indent_sim.fitting.parameters import number_at
-from indent_sim.fitting.scene_forces import Tables
+from indent_sim.fitting.scene_curve.parameters import number_at
+from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import BackendError, ConfigError, NotConverged, UsageError
 from indent_sim.process.forked import Crash, Forked
 from indent_sim.process.limits import unwritable

@@ -11,6 +11,7 @@ import numpy as np
 
 from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import CurveFit, in_short, kind_of
+from indent_sim.results.measured.measurement import parts_of
 from indent_sim.results.pictures import canvas
 from indent_sim.results.pictures.axes import Axis, in_picture, scaled
 from indent_sim.results.pictures.canvas import COLOURS, GREY, INK, Axes, Figure, Look
@@ -37,7 +38,8 @@ def pictured(fit: CurveFit, config: Config) -> Iterator[Figure]:
         _forces(panels["force"], panels["residual"], fit, config)
         keys = list(fit.entry["parameters"])
         if keys:
-            _windows(panels["window"], fit.entry, keys[0], _axis_of(config, keys[0], [fit.entry]))
+            used = "depth" if fit.drawn.t is None else "time in contact"
+            _windows(panels["window"], fit.entry, keys[0], _axis_of(config, keys[0], [fit.entry]), used)
         canvas.head(figure, in_picture(fit.name), in_short(fit.entry, config))
         yield figure
 
@@ -81,13 +83,15 @@ def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
     depth = float(drawn.delta.max())
     shown = drawn.delta > -BASELINE * depth
     delta, force = labels("length", drawn.delta[shown], "depth δ"), labels("force", drawn.force[shown], "force F")
-    x = delta(drawn.delta[shown])
+    x, along = delta(drawn.delta[shown]), delta.label
+    if drawn.t is not None and _stays(drawn.delta[shown]):  # a hold is no line straight down
+        x, along = drawn.t[shown], "time t [s]"
     above.plot(x, force(drawn.force[shown]), label="measured", **GREY_POINTS)
     above.plot(x, force(drawn.fit[shown]), label="scene", **FITTED)
     for k, (name, other) in enumerate(drawn.named.items(), start=1):
         above.plot(x, force(other[shown]), label=f"{name} instead", color=COLOURS[k], ls="--", lw=1.2)
     above.set(ylabel=force.label)
-    above.legend(loc="upper left")
+    above.legend(loc="best")
     left = 100 * (drawn.force - drawn.fit)[shown] / max(float(np.abs(drawn.fit).max()), 1e-300)
     below.plot(x, left, **GREY_POINTS)
     size = max(1, len(left) // RESIDUAL_MEANS)
@@ -95,11 +99,16 @@ def _forces(above: Axes, below: Axes, fit: CurveFit, config: Config) -> None:
     means = (one[:whole].reshape(-1, size).mean(axis=1) for one in (x, left))
     below.plot(*means, color=INK, lw=1.0)
     below.axhline(0, color=GREY, lw=0.6)
-    below.set(xlabel=delta.label, ylabel="residual [%]")
+    below.set(xlabel=along, ylabel="residual [%]")
 
 
-def _windows(axes: Axes, entry: Entry, key: str, axis: Axis) -> None:
-    """The key of each window with its own interval over the stated one, named models beside them."""
+def _stays(delta: np.ndarray) -> bool:
+    """Whether a curve is held, or comes back."""
+    return set(parts_of(delta)) != {"approach"}
+
+
+def _windows(axes: Axes, entry: Entry, key: str, axis: Axis, used: str) -> None:
+    """The key of each window, of so much depth or time, with its own interval over the stated one, and named models."""
     stated, windows = entry["parameters"][key], entry["window"]
     axes.axhspan(float(axis(stated["low"])), float(axis(stated["high"])), color=COLOURS[0], alpha=0.15, lw=0)
     upper = [100 * window["upper"] for window in windows]
@@ -111,7 +120,7 @@ def _windows(axes: Axes, entry: Entry, key: str, axis: Axis) -> None:
             axes.errorbar([100 * OTHERS_AT], [place], bar, fmt="s", ms=4, lw=1.0, color=COLOURS[k], label=other["name"])
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="best")
-    axes.set(xlabel="depth used [%]", ylabel=axis.label)
+    axes.set(xlabel=f"{used} used [%]", ylabel=axis.label)
 
 
 def _shown(config: Config) -> Callable[[str, Any, str], Axis]:

@@ -16,6 +16,7 @@ from indent_sim.fitting import fit_picture
 from indent_sim.fitting.curve_fit import ENDS, CurveFit, said
 from indent_sim.fitting.fit_folder import CURVES_FOLDER, FIT_TABLE
 from indent_sim.fitting.fit_table import curve_of_table
+from indent_sim.fitting.inference.verdict import Interval
 from indent_sim.process.errors import IndentSimError, UsageError, printable
 from indent_sim.process.version import VERSION
 from indent_sim.results.folder import FIT, PROGRAM, content, read_report
@@ -67,7 +68,7 @@ def _numbers(entry: Entry, keys: Sequence[str], config: Config) -> list[tuple[st
     found = []
     for key in keys:
         stated = entry["parameters"][key]
-        value, low, high = (said(key, config, stated[end], stated["value"]) for end in ENDS)
+        value, low, high = (said(key, config, stated[end], Interval(*map(stated.get, ENDS))) for end in ENDS)
         found.append((key, f"{value} ({low} to {high})"))
     return found
 

@@ -57,10 +57,13 @@ def drift(entry: Entry, keys: Sequence[str]) -> float | str:
 
 def table_of_curve(drawn: Drawn) -> str:
     """curves/NAME.csv: depth from first touch, force without its baseline, the fit, what it leaves, and in a column
-    `fit_MODEL` each the fits of the models that are better."""
+    `fit_MODEL` each the fits of the models that are better; times `t` from first touch on where the force depends on
+    them."""
     columns = [drawn.delta, drawn.force, drawn.fit, drawn.force - drawn.fit, *drawn.named.values()]
+    columns += [drawn.t] if drawn.t is not None else []
     lines = (",".join(f"{float(value):.10g}" for value in row) for row in zip(*columns, strict=True))
-    return "\n".join([",".join([*DRAWN_COLUMNS, *(f"{OF_MODEL}{name}" for name in drawn.named)]), *lines, ""])
+    titles = [*DRAWN_COLUMNS, *(f"{OF_MODEL}{name}" for name in drawn.named), *(["t"] if drawn.t is not None else [])]
+    return "\n".join([",".join(titles), *lines, ""])
 
 
 def curve_of_table(text: str) -> Drawn:
@@ -70,4 +73,4 @@ def curve_of_table(text: str) -> Drawn:
         raise ValueError("not the table of a fitted curve")
     columns = dict(zip(head, np.array(rows, dtype=float).T, strict=True))
     named = {name.removeprefix(OF_MODEL): one for name, one in columns.items() if name.startswith(OF_MODEL)}
-    return Drawn(columns["delta"], columns["force"], columns["fit"], named)
+    return Drawn(columns["delta"], columns["force"], columns["fit"], named, columns.get("t"))

@@ -14,7 +14,7 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.curve_fit import ENDS, CurveFit, Models, Request, fit_curve
 from indent_sim.fitting.inference.estimate import Origin
 from indent_sim.fitting.inference.verdict import Interval
-from indent_sim.fitting.scene_forces import Tables
+from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import NotConverged, UsageError
 from indent_sim.results.measured.curve_file import read_measured
 from indent_sim.results.measured.measurement import Measured, Part, parts_of

@@ -21,6 +21,7 @@ from indent_sim.results.reader import (
     in_common_units,
     read,
     read_table,
+    report_of,
 )
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, WORD_COLUMNS
 
@@ -303,9 +304,7 @@ def _histories(paths: tuple[Path, Path], A: Table, B: Table) -> tuple[Table, Tab
 
 def _both(first: Path, second: Path) -> tuple[Table, Table]:
     """The two tables, measured curves in the units of the other."""
-    A, B = (_table(path) for path in (first, second))
-    one, other = (found if isinstance(found, Results) else Results(first, found) for found in (A, B))
-    one, other = in_common_units([one, other])
+    one, other = in_common_units([_table(path) for path in (first, second)])
     return _columns(one), _columns(other)
 
 
@@ -316,14 +315,15 @@ def _columns(results: Results) -> Table:
     return {name: column for name, column in results.table.items() if name not in ("step", "a")}
 
 
-def _table(path: Path) -> Table | Results:
+def _table(path: Path) -> Results:
     """A result or a measured curve, or the columns of a table of an experiment, under whatever name."""
     file = force_table(path)
     names = set(header_of(file))
     is_of_branches = "branch" in names and ("step" in names or {"z", "a"} <= names)
     if is_of_branches or "frequency" in names:
         found = read_table(file, (), words=WORD_COLUMNS)
-        return {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)} | found
+        rows = {"row": np.arange(1.0, len(next(iter(found.values()))) + 1)}
+        return Results(path, rows | found, report_of(path))
     return read(path)
 
 

@@ -136,7 +136,16 @@ def read(path: Path | str) -> Results:
         surface = read_table(path / SURFACE, tables.SURFACE_COLUMNS, tables.SURFACE_MAY_BE_EMPTY)
         known = np.isin(surface["step"], columns["step"])
         surface = {name: values[known] for name, values in surface.items()}
-    return Results(path, columns, checked_report(path), surface)
+    return Results(path, columns, report_of(path), surface)
+
+
+def report_of(path: Path) -> Report:
+    """The run.json of a result folder; of a force table by itself the units that the run.json beside it says."""
+    if path.is_dir():
+        return checked_report(path)
+    units = read_report(path.parent).get("units") if path.name == TABLE else None
+    is_known = isinstance(units, Mapping) and all(isinstance(one, str) for one in units.values())
+    return {"units": units} if is_known else {}
 
 
 def _is_result_table(path: Path) -> bool:

@@ -10,7 +10,7 @@ import pytest
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.notebook import fit
-from indent_sim.fitting.scene_forces import SceneForces
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 X = np.linspace(-0.1, 0.1, 300)
 THEORY = {"shape": "layer", "height": 1.0}

@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE, Averaged, Noise, averaged, inverse
-from indent_sim.fitting.scene_forces import SceneForces
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 FEWEST_POINTS, FEWEST_PUSHING = 30, 20
 SATURATED_SHARE, MOST_SATURATED = 0.02, 5  # of the points at the largest force
@@ -329,8 +329,9 @@ def refuse_hopeless(samples: Samples) -> None:
     n, force = len(samples), samples.force
     if n < FEWEST_POINTS:
         raise Refused(f"{n} points" if n != 1 else "1 point")
-    if not np.ptp(force) > 0 or not np.ptp(samples.x) > 0:
-        raise Refused("no contact: the force does not change")
+    for name, values in (("depth", samples.x), ("force", force)):
+        if not np.ptp(values) > 0:
+            raise Refused(f"no contact: the {name} does not change")
     most = int(np.count_nonzero(force >= force.max() - 1e-12 * np.ptp(force)))
     if most > max(SATURATED_SHARE * n, MOST_SATURATED):
         raise Refused(f"saturated: {most} points at the largest force")
@@ -403,22 +404,25 @@ def _begun(
     return best
 
 
-def fit(forces: SceneForces, samples: Samples, origin: Origin) -> Estimate:
-    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them."""
-    starts = beginnings(forces, samples, origin)
+def fit(forces: SceneForces, samples: Samples, origin: Origin, near: Estimate | None = None) -> Estimate:
+    """The best estimate of a scene's parameters on a curve; Refused with the reason where it tells nothing of them.
+
+    near: an estimate of almost the same forces on this curve, from which alone the fit begins.
+    """
+    few = Model(forces, samples.means(MOST_PILOT), origin)
+    starts = beginnings(forces, samples, origin) if near is None else [rebased(near.model, few, near.p)]
     if not starts:
         other = Samples(samples.x, -samples.force, samples.t)
         turned = " (it falls: one that pushes in counts > 0)" if beginnings(forces, other, origin) else ""
         raise Refused(f"no contact: the force does not rise with the depth{turned}")
-    few = Model(forces, samples.means(MOST_PILOT), origin)
     followed = [_followed(few, start) for start in starts]
     best = min((one for one in followed if one), key=lambda one: one[1], default=None)
     if best is None:
         raise Refused("no contact: no fit was found")
-    near = nearby(samples, float(best[0][len(forces.parameters)]))
-    if len(near) < FEWEST_POINTS:
-        raise Refused(f"no contact: {len(near)} points in contact")
-    model = Model(forces, near, origin)
+    close = nearby(samples, float(best[0][len(forces.parameters)]))
+    if len(close) < FEWEST_POINTS:
+        raise Refused(f"no contact: {len(close)} points in contact")
+    model = Model(forces, close, origin)
     estimate = estimated(model, rebased(few, model, best[0]))
     _refuse_weak(estimate)
     return estimate

@@ -11,11 +11,11 @@ import numpy as np
 
 from indent_sim.config.scene_file import from_mapping, to_mapping, varied
 from indent_sim.config.schema import Config
-from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.inference.estimate import Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.inference.noise import f_test
-from indent_sim.fitting.parameters import WORK
-from indent_sim.fitting.scene_forces import SceneForces, Tables
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import WORK
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 from indent_sim.model.body import HalfSpace, InfiniteLayer
 from indent_sim.process.errors import IndentSimError
 

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.inference.estimate import Estimate, deviation
 from indent_sim.fitting.inference.noise import NORMAL_95
+from indent_sim.fitting.scene_curve.lattice import NoTable
 
 WIDE = 0.2  # half width of a coordinate from which on a parabola is not enough
 VALUES, LAST_VALUE = 7, 3.0  # on each side, and how far the last is, in averaged deviations

@@ -21,8 +21,10 @@ from indent_sim.fitting.inference.windows import Window
 COSINES, BEFORE = 8, 0.35  # that a shape is looked for with, from so many depths before contact on
 NEAR_CONTACT = 0.2  # depths before first touch that are no baseline
 FEWEST_BEFORE_CONTACT, LEAST_EFFECTIVE = 40, 8.0  # points before contact, of a baseline that tells its noise
-SUSPECT_SHAPE, SUSPECT_POWER, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 1e-2, 2.5, 1e-3  # where other models are asked
+# Where other models are asked
+SUSPECT_SHAPE, SUSPECT_POWER, SUSPECT_SNAP, SUSPECT_Z, SUSPECT_BASELINE = 1e-2, 1e-2, 1e-3, 2.5, 1e-3
 WRONG_SHAPE, WRONG_Z, WRONG_BASELINE, NAMED = 1e-3, 3.5, 1e-4, 1e-3  # where the scene does not explain the curve
+MEDIAN_TO_DEVIATION = 1.4826  # of normal numbers
 NEGLIGIBLE = 1e-5  # of the largest force: residuals that say nothing
 UNKNOWN_FACTOR = 3.0  # an interval beyond it is none
 
@@ -125,17 +127,20 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Bends:
-    """Probabilities that the residuals bend so by accident: in any shape, and along another power of the depth."""
+    """Probabilities that the residuals bend so by accident: in any shape, along another power of the depth, and in a
+    fall between two samples, as where a tip snaps in."""
 
     shape: float
     power: float
+    snap: float
 
 
 def is_suspect(windows: Sequence[Window], bends: Bends, p_baseline: float | None) -> bool:
     """Whether other models are worth asking."""
     moves = any(np.any(np.abs(window.z) > SUSPECT_Z) for window in windows)
     noisy = p_baseline is not None and p_baseline < SUSPECT_BASELINE
-    return moves or noisy or bends.shape < SUSPECT_SHAPE or bends.power < SUSPECT_POWER
+    bent = bends.shape < SUSPECT_SHAPE or bends.power < SUSPECT_POWER or bends.snap < SUSPECT_SNAP
+    return moves or noisy or bent
 
 
 def bends_of(estimate: Estimate) -> Bends:
@@ -153,7 +158,20 @@ def bends_of(estimate: Estimate) -> Bends:
     waves = np.column_stack([np.where(x >= begin, np.cos(np.pi * k * u), 0.0) for k in range(1, COSINES + 1)])
     beside = averaged(np.column_stack([J, waves]), r).likeliest
     shape = max(gain(J, waves, r, noise) for noise in {beside, estimate.found.likeliest})
-    return Bends(shape, gain(J, _along_power(model, p)[:, None], r, beside))
+    snap = 1.0 if model.forces.adheres else _snap(model.samples.force[np.argsort(x, kind="stable")])
+    return Bends(shape, gain(J, _along_power(model, p)[:, None], r, beside), snap)
+
+
+def _snap(force: np.ndarray) -> float:
+    """The probability of the largest fall between two samples (n,) in order of depth, their median being that of noise.
+
+    Slow noise, which hides the attraction before and after it, does not hide the fall itself.
+    """
+    changes = np.diff(force)
+    deviation = MEDIAN_TO_DEVIATION * float(np.median(np.abs(changes)))
+    if not deviation > 0:  # a curve of few digits, or none at all
+        return 1.0
+    return min(1.0, 0.5 * len(changes) * math.erfc(-float(changes.min()) / deviation / math.sqrt(2.0)))
 
 
 def _along_power(model: Model, p: np.ndarray) -> np.ndarray:
@@ -196,7 +214,10 @@ def shifted(estimate: Estimate, change: np.ndarray) -> np.ndarray:
 
 
 def half_widths(estimate: Estimate, mesh: float, calibration: float) -> tuple[float, ...]:
-    """What a relative error of the force, from the mesh and from calibration at one standard deviation, adds."""
-    force = estimate.model.contact(estimate.p)
+    """What a relative error of the force, from the mesh and from calibration at one standard deviation, adds, and what
+    its steps in time miss."""
+    force, model = estimate.model.contact(estimate.p), estimate.model
     of = shifted(estimate, math.hypot(mesh, NORMAL_95 * calibration) * force)
-    return tuple(of.tolist())
+    samples = model.samples
+    of_steps = shifted(estimate, model.forces.missed(estimate.theta, samples.x - estimate.contact_point, samples.t))
+    return tuple(np.hypot(of, of_steps).tolist())

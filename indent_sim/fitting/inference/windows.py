@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from indent_sim.fitting.elastic_table import NoTable
 from indent_sim.fitting.inference.estimate import FEWEST_PUSHING, Estimate, Model, averaged_at, rebased
 from indent_sim.fitting.inference.noise import NORMAL_95
+from indent_sim.fitting.scene_curve.lattice import NoTable
 
 WINDOW_DEPTHS = (0.5, 0.6, 0.7, 0.8, 0.9)  # of the depth
 LEAST_DEVIATION = 0.1  # of the window's own: of its difference to the whole

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from indent_sim.results.measured.measurement import DIMENSIONS, Measured, NoCurv
 
 HEAD_LINES = 2000  # in which the first line of numbers is looked for
 LONGEST_LINE = 100_000  # letters
+BLOCK_LETTERS = 1_000_000  # letters that are taken apart at once: as lists of cells they fill some hundred megabytes
 MOST_UNKNOWN = 0.5  # share of rows that may lack depth or force
 LARGEST_MEASURED = 1e100  # of a measurement, whatever its unit
 TITLES = {
@@ -93,15 +94,22 @@ def read_text(
 def _decoded(data: bytes) -> str:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
-            return data.decode("utf-16")
+            return _plain(data.decode("utf-16"))
         except UnicodeDecodeError:
             raise NoCurve("neither text nor a known AFM file") from None
     if b"\0" in data[:100_000]:
         raise NoCurve("neither text nor a known AFM file")
     try:
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")
+        text = data.decode("latin-1")
+    return _plain(text)
+
+
+def _plain(text: str) -> str:
+    """The text with lines that end in one way, and with the minus that a computer reads."""
+    text = text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+    return text.replace("\N{MINUS SIGN}", "-")
 
 
 def _layout(text: str) -> _Layout:
@@ -115,7 +123,7 @@ def _layout(text: str) -> _Layout:
     decimal = "," if separator != "," and "," in middle else "."
     shape = _Layout(separator, decimal, (), 0, 0)
     width = len(shape.cells(middle))
-    head = text[: HEAD_LINES * 200].splitlines()[:HEAD_LINES]
+    head = text[: HEAD_LINES * 200].split("\n")[:HEAD_LINES]
     first = next((k for k, line in enumerate(head) if _is_row(shape, line, width)), None)
     if first is None:
         raise NoCurve("no line of numbers")
@@ -126,7 +134,7 @@ def _middle(text: str) -> str:
     """The line in the middle of the text that is not blank nor a comment."""
     begin = text.rfind("\n", 0, len(text) // 2) + 1
     for start in (begin, 0):
-        for line in text[start : start + 10 * LONGEST_LINE].splitlines():
+        for line in text[start : start + 10 * LONGEST_LINE].split("\n"):
             if line.strip() and line.lstrip()[0] not in "#%":
                 if len(line) > LONGEST_LINE:
                     raise NoCurve(f"a line of more than {LONGEST_LINE} letters")
@@ -155,10 +163,19 @@ def _titles(shape: _Layout, head: Sequence[str], width: int) -> tuple[str, ...]:
     if not rows or not lines or shape.cells(lines[-1]) != rows[-1]:
         return ()
     *above, last = rows
+    is_comment = next(line for line in reversed(head) if line.strip()).lstrip()[0] in "#%"
+    if is_comment and width in WITHOUT_HEADER and not any(map(_is_title, last)):  # words about something else
+        return ()
     units = [cell.strip("[]()") for cell in last]
     if above and any(units) and all(not unit or _is_unit(unit) for unit in units):
         return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(above[-1], units, strict=True))
     return tuple(last)
+
+
+def _is_title(cell: str) -> bool:
+    """Whether a cell names a column of a curve, or has a unit of one."""
+    names = {_title(cell, kind) for kind in ("length", "force", "time")}
+    return any(unit for _, unit in names) or any(name in known for name, _ in names for known in TITLES.values())
 
 
 def _is_unit(text: str) -> bool:
@@ -230,40 +247,64 @@ def _place(layout: _Layout, word: str, file: str) -> int:
 
 def _table(text: str, layout: _Layout, places: Sequence[int]) -> np.ndarray:
     """The numbers (n, columns) of some columns; NoCurve names the first line that has none."""
-    rows = text.replace(",", ".") if layout.decimal == "," else text
-    comments = ["#", "%"] if "%" in text else "#"
+    blocks = (_numbers(number, block, layout, places) for number, block in _blocks(text, layout))
+    return np.concatenate([np.empty((0, len(places))), *blocks])
+
+
+def _blocks(text: str, layout: _Layout) -> Iterator[tuple[int, str]]:
+    """Pieces of whole lines below the titles, each with the number of its first line."""
+    begin, number = 0, layout.first + 1
+    for _ in range(layout.first):
+        begin = text.index("\n", begin) + 1
+    while begin < len(text):
+        end = text.find("\n", begin + BLOCK_LETTERS) + 1 or len(text)
+        yield number, text[begin:end]
+        number += text.count("\n", begin, end)
+        begin = end
+
+
+def _numbers(number: int, block: str, layout: _Layout, places: Sequence[int]) -> np.ndarray:
+    """The numbers of a block that begins at line `number`."""
+    rows = block.replace(",", ".") if layout.decimal == "," else block
+    comments = ["#", "%"] if "%" in block else "#"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            lines = io.StringIO(rows)
-            how = {"delimiter": layout.separator, "comments": comments, "skiprows": layout.first, "ndmin": 2}
-            return np.loadtxt(lines, usecols=places, **how)  # type: ignore[call-overload, no-any-return]
+            how = {"delimiter": layout.separator, "comments": comments, "ndmin": 2}
+            found = np.loadtxt(io.StringIO(rows), usecols=places, **how)  # type: ignore[call-overload]
     except (ValueError, IndexError):
-        return _slow_table(text, layout, places)
+        return _slow_numbers(number, block, layout, places)
+    return found.reshape(-1, len(places))  # type: ignore[no-any-return]
 
 
-def _slow_table(text: str, layout: _Layout, places: Sequence[int]) -> np.ndarray:
+def _slow_numbers(number: int, block: str, layout: _Layout, places: Sequence[int]) -> np.ndarray:
     """The same line by line, where cells are empty or in quotes; NoCurve with the line that is wrong."""
     rows = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if number <= layout.first or not line.strip() or line.lstrip()[0] in "#%":
-            continue
-        cells = layout.cells(line.strip(" \r\n") if layout.separator else line.strip())
+    for at, cells in _rows(number, block, layout):
         if len(cells) <= max(places):
-            raise NoCurve(f"line {number} has {len(cells)} cells, others {layout.width}")
+            raise NoCurve(f"line {at} has {len(cells)} cells, others {layout.width}")
         try:
             rows.append([layout.number(cells[i]) if cells[i] else np.nan for i in places])
         except ValueError:
             wrong = next(i for i in places if cells[i] and not layout.is_number(cells[i]))
-            raise NoCurve(f"line {number}, column {wrong + 1}: '{cells[wrong][:40]}' is no number") from None
+            raise NoCurve(f"line {at}, column {wrong + 1}: '{cells[wrong][:40]}' is no number") from None
     return np.array(rows, dtype=float).reshape(-1, len(places))
 
 
+def _rows(number: int, block: str, layout: _Layout) -> Iterator[tuple[int, Cells]]:
+    """Line numbers and cells of the lines of a block that are neither blank nor comments."""
+    for at, line in enumerate(block.split("\n"), start=number):
+        if line.strip() and line.lstrip()[0] not in "#%":
+            yield at, layout.cells(line.strip(" ") if layout.separator else line.strip())
+
+
 def _words(text: str, layout: _Layout, place: int) -> np.ndarray:
-    """The cells of a column of words, one a row."""
-    lines = text.splitlines()[layout.first :]
-    rows = [layout.cells(line.strip()) for line in lines if line.strip() and line.lstrip()[0] not in "#%"]
-    return np.array([cells[place] if len(cells) > place else "" for cells in rows])
+    """The cells of a column of words, one a row: few words of many rows, each kept once."""
+    known: dict[str, int] = {}
+    rows = (cells for number, block in _blocks(text, layout) for _, cells in _rows(number, block, layout))
+    words = (cells[place] if len(cells) > place else "" for cells in rows)
+    codes = np.fromiter((known.setdefault(word, len(known)) for word in words), dtype=np.int64)
+    return np.array(list(known), dtype=object)[codes]
 
 
 def _known(

@@ -38,9 +38,9 @@ class Axis:
         """Values as they are shown."""
         return np.asarray(values, dtype=float) * self.factor
 
-    def said(self, value: float) -> str:
+    def said(self, value: float, digits: int = 4) -> str:
         """A value with its unit, in words."""
-        return f"{float(self(value)):.4g} {in_print(self.unit)}".strip()
+        return f"{float(self(value)):.{digits}g} {in_print(self.unit)}".strip()
 
 
 def in_print(unit: str) -> str:

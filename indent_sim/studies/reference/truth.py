@@ -24,6 +24,7 @@ MOST_DEPTHS = 200  # at which theory is asked
 DEPTH_FACTOR = 1.3  # times an expected depth the one found may be
 PEAK_RADII = 200  # at which theory's pressure is looked at for its peak
 ALONE = "every run asks a question of its own and is compared with no other; curves.csv and curves.png have the curves"
+BY_APPROACH = "of the history that is compared with, the rows of its approach count"
 NAN = math.nan
 
 
@@ -82,7 +83,9 @@ class Truth:
                 raise _error(where, "forces are prescribed, and depths found", "give theory, finest or a result")
         elif not isinstance(self._wanted, str):
             try:
-                self._file = of_results(_read(self._wanted, cases))
+                found = _read(self._wanted, cases)
+                self._file = of_results(found)
+                self.notes = (BY_APPROACH,) if "t" in found.table and not found.report.get(reader.MEASURED) else ()
             except UsageError as error:
                 raise _error(
                     where, str(error), "give a result folder, its force_indentation.csv or a measured curve"
@@ -168,8 +171,11 @@ def _read(path: Path, cases: Sequence[Case]) -> Results:
 
 
 def of_results(found: Results) -> Answer:
-    """The table of a result, by depth; of a measured curve the approach, in order of depth."""
+    """The table of a result, by depth, of a history its approach; of a measured curve the same in order of depth."""
     unknown = np.full(len(found), NAN)
+    if "t" in found.table and not found.report.get(reader.MEASURED):
+        rows = parts_of(found["delta"])["approach"]
+        return Answer(*(found.table.get(name, unknown)[rows] for name in ("delta", "force", "a", "p_max")))
     if found.report.get(reader.MEASURED):
         rows = parts_of(found["delta"])["approach"]
         order = np.argsort(found["delta"][rows], kind="stable")

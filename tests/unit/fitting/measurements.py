@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.config.schema import Config
 from indent_sim.fitting.inference.noise import Noise
-from indent_sim.fitting.scene_forces import SceneForces
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 N, LONGEST = 300, 8  # samples, and records of 1/f noise that the longest wave has
 LAYER = {"shape": "layer", "height": 1.0}

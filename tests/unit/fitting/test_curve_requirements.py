@@ -11,7 +11,7 @@ from measurements import HALF_SPACE, drawn, measured, relaxing, scene
 from indent_sim.fitting import curve_requirements
 from indent_sim.fitting.curve_requirements import require_of_curve
 from indent_sim.fitting.inference.noise import WHITE
-from indent_sim.fitting.scene_forces import SceneForces
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 
 N = 300
 X, T = np.linspace(-0.1, 0.1, N), np.linspace(3, 5, N)

@@ -10,8 +10,8 @@ from indent_sim.config.schema import Config
 from indent_sim.fitting.design import Design, _measurement, design
 from indent_sim.fitting.inference.estimate import Origin, Samples, fit
 from indent_sim.fitting.inference.noise import NORMAL_95
-from indent_sim.fitting.parameters import WORK
-from indent_sim.fitting.scene_forces import Tables
+from indent_sim.fitting.scene_curve.parameters import WORK
+from indent_sim.fitting.scene_curve.scene_forces import Tables
 from indent_sim.process.errors import ConfigError
 
 SLS, TERM = [[0.5, 0.6]], "material.relaxation.prony[0]"

@@ -14,8 +14,8 @@ from indent_sim.fitting.inference.estimate import Estimate, Origin, Refused, Sam
 from indent_sim.fitting.inference.noise import NORMAL_95, WHITE
 from indent_sim.fitting.inference.verdict import Verdict, baseline_of, bends_of, half_widths, is_suspect, tied
 from indent_sim.fitting.inference.windows import windows
-from indent_sim.fitting.parameters import WORK
-from indent_sim.fitting.scene_forces import SceneForces, Tables
+from indent_sim.fitting.scene_curve.parameters import WORK
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, Tables
 
 DEEPEST, C = 0.13, 0.013
 TABLES = Tables()
@@ -129,6 +129,19 @@ def test_a_wrong_model_is_named_and_its_interval_spans_the_truth(name, truth):
     verdict = judged(fit(forces, Samples(X, force, T), Origin()), config)
     low, high = verdict.interval(0)
     assert name in verdict.cause and not verdict.explained and low < 0 < high
+
+
+def test_a_snap_in_slow_noise_is_asked_about():
+    """A pull-off of 20 % falls by nine deviations of the changes in AR 10 noise, whose own falls ask once in 1000."""
+    truth, draw = scene(HALF_SPACE, experiment={"adhesion": {"work": 0.0018}}), np.random.default_rng(7)
+    config = scene(HALF_SPACE)
+    forces = {name: SceneForces(one, ["material.E"], DEEPEST) for name, one in (("jkr", truth), ("own", config))}
+    asked = {"jkr": 0, "own": 0}
+    for name, made in forces.items():
+        for _ in range(10):
+            force = measured(made, [0.0], X, drawn(NOISES["AR 10"], N, draw))
+            asked[name] += bends_of(fit(forces["own"], Samples(X, force), Origin())).snap < 1e-3
+    assert asked["jkr"] >= 9 and asked["own"] <= 1, asked
 
 
 def test_another_tip_is_named_by_its_exponent():

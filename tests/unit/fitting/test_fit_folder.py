@@ -16,7 +16,7 @@ from indent_sim.config.scene_file import from_mapping
 from indent_sim.fitting.curve_fit import Request
 from indent_sim.fitting.fit_folder import Fits, Reading, fit_all
 from indent_sim.fitting.inference.noise import WHITE
-from indent_sim.fitting.scene_forces import SceneForces
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces
 from indent_sim.process.errors import ConfigError, NotConverged, UsageError
 
 SCENE = {

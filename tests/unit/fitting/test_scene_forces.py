@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from measurements import HALF_SPACE, LAYER, relaxing, scene
 
-from indent_sim.fitting.elastic_table import NoTable, elastic_scene
-from indent_sim.fitting.parameters import WORK, number_at, parameters_of, pressures
-from indent_sim.fitting.scene_forces import SceneForces, relaxed
+from indent_sim.fitting.scene_curve.elastic_table import NoTable, elastic_scene
+from indent_sim.fitting.scene_curve.parameters import WORK, number_at, parameters_of, pressures
+from indent_sim.fitting.scene_curve.scene_forces import SceneForces, relaxed
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.adhesion import Jkr
 from indent_sim.theory.surface.punches import LayerPunches
@@ -75,17 +75,6 @@ def test_roles_and_numbers_of_keys():
             parameters_of(config, [key], DEEPEST)
     with pytest.raises(ConfigError, match="twice"):
         parameters_of(config, ["material.E"] * 2, DEEPEST)
-
-
-@pytest.mark.parametrize("more, problem", [
-    ({"relaxation": {"prony": [[0.5, 1.0]], "of": "shear"}}, "material.relaxation.of: in a fit all moduli relax alike"),
-    ({"flow": {"diffusivity": 40.0}}, "material.flow: a fit does not follow the fluid"),
-])  # fmt: skip
-def test_matter_that_a_fit_does_not_follow_is_refused(more, problem):
-    material = {"model": "linear_elastic", "E": 1.0, "nu": 0.3} | more
-    config = scene(material=material, loading={"history": [[0, 0], [1, 0.1]]})
-    with pytest.raises(ConfigError, match=problem):
-        SceneForces(config, ["material.E"], DEEPEST)
 
 
 def test_two_layers_move_by_their_own_moduli():

@@ -18,8 +18,18 @@ from scipy.signal import lfilter
 from indent_sim.config.scene_file import to_yaml
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.elastic_table import LEAST_RADIUS, ElasticTable, Lattice, NoTable, elastic_scene
-from indent_sim.fitting.parameters import EXPONENTS, FREE_EXPONENT, WORK, Parameter, number_at, parameters_of
+from indent_sim.fitting.scene_curve.elastic_table import LEAST_RADIUS, ElasticLattice, ElasticTable, elastic_scene
+from indent_sim.fitting.scene_curve.history_table import HistoryTable, MeasuredWay, remembers, touched
+from indent_sim.fitting.scene_curve.lattice import NoTable
+from indent_sim.fitting.scene_curve.parameters import (
+    EXPONENTS,
+    FREE_EXPONENT,
+    WORK,
+    Parameter,
+    number_at,
+    parameters_of,
+    with_numbers,
+)
 from indent_sim.model.experiment import Experiment
 from indent_sim.process.errors import ConfigError
 from indent_sim.theory.surface.relaxation import PowerLaw, Prony
@@ -50,19 +60,22 @@ class Settings:
 class SceneForces:
     """The force of a scene at depths, or ways of the base, for any values of its varied keys.
 
-    config: the scene; keys: what varies; deepest [length]: of the table. ConfigError for a scene that cannot exist,
-    NoTable for one without a solution.
+    config: the scene; keys: what varies; deepest [length]: of the table; way: of the tip, for matter that drains or
+    relaxes in shear. ConfigError for a scene that cannot exist, NoTable for one without a solution.
     """
 
-    def __init__(self, config: Config, keys: Sequence[str], deepest: float):
+    def __init__(self, config: Config, keys: Sequence[str], deepest: float, way: MeasuredWay | None = None):
         self.config, self.keys, self.deepest = config, tuple(keys), deepest
         self.parameters = parameters_of(config, keys, deepest)
         self.experiment = config.experiment or Experiment()
         self.pivot = deepest
         self.adheres = self.experiment.adhesion is not None
         self._shape = [k for k, one in enumerate(self.parameters) if one.role == "shape"]
-        self.lattice = Lattice(config, [self.parameters[k] for k in self._shape], deepest, self.adheres)
-
+        shape = [self.parameters[k] for k in self._shape]
+        self.history: HistoryTable | None = None
+        self.lattice = ElasticLattice(config, [] if remembers(config) else shape, deepest, self.adheres)
+        if remembers(config):
+            self.history = _history(config, shape, way, self.lattice.first)
         radius = self.lattice.first.radius
         self.parameters = tuple(_within(one, radius) for one in self.parameters)
 
@@ -85,7 +98,7 @@ class SceneForces:
     @property
     def relaxes(self) -> bool:
         """Whether the force depends on time."""
-        return relaxation_of(self.config) is not None
+        return self.history is not None or relaxation_of(self.config) is not None
 
     @property
     def error(self) -> float:
@@ -95,12 +108,14 @@ class SceneForces:
     def __call__(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
         """Forces [force] at ways x [length] (n,) and times t (n,), in order of time."""
         at = self._settings(theta)
+        if self.relaxes and t is None:
+            raise ValueError("a scene that relaxes needs times")
+        if self.history is not None and t is not None:
+            return self._remembered(self.history, at, x, t)
         table = self.lattice.at(at.shape)
         if self.adheres:
             return self._adhering(table, at, x)
-        if at.modulus is not None:
-            if t is None:
-                raise ValueError("a scene that relaxes needs times")
+        if at.modulus is not None and t is not None:
             return self._relaxed(table, at, x, t)
         if not at.compliance:
             return self._pressed(table, at, x)
@@ -111,7 +126,9 @@ class SceneForces:
 
     def rigid(self, theta: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """The forces over the depth, without spring and relaxation: where a fit begins."""
-        at = self._settings(theta)
+        at, history = self._settings(theta), self.history
+        if history is not None:
+            return lambda delta: at.scale * history.first * np.maximum(delta, 0.0) ** history.power
         table = self.lattice.at(at.shape)
         if self.adheres:
             held = replace(at, compliance=0.0, modulus=None)
@@ -122,6 +139,33 @@ class SceneForces:
         """The elastic force at depths: the scene's, times another power of the depth."""
         force = at.scale * table.force(delta)
         return force * np.maximum(delta / self.pivot, NEAR_ZERO) ** at.power if at.power else force
+
+    def _remembered(self, history: HistoryTable, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """The force of a body with a memory; depths behind a spring by Newton's rounds, at every time by itself."""
+        if not (x > 0).any():
+            return np.zeros(len(x))
+        power = history.power + at.power
+        gain = at.scale * history.gain(at.shape, t - touched(t, x)) * self.pivot**-at.power
+        way = np.maximum(x, 0.0)
+        delta = way
+        for _ in range(MOST_ROUNDS if at.compliance else 0):
+            force = gain * delta**power
+            stiffness = power * force / np.maximum(delta, NEAR_ZERO * self.deepest)
+            change = (way - delta - at.compliance * force) / (1.0 + at.compliance * stiffness)
+            delta = np.maximum(delta + change, 0.0)
+            if np.abs(change).max(initial=0.0) < SETTLED_DEPTH * self.deepest:
+                break
+        return gain * delta**power  # type: ignore[no-any-return]
+
+    def missed(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
+        """What the force of a body with a memory lacks of one solved by itself, in shorter steps (n,); else nothing."""
+        history, at = self.history, self._settings(theta)
+        if history is None or t is None or not (x > 0).any():
+            return np.zeros(len(x))
+        values = {one.key: one.value(float(theta[k])) for k in self._shape for one in (self.parameters[k],)}
+        off = history.missed(with_numbers(self.config, values), at.shape, t - touched(t, x))
+        depth = np.maximum(x - at.compliance * self(theta, x, t), 0.0)
+        return at.scale * off * depth**history.power  # type: ignore[no-any-return]
 
     def _settings(self, theta: np.ndarray) -> Settings:
         values = {one.key: one.value(float(x)) for one, x in zip(self.parameters, theta, strict=True)}
@@ -175,6 +219,18 @@ class SceneForces:
             if np.abs(change).max(initial=0.0) < SETTLED_DEPTH * self.deepest:
                 break
         return force
+
+
+def _history(
+    config: Config, shape: Sequence[Parameter], way: MeasuredWay | None, elastic: ElasticTable
+) -> HistoryTable:
+    """The table along a way, with the exponent of the elastic force at its deepest."""
+    if config.experiment and config.experiment.adhesion:
+        raise ConfigError("experiment.adhesion", "a fit does not follow a tip that adheres in time", "leave it out")
+    if way is None:
+        raise ConfigError("loading", "matter that drains, or relaxes in shear, needs a way in time", "give a history")
+    less, more = elastic.force(np.array([0.95, 1.05]) * way.deepest)
+    return HistoryTable(config, shape, way, math.log(more / less) / math.log(1.05 / 0.95))
 
 
 def _within(parameter: Parameter, radius: float) -> Parameter:
@@ -231,6 +287,11 @@ def relaxation_of(config: Config, values: Mapping[str, float] | None = None) -> 
     return Prony(tuple(term[0] for term in terms), tuple(term[1] for term in terms))
 
 
+def is_in_time(config: Config) -> bool:
+    """Whether the force of a scene depends on time."""
+    return remembers(config) or relaxation_of(config) is not None
+
+
 def _inside(key: str) -> tuple[str | int, ...]:
     """What of a key lies inside the relaxation of a material, which is the same in all of them."""
     path = key_path(key)
@@ -241,23 +302,25 @@ class Tables:
     """The forces of scenes to some depths, made once for all curves that share them."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, tuple[str, ...], float], SceneForces] = {}
+        self._known: dict[tuple[str, tuple[str, ...], float, MeasuredWay | None], SceneForces] = {}
 
-    def forces(self, config: Config, keys: tuple[str, ...], deepest: float) -> SceneForces:
+    def forces(
+        self, config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None = None
+    ) -> SceneForces:
         """The forces of a scene; NoTable where it does not exist at this depth, ConfigError where at none."""
-        name = to_yaml(config), keys, deepest
+        name = to_yaml(config), keys, deepest, way
         if name not in self._known:
             if len(self._known) >= MOST_TABLES:
                 self._known.clear()
-            self._known[name] = _new(config, keys, deepest)
+            self._known[name] = _new(config, keys, deepest, way)
         return self._known[name]
 
 
-def _new(config: Config, keys: tuple[str, ...], deepest: float) -> SceneForces:
+def _new(config: Config, keys: tuple[str, ...], deepest: float, way: MeasuredWay | None) -> SceneForces:
     for key in keys:
         number_at(config, key)
     try:
-        return SceneForces(config, keys, deepest)
+        return SceneForces(config, keys, deepest, way)
     except ConfigError as error:
         elastic_scene(config, _own_depth(config))  # wrong whatever the depth
         raise NoTable(f"deeper than the scene is made for, {deepest:.4g}: {error.problem}") from error

@@ -27,7 +27,8 @@ LOG_STEP, LINEAR_STEP = 0.2, 0.02  # of the lattice on which scenes are solved
 class Parameter:
     """One key that varies: theta = ln value of a positive number, the value itself of a Poisson ratio.
 
-    role: scale multiplies the force; shape changes the elastic curve; the others are the experiment's.
+    role: scale multiplies the force; shape asks for another solution; the others are the experiment's. step: of the
+    lattice of solutions, in theta.
     """
 
     key: str
@@ -36,6 +37,7 @@ class Parameter:
     low: float
     high: float
     is_linear: bool = False
+    step: float = LOG_STEP
 
     def theta(self, value: float) -> float:
         """The coordinate of a value in which the fit works."""
@@ -50,11 +52,6 @@ class Parameter:
         """The coordinates between which the value may lie."""
         ends = (self.low, self.high)
         return ends if self.is_linear else tuple(map(_log, ends))  # type: ignore[return-value]
-
-    @property
-    def step(self) -> float:
-        """Distance of the lattice in the coordinate."""
-        return LINEAR_STEP if self.is_linear else LOG_STEP
 
 
 def _log(value: float) -> float:
@@ -76,14 +73,16 @@ def _parameter(config: Config, key: str, deepest: float) -> Parameter:
     start = number_at(config, key)
     last = key.rpartition(".")[2]
     if last.startswith("nu"):
-        return Parameter(key, start, "shape", 0.0, LARGEST_NU, is_linear=True)
+        return Parameter(key, start, "shape", 0.0, LARGEST_NU, is_linear=True, step=LINEAR_STEP)
     if not start > 0:
         raise ConfigError(key, f"is {start:g}: a fit begins from a number above 0", f"--set {key}=...")
     if key == WORK:
         return Parameter(key, start, "work", 0.0, math.inf)
     if "relaxation" in key_path(key):
         is_fraction = key.endswith("[0]") or last == "exponent"
-        return Parameter(key, start, "relaxation", 0.0, LARGEST_FRACTION if is_fraction else math.inf)
+        in_shear = any(law.relaxation and law.relaxation.of != "all" for _, law in config.materials())
+        role: Role = "shape" if in_shear else "relaxation"
+        return Parameter(key, start, role, 0.0, LARGEST_FRACTION if is_fraction else math.inf)
     if key in SPRINGS:
         return Parameter(key, start, "spring", 0.0, math.inf)
     if pressures(config) == [key]:
@@ -114,16 +113,19 @@ def with_numbers(config: Config, values: Mapping[str, Any]) -> Config:
 
 
 def pressures(config: Config) -> list[str]:
-    """The keys of all moduli of the scene: where there is one, the force is proportional to it, by its dimension."""
+    """The keys of all numbers with a pressure in their unit: where there is one, the force is proportional to it."""
     parts: list[tuple[str, Any]] = [*config.materials(), ("contact", config.contact)]
+    parts += [(f"{key}.flow", law.flow) for key, law in config.materials() if law.flow]
     return [f"{name}.{key}" for name, part in parts if is_dataclass(part) for key in _moduli(part)]
 
 
 def _moduli(part: Any) -> list[str]:
     kind: type = type(part)
     units = field_units(kind)
-    named = [one.name for one in fields(part) if isinstance(units[one.name], Unit)]
-    return [name for name in named if units[name].powers.get("pressure") and _is_number(getattr(part, name))]  # type: ignore[union-attr]
+    named = [(one.name, units[one.name]) for one in fields(part) if _is_number(getattr(part, one.name))]
+    return [
+        name for name, unit in named if isinstance(unit, Unit) and unit.powers.get("pressure") and getattr(part, name)
+    ]
 
 
 def _is_number(value: Any) -> bool:

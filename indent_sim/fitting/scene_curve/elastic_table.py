@@ -1,12 +1,11 @@
 """Elastic tables: force over depth of a scene at any values of its parameters, each solved once on a lattice.
 
 A table is the polynomial g of F = delta^p exp g(sqrt(delta/deepest)), a smooth function of depth and parameters;
-between the nodes of a lattice its coefficients are interpolated by polynomials of degree five.
+between the nodes of a lattice its coefficients are interpolated.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,9 +17,10 @@ from numpy.polynomial import Chebyshev
 from indent_sim.config.scene_file import from_mapping, to_mapping
 from indent_sim.config.schema import Config
 from indent_sim.config.strict_yaml import key_path
-from indent_sim.fitting.parameters import Parameter, with_numbers
+from indent_sim.fitting.scene_curve.lattice import Lattice, NoTable
+from indent_sim.fitting.scene_curve.parameters import Parameter
 from indent_sim.model.state import State
-from indent_sim.process.errors import ConfigError, IndentSimError
+from indent_sim.process.errors import ConfigError
 from indent_sim.run.chain import condense, states
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, softer
 from indent_sim.run.readings import punches_of
@@ -39,10 +39,6 @@ ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a de
 NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
 S = 0.5 * (1 + SHALLOWEST_ROOT) - 0.5 * (1 - SHALLOWEST_ROOT) * np.cos(NODE_ANGLES)
 DOMAIN = (SHALLOWEST_ROOT, 1.0)
-
-
-class NoTable(Exception):
-    """A scene that has no solution at these parameters; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -75,86 +71,41 @@ def _unit(s: np.ndarray) -> np.ndarray:
     return (2.0 * s - (DOMAIN[0] + DOMAIN[1])) / (DOMAIN[1] - DOMAIN[0])
 
 
-class Lattice:
-    """The tables of a scene over its shape parameters, solved where they are asked for and kept.
+class ElasticLattice:
+    """The tables of a scene over its shape parameters.
 
     wants_punches: for an adhering tip. ConfigError where the scene as it stands cannot exist.
     """
 
     def __init__(self, config: Config, shape: Sequence[Parameter], deepest: float, wants_punches: bool = False):
-        self.config, self.shape, self.deepest = config, tuple(shape), deepest
-        self._punches = wants_punches
-        self._nodes: dict[tuple[int, ...], np.ndarray | None] = {}
         self.first = solved(config, deepest, wants_punches)
-        self.solved = 1
+
+        def solve(scene: Config) -> np.ndarray:
+            return _array(solved(scene, deepest, wants_punches, self.first.power))
+
+        self._lattice = Lattice(config, shape, _array(self.first), solve, NODES)
 
     def at(self, theta: Sequence[float]) -> ElasticTable:
         """The table at coordinates of the shape parameters; NoTable where the scene has none."""
-        if not self.shape:
+        if not self._lattice.shape:
             return self.first
-        windows = [self._window(axis, value) for axis, value in enumerate(theta)]
-        total = np.zeros(self._size)
-        for chosen in itertools.product(*(list(zip(*window, strict=True)) for window in windows)):
-            array = self._node(tuple(k for k, _ in chosen))
-            if array is None:
-                raise NoTable("the scene has no solution at these parameters")
-            total += math.prod(weight for _, weight in chosen) * array
-        return self._table(total)
-
-    @property
-    def _size(self) -> int:
-        return (DEGREE + 1) + (4 * (RADIUS_DEGREE + 1) + 1 if self._punches else 0)
-
-    def _table(self, array: np.ndarray) -> ElasticTable:
+        array = self._lattice.at(theta)
         coefficients, rest = array[: DEGREE + 1], array[DEGREE + 1 :]
         punches, widest = (rest[:-1].reshape(4, -1), math.exp(rest[-1])) if len(rest) else (None, 0.0)
         return replace(self.first, coefficients=coefficients, punches=punches, widest=widest)
 
-    def _window(self, axis: int, value: float) -> tuple[list[int], list[float]]:
-        """Nodes around a value along one axis, those that exist, and Lagrange's weights."""
-        parameter = self.shape[axis]
-        low, high = parameter.bounds
-        value = min(max(value, low), high)
-        at = value / parameter.step
-        least = math.ceil(low / parameter.step - 1e-9) if math.isfinite(low) else -(10**9)
-        most = math.floor(high / parameter.step + 1e-9) if math.isfinite(high) else 10**9
-        first = min(max(math.floor(at) - NODES // 2 + 1, least), most - NODES + 1)
-        for shift in sorted(range(-NODES, NODES + 1), key=abs):  # beside what does not exist, all on one side
-            nodes = list(range(first + shift, first + shift + NODES))
-            if nodes[0] >= least and nodes[-1] <= most and self._exist(nodes):
-                break
-        else:
-            raise NoTable(f"no scene near {parameter.key} = {parameter.value(value):.4g} has a solution")
-        weights = [math.prod((at - m) / (k - m) for m in nodes if m != k) for k in nodes]
-        return nodes, weights
 
-    def _exist(self, nodes: Sequence[int]) -> bool:
-        """Whether all nodes along the only parameter exist; of several it is found when they are solved."""
-        return len(self.shape) > 1 or all(self._node((k,)) is not None for k in nodes)
-
-    def _node(self, place: tuple[int, ...]) -> np.ndarray | None:
-        if place not in self._nodes:
-            values = {p.key: p.value(k * p.step) for p, k in zip(self.shape, place, strict=True)}
-            try:
-                table = solved(with_numbers(self.config, values), self.deepest, self._punches, self.first.power)
-                rest = [] if table.punches is None else [*table.punches.ravel(), math.log(table.widest)]
-                self._nodes[place] = np.array([*table.coefficients, *rest])
-                self.solved += 1
-            except (IndentSimError, NoTable):
-                self._nodes[place] = None
-        return self._nodes[place]
+def _array(table: ElasticTable) -> np.ndarray:
+    """The numbers of a table that depend on its parameters."""
+    rest = [] if table.punches is None else [*table.punches.ravel(), math.log(table.widest)]
+    return np.array([*table.coefficients, *rest])
 
 
 def elastic_scene(config: Config, deepest: float) -> Scene:
-    """The scene without its experiment, pressed to a depth, by a load path to the depths of a table; ConfigError where
-    it cannot exist."""
+    """The scene without its experiment, of matter that is drained and does not relax, pressed to a depth, by a load
+    path to the depths of a table; ConfigError where it cannot exist."""
     if config.contact.adhesion:
         raise ConfigError("contact.adhesion", "a fit takes adhesion without range", "give experiment.adhesion")
-    for key, law in config.materials():
-        if law.flow:
-            raise ConfigError(f"{key}.flow", "a fit does not follow the fluid of a body yet", "leave it out")
-        if law.relaxation and law.relaxation.of != "all":
-            raise ConfigError(f"{key}.relaxation.of", "in a fit all moduli relax alike", "of: all")
     document = _at_once(config)
     scene = resolve(from_mapping(document | {"loading": {"delta": float(deepest), "steps": 1}}))
     if not scene.is_meshed or scene.solver.method == "condensed":
@@ -163,15 +114,22 @@ def elastic_scene(config: Config, deepest: float) -> Scene:
 
 
 def _at_once(config: Config) -> dict[str, Any]:
-    """The sections of a scene without its experiment, of matter that does not relax."""
+    """The sections of a scene without its experiment, of matter that does not relax and has no fluid."""
     document = to_mapping(config)
     document.pop("experiment", None)
+    document.pop("drainage", None)
     for key, _ in config.materials():
         section: Any = document
         for part in key_path(key):
             section = section[part]
         section.pop("relaxation", None)
+        section.pop("flow", None)
     return document
+
+
+def at_once(config: Config, deepest: float) -> Config:
+    """The scene without its experiment, of matter that is drained and does not relax, pressed to a depth."""
+    return from_mapping(_at_once(config) | {"loading": {"delta": float(deepest)}})
 
 
 def solved(config: Config, deepest: float, wants_punches: bool = False, power: float | None = None) -> ElasticTable:

@@ -1,0 +1,1 @@
+"""A scene as a function of depth, time and the values of its parameters."""
