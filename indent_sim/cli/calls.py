@@ -27,7 +27,7 @@ from indent_sim.studies.picture import curves_pictured
 if TYPE_CHECKING:
     from indent_sim.results.pictures.canvas import Figure
 
-OPTIONS = ("fields", "steps", "units", "width", "font", "layout", "letters", "limits", "zoom")  # of `plot`
+PLOT_OPTIONS = ("fields", "steps", "units", "width", "font", "layout", "letters", "limits", "zoom")  # of `plot`
 Given = Config | Mapping[str, Any] | str | Path  # a scene, or the file or dictionary that says it
 Result = Results | str | Path
 
@@ -114,8 +114,8 @@ def plot(shown: Result | Study | Sequence[Result], what: str = "force", **wish: 
 
 def _listed(wish: Mapping[str, Any]) -> dict[str, Any]:
     """Options of a picture as a command line gives them; UsageError for one that there is none of."""
-    if unknown := [name for name in wish if name not in OPTIONS]:
-        raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(OPTIONS)}")
+    if unknown := [name for name in wish if name not in PLOT_OPTIONS]:
+        raise UsageError(f"plot has no {unknown[0]}; it has {', '.join(PLOT_OPTIONS)}")
     said = {name: (value,) if isinstance(value, int) else value for name, value in wish.items()}
     return {name: _words(value) if name in ("fields", "steps") else wish[name] for name, value in said.items()}
 

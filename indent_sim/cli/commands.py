@@ -291,7 +291,7 @@ QUIET_HELP = "Warnings and errors alone on stderr, no progress."
 quiet_option = click.option("--quiet", "told", flag_value="warnings", default="all", help=QUIET_HELP)
 json_option = click.option("--json", "form", flag_value="json", default="text", help="Print one JSON object.")
 RTOL_HELP = "Relative tolerance, of all columns or of each, e.g. force=1e-3,a=2e-2."
-COLUMNS = "X|COLUMN=X,..."
+TOLERANCE_FORM = "X|COLUMN=X,..."
 
 
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
@@ -511,7 +511,7 @@ def _reading(columns: tuple[str, ...], units: dict[str, str]) -> Reading:
 @program.command()
 @click.argument("first", metavar="A", type=PATH)
 @click.argument("second", metavar="B", type=PATH)
-@click.option("--rtol", callback=_tolerances, metavar=COLUMNS, default="1e-6", show_default=True, help=RTOL_HELP)
+@click.option("--rtol", callback=_tolerances, metavar=TOLERANCE_FORM, default="1e-6", show_default=True, help=RTOL_HELP)
 @click.option("--columns", callback=_words, help="Columns to compare [delta,force,a and those of --rtol].")
 @json_option
 def compare(first: Path, second: Path, rtol: dict[str, float], columns: tuple[str, ...], form: Form) -> None:

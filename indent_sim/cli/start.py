@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import signal
+
+FEWEST_NEW = 50_000  # objects until the garbage collector looks for circles: loading makes many, and none to let go
 
 
 def main() -> None:
     """The console script."""
+    gc.set_threshold(FEWEST_NEW)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # until there is somebody to catch it: `Program.invoke`
     from indent_sim.cli.commands import main as run

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from indent_sim.scene.scene import Scene
     from indent_sim.studies import StudyPlan
 
-TIMES = {  # of a scene that is followed in time, in words
+TIMES_IN_WORDS = {  # of a scene that is followed in time, in words
     "way_in": "way in",
     "history": "history",
     "contact": "a^2/D",
@@ -144,7 +144,7 @@ def plan(scene: Scene, width: int = 120) -> str:
     for name, value in scene.plan.prediction.items():
         expected.add_row(*(Text(word) for word in (name.replace("_", " "), _shown(value))))
     for name, value in (scene.plan.time.times if scene.plan.time else {}).items():
-        expected.add_row(*(Text(word) for word in (TIMES[name], _shown(value))))
+        expected.add_row(*(Text(word) for word in (TIMES_IN_WORDS[name], _shown(value))))
     return _rendered(width, choices, "", expected)
 
 

@@ -32,8 +32,8 @@ SOLVED_DEPTHS, DEGREE = 20, 12  # depths at which a scene is solved, and of the 
 SHALLOWEST_ROOT = 0.02  # of sqrt(delta/deepest): a power law below
 ON_MESH, MESH_DEGREE = 0.2236, 5  # a contact of 5 % of the depth has few elements; degree of what a mesh adds to theory
 NODES = 6  # of the lattice around a value: 2e-6 of the force at steps of 0.2
-HALF = 0.5  # exponents of depth are multiples of it, up to NEARLY, or as they are
-NEARLY = 0.02
+HALF = 0.5  # exponents of depth are multiples of it, up to SAME_EXPONENT, or as they are
+SAME_EXPONENT = 0.02
 PUNCH_RADII, RADIUS_DEGREE, LEAST_RADIUS = 40, 12, 0.02  # of flat punches, and of the polynomials through them
 ADHERING_DEPTH = 1.6  # times the depth: an adhering tip has the contact of a deeper one
 NODE_ANGLES = np.pi * (np.arange(SOLVED_DEPTHS) + 0.5) / SOLVED_DEPTHS
@@ -256,7 +256,7 @@ def _power(depths: np.ndarray, forces: np.ndarray) -> float:
     """The exponent of depth at the shallowest points, a multiple of one half where it is nearly one."""
     slope = float(np.log(forces[1] / forces[0]) / np.log(depths[1] / depths[0]))
     nearest = HALF * round(slope / HALF)
-    return nearest if abs(slope - nearest) < NEARLY else slope
+    return nearest if abs(slope - nearest) < SAME_EXPONENT else slope
 
 
 def _punches(scene: Scene, punches: Punches, deepest: float) -> tuple[np.ndarray, float]:

@@ -15,7 +15,7 @@ from indent_sim.process.errors import ConfigError
 
 Role = Literal["scale", "shape", "work", "relaxation", "spring", "power"]
 FREE_EXPONENT, EXPONENTS = "exponent", (-1.0, 1.0)  # of the depth beside the scene's own, no key of it; its range
-MEASURED = ("body", "material", "indenter", "contact", "experiment")  # sections of what a curve may tell
+MEASURABLE = ("body", "material", "indenter", "contact", "experiment")  # sections of what a curve may tell
 WORK = "experiment.adhesion.work"
 SPRINGS = ("experiment.cantilever.stiffness", "experiment.frame.compliance")
 LARGEST_NU, LARGEST_FRACTION = 0.5, 0.999
@@ -94,8 +94,8 @@ def _parameter(config: Config, key: str, deepest: float) -> Parameter:
 
 def number_at(config: Config, key: str) -> float:
     """The number at a key of the scene; ConfigError where there is none, or none that a curve tells of."""
-    if str(next(iter(key_path(key)), "")) not in MEASURED:
-        raise ConfigError(key, "is nothing that a curve tells of", f"--vary names a key of {', '.join(MEASURED)}")
+    if str(next(iter(key_path(key)), "")) not in MEASURABLE:
+        raise ConfigError(key, "is nothing that a curve tells of", f"--vary names a key of {', '.join(MEASURABLE)}")
     section: Any = to_mapping(config)
     for part in key_path(key):
         try:

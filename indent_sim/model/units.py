@@ -98,7 +98,7 @@ class TaggedBy:
         from pydantic_core import core_schema
 
         parts = get_args(union) or (union,)
-        kinds = {get_args(get_type_hints(kind)[self.tag])[0]: kind for kind in parts if kind is not NoneType}
+        kinds = {getattr(kind, self.tag): kind for kind in parts if kind is not NoneType}  # its default: its one word
         choices = {word: handler.generate_schema(kind) for word, kind in kinds.items()}
         schema = core_schema.tagged_union_schema(choices, discriminator=self.tag)
         return core_schema.nullable_schema(schema) if NoneType in parts else schema

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +39,17 @@ class Outline:
 
 def scene_of(folder: Path) -> Config | None:
     """The scene of a result folder, in the user's units; None where there is none to read."""
-    try:
-        return load_older(folder / CONFIG)
-    except (IndentSimError, OSError, ValueError):
-        return None
+    with suppress(OSError):
+        written = os.stat(folder / CONFIG)
+        return _scene_of(folder / CONFIG, written.st_mtime_ns, written.st_ino)
+    return None
+
+
+@lru_cache(16)  # every panel of a picture asks
+def _scene_of(file: Path, written: int, inode: int) -> Config | None:
+    with suppress(IndentSimError, OSError, ValueError):
+        return load_older(file)
+    return None
 
 
 def pieces(body: AnyBody) -> int:

@@ -74,6 +74,7 @@ class Trend:
 # read off to 0.065 of the element where the contact ends; pressures on which two meshes agree by accident are off by
 # 0.04 to 0.07 n^-2.
 RADIUS = Trend(1.0, 0.5, 0.065)
+TENSED = 0.11  # of the last element, to which a radius is read off where the pressure ends with a step, on 120 rows
 TRENDS = {"a": RADIUS, "p_max": Trend(2.0, 2.2, 0.06), "stick_radius": RADIUS, "dissipation": RADIUS}
 
 Curve = dict[int, State]
@@ -417,7 +418,8 @@ class ErrorBars:
         errors = [trend.fading(n / ratio) for ratio in self._ratios]
         said = [_spread(fine, coarse, state, name) for fine, coarse in self._pairs]
         safety = trend.safety * (LAYERED if self._is_layered and name == "p_max" else 1.0)
-        least = trend.least * trend.fading(n) * abs(getattr(state, name))
+        tensed = name == "a" and self._physics.surface_tension
+        least = (TENSED if tensed else trend.least) * trend.fading(n) * abs(getattr(state, name))
         return self._worst(errors, said, safety, least, n / TELLTALE)
 
     def _worst(

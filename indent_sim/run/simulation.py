@@ -35,7 +35,7 @@ AUDIT_TOLERANCE = 1e-8  # contact integral against the supports' reactions, rela
 # 1e-14 of the largest reactions (fe/solve/newton.py), which over 1e4 nodes adds up to 1e-12 of them at most
 AUDIT_FLOOR = 1e-4
 
-SWOLLEN = 100.0  # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
+SWELLING_SCALE = 100.0  # of E height^2, or of E a^2 of a body that only drains, what Newton takes for its reactions
 DISPLACED = 1e-2  # of a^2 delta: a smaller outflow is none beside what flows inside the body
 
 Progress = Callable[[State, int, int], None]
@@ -250,7 +250,9 @@ class Simulation:
         pull = attraction.work * a if attraction else 0.0  # about; the force may be less, where as much pushes
         swollen = 0.0  # what supports hold of a body with fluid, with or without a tip
         if physics.permeable:
-            swollen = SWOLLEN * physics.scales.force * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
+            swollen = (
+                SWELLING_SCALE * physics.scales.force * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
+            )
         largest = max([swollen, abs(state.force), *(abs(earlier.force) for earlier in self.states)])
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0

@@ -29,6 +29,7 @@ from numpy.polynomial import Chebyshev
 from indent_sim.theory.hankel import Kernel, Nodes, axisymmetric_kernel, gauss, joined
 from indent_sim.theory.march import LayerContact, pointwise
 from indent_sim.theory.profiles import Shape, Tip
+from indent_sim.theory.roots import first_guess, increasing_root
 from indent_sim.theory.solution import Solution
 from indent_sim.theory.stack import Stack
 
@@ -113,8 +114,16 @@ class Layer(LayerContact):
 
 
 def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
-    """Force [F] on a half-space by Sneddon's integral, for any tip of revolution; errors as of `curve`."""
-    return Layer.on(tip, half_space).curve([delta])[0].force
+    """Force [F] on a half-space by Sneddon's integral, for any tip of revolution; errors as of `curve`.
+
+    phi = delta - g there, so the contact radius is where g = delta: no integral equation is solved to find it."""
+    layer = Layer.on(tip, half_space)
+    if tip.edge is not None or delta <= 0.0:
+        return layer.curve([delta])[0].force
+    depth, limit = delta / layer.h, layer.largest()
+    start = first_guess(layer.profile, depth, limit)
+    a = increasing_root(lambda a: float(layer.profile(np.array([a]))[0]), depth, start, limit)
+    return layer.solution(delta, a).force
 
 
 def _pressure(layer: Layer, lin: _LinearKernel, a: float, edge: float, modes: np.ndarray, r: np.ndarray) -> np.ndarray:

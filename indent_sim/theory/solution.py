@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # Points of a search for the largest pressure, rounds, and their end
-COARSE, REFINED_POINTS, CLOSER, STILL = 101, 11, 12, 1e-10
+COARSE, REFINED_POINTS, PEAK_ROUNDS, STILL = 101, 11, 12, 1e-10
 UNSOLVED = (ValueError, ArithmeticError, np.linalg.LinAlgError)  # which in numpy 1.24 is neither of the other two
 MAX_SLENDERNESS = 100.0  # largest a/h; the dense matrices of the layer theories grow with it
 
@@ -77,7 +77,7 @@ def largest_pressure(solution: Solution) -> float:
     if solution.force <= 0.0:
         return 0.0
     r, largest = np.linspace(0.0, solution.a, COARSE), 0.0
-    for _ in range(CLOSER):
+    for _ in range(PEAK_ROUNDS):
         with np.errstate(all="ignore"):
             p = np.asarray(solution.pressure(r), dtype=float)
         before, largest = largest, float(p.max())

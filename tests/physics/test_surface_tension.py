@@ -34,6 +34,7 @@ BALL = {"shape": "ball", "radius": 1.0}
 CAP = {"shape": "cap", "base_radius": 2.0, "height": 1.0}
 NEO_HOOKEAN = ELASTIC | {"model": "neo_hookean"}
 PLATE = {"shape": "plate"}
+CONE = {"shape": "cone", "half_angle": 70.0}
 OWN = {name: getattr(tension, name) for name in ("FEWEST", "PER_ROOT", "MOST")}
 VERIFIED_PROFILE = pytest.param("profile", marks=pytest.mark.verify)
 
@@ -60,21 +61,38 @@ def test_mesh_against_theory(body: str, gamma: float) -> None:
     assert state.force == pytest.approx(force, rel=1e-3)
 
 
-@pytest.mark.parametrize(("gamma", "error"), [(0.02, 0.005), (0.4, 0.35)])
-def test_the_plan_warns_of_the_step_of_the_pressure(gamma: float, error: float) -> None:
-    """Where it does not, p_max is within the 0.5 % of a mesh; where it does, less than 35 % too large."""
-    found, _ = known(base := tensed(HALF_SPACE, gamma))
-    mesh = tensed(HALF_SPACE, gamma, solver={"method": "condensed"})
-    (state,) = solve(mesh)
-    assert any("ends with a step" in words for words in mesh.plan.warnings) == (gamma == 0.4)
-    p = float(found.pressure(np.array(0.0))) * base.physics.scales.pressure
-    assert -0.005 * p < state.p_max - p < error * p
+@pytest.mark.parametrize("gamma", [0.02, 0.4, 7.0])
+def test_contact_radius_and_largest_pressure_beside_theory(gamma: float, tmp_path: Path) -> None:
+    """Where the pressure ends with a step, the radius inside its bar, 2 %, and the pressure to 1 %; to 5 % where the
+    plan warns of it, gamma/E* being 30 contact radii and more. Meshes smear the step over an element, a tenth of a."""
+    exact = known(base := tensed(HALF_SPACE, gamma))[0]
+    quiet = {"plot": False, "fields": "none"}
+    document = {"body": HALF_SPACE | {"surface_tension": gamma}, "material": ELASTIC, "indenter": PARABOLOID}
+    document |= {"loading": {"delta": 0.01, "steps": 1}, "solver": {"method": "condensed"}, "output": quiet}
+    config = from_mapping(document)
+    (state,) = simulate(config, MPI.COMM_SELF, directory=tmp_path / "run", error_bars=True).states
+    assert state.a_error is not None and state.a_error < 0.025 * state.a
+    assert abs(state.a - exact.a * base.physics.scales.length) <= state.a_error
+    warned = any("ends with a step" in words for words in resolve(config).plan.warnings)
+    p = float(exact.pressure(np.array(0.0))) * base.physics.scales.pressure
+    assert warned == (gamma == 7.0)
+    assert state.p_max == pytest.approx(p, rel=0.05 if warned else 0.01)
+
+
+@pytest.mark.parametrize("gamma", [0.02, 1.0])
+def test_the_contact_radius_under_a_cone(gamma: float) -> None:
+    """Whose pressure is infinite at the apex as well: 2.5 %, a quarter of an element; 4 % if read off at 0."""
+    base = tensed(HALF_SPACE, gamma, indenter=CONE)
+    exact = base.plan.theory and base.plan.theory.at(base.physics.deltas[-1])
+    assert exact
+    (state,) = solve(tensed(HALF_SPACE, gamma, indenter=CONE, solver={"method": "condensed"}))
+    assert state.a == pytest.approx(exact.a * base.physics.scales.length, rel=0.025)
 
 
 STATED: dict[str, dict[str, Any]] = {
     "paraboloid": PARABOLOID,
     "flat_punch": {"shape": "flat_punch", "radius": 0.1},
-    "cone": {"shape": "cone", "half_angle": 70.0},
+    "cone": CONE,
     "profile": {"shape": "profile", "points": [[0, 0], [0.05, 0.001], [0.1, 0.005], [0.3, 0.05]]},
 }
 
@@ -246,15 +264,26 @@ def drawn(count: int, seed: int) -> list[dict[str, Any]]:
 
 @pytest.mark.verify
 def test_error_bars_hold_theory(tmp_path: Path) -> None:
-    """`accuracy: 0.003` is met in 60 rows, and 95 % of them are inside their bars; 59 were, 0.08 % off at most."""
-    inside = rows = 0
+    """`accuracy: 0.003` is met in 60 rows, and 95 % of forces, contact radii and largest pressures are inside their
+    bars; all were, forces 0.08 % off at most."""
+    inside = {"force": 0, "a": 0, "p_max": 0}
+    rows = 0
     for number, document in enumerate(drawn(15, seed=7)):
         exact = resolve(from_mapping(document))
         meshed_ = from_mapping(document | {"accuracy": 0.003, "solver": {"method": "condensed"}})
+        scales = exact.physics.scales
         for state in simulate(meshed_, MPI.COMM_SELF, directory=tmp_path / str(number)).states:
-            found = exact.plan.theory.at(state.delta / exact.physics.scales.depth) if exact.plan.theory else None
-            assert found and state.force_error is not None
-            error = abs(state.force - found.force * exact.physics.scales.force)
-            assert error <= 0.003 * state.force
-            inside, rows = inside + (error <= state.force_error), rows + 1
-    assert rows == 60 and inside >= 0.95 * rows
+            found = exact.plan.theory.at(state.delta / scales.depth) if exact.plan.theory else None
+            assert found
+            peak = float(found.pressure(np.linspace(0, 0.999, 200) * found.a).max())
+            known_ = {
+                "force": found.force * scales.force,
+                "a": found.a * scales.length,
+                "p_max": peak * scales.pressure,
+            }
+            assert abs(state.force - known_["force"]) <= 0.003 * state.force
+            for name, value in known_.items():
+                bar = getattr(state, f"{name}_error")
+                inside[name] += abs(getattr(state, name) - value) <= bar
+            rows += 1
+    assert rows == 60 and min(inside.values()) >= 0.95 * rows

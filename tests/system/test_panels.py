@@ -280,17 +280,16 @@ class TestFields:
         assert found.points[len(half) :] == pytest.approx(half * [-1, 1])
         assert sorted(set(found.values)) == pytest.approx(some_fields(2)["von_mises"])
 
-    def test_lines_are_drawn_where_regions_meet(self, result, drawn):
-        """The two cells are of two regions: their common side, and its image."""
-        found = section_of(result, 2.0, FIELDS["von_mises"])
-        common = {tuple(self.POINTS[k] + [0.1, -0.2]) for k in set(self.CELLS[0]) & set(self.CELLS[1])}
-        ends = found.points[found.faces]
-        assert len(ends) == 2 and {tuple(end) for end in np.round(ends[0], 9)} == {
-            tuple(np.round(c, 9)) for c in common
-        }
-        assert ends[1] == pytest.approx(ends[0] * [-1, 1])
-        (line, *_) = drawn([result], what=("fields",), steps=("2",)).axes[0].lines
-        assert np.isnan(line.get_xdata()).sum() == 2
+    def test_the_face_between_regions_is_a_line_in_the_picture(self, result, drawn):
+        """Where the two cells meet, from the one's corner to the other's, and its image."""
+        shared = [k for k in self.CELLS[0] if k in self.CELLS[1]]
+        face = (self.POINTS + np.array([0.1, -0.2]))[shared]
+        found = section_of(result, 2.0, FIELDS["von_mises"]).faces
+        assert len(found) == 2 and found[0] == pytest.approx(face) and found[1] == pytest.approx(face * [-1, 1])
+        (line,) = (
+            line for line in drawn([result], what=("fields",), steps=("2",)).axes[0].lines if len(line.get_xdata()) == 6
+        )
+        assert line.get_xydata()[:2] == pytest.approx(face)
 
     def test_panels_of_steps_share_frame_and_colours(self, drawn, result):
         figure = drawn([result], what=("fields",), steps=("all",), fields=("von_mises", "J"))
@@ -336,7 +335,7 @@ class TestFields:
         }
         result = in_folder(tmp_path / "run", a_result(units={}, center=[0.5, 0.0], **kinds))
         tip = outline(Sphere(1.0), (0.5, 0.0), 1.0, "three_dimensional", 1)
-        writer = FieldWriter(result.path, corners, np.array(faces), np.zeros(6), tip)
+        writer = FieldWriter(result.path, corners, np.array(faces), np.array([0, 0, 0, 1, 1, 1]), tip)
         shift = np.column_stack([3 * corners[:, 0], 0 * corners[:, 0], 4 * corners[:, 2]])
         writer.write(5, 0.1, some_fields(1, 8, 6, 3) | {"displacement": shift})
         found = section_of(result, 5.0, FIELDS["displacement"])
@@ -349,6 +348,8 @@ class TestFields:
         a, b, c = (found.points[found.triangles[:, k]] for k in range(3))
         area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum() / 2
         assert area == pytest.approx(4 * 5)
+        lengths = np.linalg.norm(found.faces[:, 1] - found.faces[:, 0], axis=1)
+        assert lengths.sum() == pytest.approx(np.hypot(4, 5))  # the regions are above and below a diagonal
 
     def test_fields_that_are_not_there_are_refused(self, drawn, result, tmp_path):
         with pytest.raises(UsageError, match="no fields of step 4, only of 1, 2, 3"):

@@ -97,6 +97,7 @@ class Condenser:
         self._owned_nodes, self._owned_rows, self.rows = self._number_surface_nodes()
         self._surface = self._whole_surface()
         self._last: Compliance | None = None
+        self._forces_go: tuple[Compliance, Own] | None = None
 
     def _all_pins(self) -> list[int]:
         """One entry a pin on every rank: the local dof on its owner, -1 elsewhere."""
@@ -216,10 +217,16 @@ class Condenser:
         X.destroy()  # left to Python they stay until the end: all blocks at once
         return _summed(comm, C), reactions[0], np.abs(reactions[1:]).max(axis=0, initial=0.0)
 
+    def _pushed(self, compliance: Compliance) -> Own:
+        """Where this rank's share of the nodal forces goes; every row asks for it, a compliance alone decides it."""
+        if self._forces_go is None or self._forces_go[0] is not compliance:
+            axes = [compliance.surface.dim - 1, *range(len(compliance.held))]
+            self._forces_go = compliance, self._solved(compliance.places, axes)[0]
+        return self._forces_go[1]
+
     def recover(self, compliance: Compliance, nodal_forces: np.ndarray) -> None:
         """Put the whole body's response to forces at the nodes of a compliance into the body's solution."""
-        vertical = compliance.surface.dim - 1
-        (dofs, columns, free), _, _ = self._solved(compliance.places, [vertical, *range(len(compliance.held))])
+        dofs, columns, free = self._pushed(compliance)
         load, response = self._pc.getOperators()[0].createVecs()
         up = np.where(columns < len(compliance.places), -1.0, 1.0)
         load.array[dofs[free]] = (up * nodal_forces[columns])[free]

@@ -40,8 +40,9 @@ class Observed(Protocol):
         """lam (facets, points) as a pressure to be looked at [pressure]."""
 
 
-TOUCHING = 1e-8  # of E*, a pressure that is not round-off
+LEAST_PRESSURE = 1e-8  # of E*, a pressure that is not round-off
 SAME_NODE, OF_ELEMENT = 1e-10, 1e-3  # of the body's height, of the smallest element: closer nodes are the same
+SMEARED, STEEP = 0.3, 11.0  # of the step of the pressure that ends a tensed contact; how it grows with gamma/(E* a)
 UNDER = 0.5  # of the radius at which a tip ends: no tip is steep there, and a ball has its stem above (tips.STEM)
 # Of E*/h, h the size of the facet, by formulation. Measured on 60 random layers between frictionless walls, two to
 # thirty elements in the contact radius: a is off by 0.01 h in the median, in 95 % of the rows by less than 0.03 h
@@ -82,7 +83,7 @@ def sample(body: Observed, points: np.ndarray) -> Sample:
 def touching(body: Observed) -> np.ndarray:
     """Which corners (facets, corners) of this rank's contact facets touch the tip, as `a` counts it."""
     p_hat = sample(body, body.trace.node_points()[: body.trace.dim]).p_hat
-    return np.asarray(p_hat > TOUCHING * body.scene.physics.material.E_star)
+    return np.asarray(p_hat > LEAST_PRESSURE * body.scene.physics.material.E_star)
 
 
 def _edge_stiffness(body: Observed) -> np.ndarray:
@@ -120,7 +121,9 @@ def _may_touch_above(body: Observed, pressure: np.ndarray) -> bool:
     physics = body.scene.physics
     if not physics.evolves:
         return physics.contact.may_snap
-    return bool(body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX) > TOUCHING * physics.material.E_star)
+    return bool(
+        body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX) > LEAST_PRESSURE * physics.material.E_star
+    )
 
 
 def _area_ratio(body: Observed, nodal: np.ndarray, points: np.ndarray, X: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -146,25 +149,46 @@ def contact(body: Observed) -> dict[str, float]:
 
     a = sqrt(area/pi) of the region with p_hat > 0 (half its width in plane strain), cut along p_hat = 0, linearly
     inside each of the small simplices of a facet; with a current gap measured in the deformed configuration,
-    projected on the horizontal plane; 0 for delta <= 0, unless the tip adheres or the body swells. The peak is over the
-    contact quadrature points and the nodes, NaN where no mesh knows it (see `scene.expected.peakless`), the penetration
-    the largest <-g> over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own
-    shape, of which the gap function may know nothing; 0 with a reference gap."""
+    projected on the horizontal plane; 0 for delta <= 0, unless the tip adheres or the body swells. Under surface
+    tension the pressure ends with a step, which a mesh smears and nodes beside it swing about: a is where p_hat is
+    SMEARED of the step, and the peak the largest mean over a facet. Else the peak is over the contact quadrature points
+    and the nodes. It is NaN where no mesh knows it (see `scene.expected.peakless`). The penetration is the largest <-g>
+    over the contact quadrature points. The overlap is how deep a whole facet lies inside the tip's own shape, of which
+    the gap function may know nothing; 0 with a reference gap."""
     dim = body.trace.dim
-    grid, inner, nodes = lattice(dim)[0], contact_quadrature(dim)[0], body.trace.node_points()
+    grid, (inner, weights), nodes = lattice(dim)[0], contact_quadrature(dim), body.trace.node_points()
     s = sample(body, np.vstack([grid, inner, nodes]))
     begin, end = len(grid), len(grid) + len(inner)
     x = s.X if body.scene.physics.gap == "reference" else s.X + s.u
-    size = _region(body, s.X[:, :begin, :-1], x[:, :begin, :-1], s.p_hat[:, :begin])
+    means = s.pressure[:, begin:end] @ weights / weights.sum()
+    places = s.X[:, :begin, :-1], x[:, :begin, :-1]
+    size = _region(body, *places, s.p_hat[:, :begin])
+    if step := _step_at_the_edge(body, size, means):
+        size = _region(body, *places, s.p_hat[:, :begin] - SMEARED * step)
     if body.depth <= 0 and not _may_touch_above(body, s.pressure):  # what is there is round-off
         size = 0.0
     a = body.scene.physics.part.kinematics.contact_radius(size)
-    peak = body.comm.allreduce(float(s.pressure[:, begin:].max(initial=0.0)), op=MPI.MAX)
+    pressure = means if body.scene.physics.surface_tension else s.pressure[:, begin:]
+    peak = body.comm.allreduce(float(pressure.max(initial=0.0)), op=MPI.MAX)
     peak = peak if body.scene.has_peak(a) else float("nan")
     depth = body.comm.allreduce(float(np.maximum(-s.gap[:, begin:end], 0.0).max(initial=0.0)), op=MPI.MAX)
     overlap = body.comm.allreduce(_overlap(body, s.X + s.u, s.gap), op=MPI.MAX)
     found = {"a": a, "p_max": peak, "penetration": depth, "overlap": overlap}
     return found | ({"stick_radius": _stick_radius(body, a, s, x, grid)} if body.friction else {})
+
+
+def _step_at_the_edge(body: Observed, size: float, means: np.ndarray) -> float:
+    """The pressure with which the contact ends under a surface tension, from that in its middle; 0 without tension, and
+    at the edge of a tip, where elements end as well.
+
+    By theory of paraboloids on half-spaces, gamma/(E* a) from 0.03 to 200, to 15 % of the mean pressure."""
+    physics = body.scene.physics
+    if not physics.surface_tension or not size or body.scene.sizes.edge is not None:
+        return 0.0
+    flat = physics.surface_tension / physics.material.E_star / physics.part.kinematics.contact_radius(size)
+    inside = np.concatenate(body.comm.allgather(means[means > 0]))
+    share = STEEP * flat**0.9
+    return float(np.median(inside)) * share / (1 + share) if len(inside) else 0.0
 
 
 def _stick_radius(body: Observed, a: float, s: Sample, x: np.ndarray, grid: np.ndarray) -> float:
@@ -174,7 +198,7 @@ def _stick_radius(body: Observed, a: float, s: Sample, x: np.ndarray, grid: np.n
     end = len(grid)
     sticks = np.minimum(s.p_hat[:, :end], body.friction.room_at(grid))
     size = _region(body, s.X[:, :end, :-1], x[:, :end, :-1], sticks)
-    return body.scene.physics.part.kinematics.contact_radius(size)
+    return min(a, body.scene.physics.part.kinematics.contact_radius(size))
 
 
 def _overlap(body: Observed, x: np.ndarray, gap: np.ndarray) -> float:

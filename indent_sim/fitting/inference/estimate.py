@@ -25,7 +25,7 @@ BLOCKS = 50  # of a curve, whose means tell a contact from noise
 WORST_FACTOR = 4.0  # a modulus known to a larger factor is not known
 LEAST_RISE = 4.0  # rms of the residuals: a smaller rise is noise
 MOST_PILOT, MOST_MEANS = 400, 1500  # block means
-CONTACTS, ENDS = 80, (2.0, 97.0)  # contact points that are tried, between these percentiles of x
+CONTACTS, CONTACT_PERCENTILES = 80, (2.0, 97.0)  # contact points that are tried, between these percentiles of x
 BASELINE_KEPT, LEAST_BASELINE = 1.5, 0.02  # depths before contact that count, and share of the range at least
 FIT_ROUNDS, LARGEST_STEP, LARGEST_SHIFT = 40, 1.0, 0.3  # of a fit, in coordinates and of the contact point in depths
 SETTLED_SQUARES = 1e-6  # relative change of the sum of squares: with n samples n 1e-6 of a deviation squared
@@ -345,7 +345,7 @@ def beginnings(forces: SceneForces, samples: Samples, origin: Origin) -> list[np
     """Parameters from which a fit may begin, the likeliest first: contact points and coordinates that are tried, with
     the baseline and the size of the force solved for."""
     few = samples.means(MOST_PILOT)
-    wanted = np.percentile(few.x, np.linspace(*ENDS, CONTACTS)) if origin.contact_point is None else []
+    wanted = np.percentile(few.x, np.linspace(*CONTACT_PERCENTILES, CONTACTS)) if origin.contact_point is None else []
     contacts = [origin.contact_point] if origin.contact_point is not None else list(wanted)
     softness = forces.experiment.compliance
     depth = few.x - softness * (few.force - far_level(few))

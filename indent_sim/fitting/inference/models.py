@@ -24,7 +24,7 @@ EXPLORED, EXPLORING = 300, 15  # block means on which, and rounds for which the 
 THINNEST = 1.15  # depths that a free thickness must have
 FREE_HEIGHTS = (0.5, 1.5, 4.0)  # contact radii, where free thicknesses begin
 WORKS = (0.01, 0.05, 0.2)  # of the largest force over the contact radius, where works of adhesion begin
-FRACTIONS, TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
+FRACTIONS, PRONY_TIMES = (0.3,), (0.1, 0.4, 1.5)  # of a Prony term, its time in durations of the contact
 CHANGES = (-0.2, 0.0, 0.2)  # of the depth's exponent, where it begins
 
 
@@ -120,7 +120,7 @@ def _candidates(
         key, held = _relaxing(config, forces.deepest)
         other = tables.forces(held, (*forces.keys, f"{key}[0][0]", f"{key}[0][1]"), forces.deepest)
         instantaneous = _harder(theta, forces.scaling, 1.0 / (1.0 - 0.5 * FRACTIONS[0]))
-        for share in TIMES:
+        for share in PRONY_TIMES:
             yield other, np.array([*instantaneous, math.log(FRACTIONS[0]), math.log(share * span)])
 
 

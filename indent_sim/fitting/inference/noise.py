@@ -24,7 +24,7 @@ from scipy.signal import lfilter
 WHITE_SHARES = (0.0003, 0.05, 0.25, 0.5, 0.8, 0.95)
 LONGEST_SHARE = 0.25  # of the samples: the longest correlation that n of them tell of
 WHITE_WEIGHT = 54  # nodes that noise without correlation counts for
-TELLING = 1e-9  # of the largest weight: less is left out
+LEAST_WEIGHT = 1e-9  # of the largest weight: less is left out
 NORMAL_95 = 1.96
 
 
@@ -125,7 +125,7 @@ def averaged(J: np.ndarray, r: np.ndarray, noises: list[Noise] | None = None) ->
     mean = weights @ steps
     covariance = np.zeros((p, p))
     for weight, (_, cov, step, _) in zip(weights, found, strict=True):
-        if weight > TELLING:
+        if weight > LEAST_WEIGHT:
             covariance += weight * (cov + np.outer(step - mean, step - mean))
     best = int(np.argmax(weights))
     return Averaged(noises[best], found[best][3], covariance / np.outer(scale, scale), mean / scale)

@@ -17,7 +17,7 @@ from indent_sim.fitting.inference.estimate import Estimate, deviation
 from indent_sim.fitting.inference.noise import NORMAL_95
 
 WIDE = 0.2  # half width of a coordinate from which on a parabola is not enough
-VALUES, FARTHEST = 7, 3.0  # on each side, and how far the last is, in averaged deviations
+VALUES, LAST_VALUE = 7, 3.0  # on each side, and how far the last is, in averaged deviations
 NEIGHBOUR_ROUNDS = 12  # of a fit from its neighbour's
 
 
@@ -42,7 +42,7 @@ def _end(estimate: Estimate, k: int, side: float, reach: float) -> float:
     r = model.residual(p)
     least = float(r @ noise.whitened(r)[0])
     before, risen = start, 0.0
-    for step in np.linspace(0.0, FARTHEST, VALUES + 1)[1:]:
+    for step in np.linspace(0.0, LAST_VALUE, VALUES + 1)[1:]:
         value = min(max(start + side * step * sd, low), high)
         p[k] = value
         try:

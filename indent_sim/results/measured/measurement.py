@@ -143,7 +143,7 @@ def parts_by_name(names: np.ndarray) -> dict[str, slice]:
     by_number = dict(zip(sorted(spoken), ("approach", "retract"), strict=False))
     for begin, end in itertools.pairwise(ends):
         word = str(names[begin]).strip().lower()
-        part = WORDS.get(word) or (by_number.get(str(names[begin])) if len(spoken) <= 2 else None)
+        part = PART_WORDS.get(word) or (by_number.get(str(names[begin])) if len(spoken) <= 2 else None)
         if part is None:
             raise NoCurve(f"'{word}' is no name of a part: approach, hold, retract")
         if part not in parts:
@@ -153,6 +153,6 @@ def parts_by_name(names: np.ndarray) -> dict[str, slice]:
     return parts
 
 
-WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
-WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
-WORDS |= dict.fromkeys(("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract")
+PART_WORDS = dict.fromkeys(("approach", "extend", "loading", "load", "trace", "appr"), "approach")
+PART_WORDS |= dict.fromkeys(("hold", "pause", "dwell", "intermediate"), "hold")
+PART_WORDS |= dict.fromkeys(("retract", "unloading", "unload", "withdraw", "retrace", "retr"), "retract")

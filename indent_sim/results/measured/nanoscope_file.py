@@ -12,7 +12,7 @@ from indent_sim.process.errors import BackendError
 from indent_sim.results.measured.measurement import INSTALL, SI, STIFFNESS_KEY, Measured, NoCurve, Uncalibrated
 
 SUFFIXES = (".spm", ".pfc")
-FARTHEST = 1.5  # ways of the base that a deflection may span, with the snap-in
+MOST_WAYS = 1.5  # ways of the base that a deflection may span, with the snap-in
 
 
 def read_nanoscope(path: Path, stiffness: float | None = None) -> list[Measured]:
@@ -48,7 +48,7 @@ def _curve(path: Path, data: Any, index: int, header: Mapping[str, Any], k: floa
     if np.ptp(ways[-1]) and ways[-1][0] < ways[-1][-1]:  # the retraction is kept from its far end on
         ways[-1], volts[-1] = ways[-1][::-1], volts[-1][::-1]
     z, deflection = np.concatenate(ways), 1e-9 * float(header["defl_sens_nmbyV"]) * np.concatenate(volts)
-    if not np.isfinite(z).all() or not np.isfinite(deflection).all() or np.ptp(deflection) > FARTHEST * np.ptp(z):
+    if not np.isfinite(z).all() or not np.isfinite(deflection).all() or np.ptp(deflection) > MOST_WAYS * np.ptp(z):
         raise NoCurve("pyfmreader makes deflections of it that go farther than the base moved", str(path))
     times = [np.asarray(one["time"], dtype=float) for one in segments]
     t = np.concatenate([times[0], times[0][-1] + times[0][1] + times[-1]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import sys
 import tempfile
 import textwrap
 import warnings
@@ -35,6 +36,7 @@ FONT = 10.0  # points
 PICTURE_FORMATS = (".png", ".svg", ".pdf")
 DPI = {"png": 160, "svg": 200, "pdf": 300}  # of what is drawn point by point
 MOST_TICKS, TICK_LABEL_GAP = 6, 3.0  # bins of an axis, and pixels between its numbers
+RAISED = str.maketrans("-\N{MINUS SIGN}0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "+")  # an exponent
 MANY = 40  # points from which a line carries no markers
 LETTER, LINE = 0.07, 0.2  # inches: width of a letter and height of a line in a legend
 HANDLE, FEWEST_LETTERS = 0.45, 12  # inches: width of what stands before a name there; letters of a line at least
@@ -58,12 +60,26 @@ STYLE: Look = {
 @contextmanager
 def canvas(size: tuple[float, float] = (9.2, 4.8), font: float = FONT) -> Iterator[Figure]:
     """An empty figure of this size [inches] and font size [points] in the style of all pictures."""
-    with warnings.catch_warnings():  # of an Axes3D that is not wanted here, where two matplotlibs are installed
-        warnings.filterwarnings("ignore", "Unable to import Axes3D")
+    with warnings.catch_warnings(), _without_help_texts():
+        warnings.filterwarnings("ignore", "Unable to import Axes3D")  # not wanted here, where two matplotlibs are
         import matplotlib
         from matplotlib.figure import Figure
     with matplotlib.rc_context(STYLE | {"font.size": font}):
         yield Figure(figsize=size, layout="constrained")
+
+
+@contextmanager
+def _without_help_texts() -> Iterator[None]:
+    """While matplotlib loads, a quarter of its time goes into help texts of its classes, which only a prompt shows."""
+    from matplotlib import artist
+
+    written = artist.kwdoc
+    if not hasattr(sys, "ps1"):
+        artist.kwdoc = lambda kind: ""
+    try:
+        yield
+    finally:
+        artist.kwdoc = written
 
 
 def from_zero(axes: Axes, *curves: np.ndarray) -> None:
@@ -148,20 +164,22 @@ def element(draw: Callable[[Path], None]) -> str:
 
 
 def _write_numbers_as_text(figure: Figure) -> None:
-    """Numbers along the axes as text; only the power of ten beside an axis is a formula, which is slow to lay out."""
+    """Numbers along the axes as text, the power of ten beside an axis too: formulas are slow to lay out."""
     from matplotlib.ticker import ScalarFormatter
 
     class Numbers(ScalarFormatter):
         def get_offset(self) -> str:
-            self.set_useMathText(True)
-            try:
-                return super().get_offset()
-            finally:
-                self.set_useMathText(False)
+            return _with_power(super().get_offset())
 
     for along in (along for axes in figure.axes for along in (axes.xaxis, axes.yaxis)):
         if type(along.get_major_formatter()) is ScalarFormatter:
             along.set_major_formatter(Numbers(useMathText=False))
+
+
+def _with_power(offset: str) -> str:
+    """What matplotlib writes beside an axis, "1e-3+2e2", with its powers as one reads them: "×10⁻³+2×10²"."""
+    powers = re.sub(r"e([-+\N{MINUS SIGN}]?\d+)", lambda found: f"×10{found[1].translate(RAISED)}", offset)
+    return re.sub(r"(?<![\d.])1(?=×)", "", powers)
 
 
 def keep_ticks_apart(figure: Figure) -> None:

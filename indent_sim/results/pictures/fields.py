@@ -12,7 +12,7 @@ import numpy as np
 from indent_sim.process.errors import UsageError
 from indent_sim.results.outline import scene_of
 from indent_sim.results.pictures.axes import Axis, choice, first_axis, middle_of, scaled
-from indent_sim.results.pictures.canvas import GREY, Axes, Look
+from indent_sim.results.pictures.canvas import GREY, INK, Axes, Look
 from indent_sim.results.pictures.pressure import titled
 from indent_sim.results.pictures.profile import draw_tip
 from indent_sim.results.reader import Results
@@ -26,7 +26,6 @@ LIFTED = 0.01  # of the way that a tip is lifted: it sinks in no deeper
 WHOLE_BODY_RATIO = 1.6  # times that a body may be wider or deeper to be shown whole
 COLOURED_PERCENT = 99.8  # of the shown area, inside the colours: at an edge, with many points, a stress is infinite
 SLIVER = 2e-3  # of the width of the frame: about half a pixel
-FACE_WIDTH = 0.6  # points: of the lines between regions
 Beside = Literal["right", "bottom"]  # where the bar of the colours stands
 Part = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, moved points, cells, values at the points
 
@@ -69,10 +68,8 @@ FIELDS = {
 
 @dataclass(frozen=True)
 class Section:
-    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], and values (n,) of a field there.
-
-    faces: pairs (k, 2) of the points at the ends of lines between two regions: layers, skins, inclusions.
-    """
+    """A cut through the deformed body: triangles (m, 3) of points (n, 2) [length], values (n,) of a field there, and
+    the lines (k, 2, 2) [length] in which it cuts the faces between regions: of skins, layers and inclusions."""
 
     points: np.ndarray
     triangles: np.ndarray
@@ -83,7 +80,7 @@ class Section:
         """With its image in the vertical line x = middle."""
         image = np.column_stack([2 * middle - self.points[:, 0], self.points[:, 1]])
         triangles = np.concatenate([self.triangles, self.triangles[:, ::-1] + len(image)])
-        faces = np.concatenate([self.faces, self.faces + len(image)])
+        faces = np.concatenate([self.faces, np.array([2 * middle, 0]) + np.array([-1, 1]) * self.faces])
         return Section(np.concatenate([self.points, image]), triangles, np.tile(self.values, 2), faces)
 
     @cached_property
@@ -123,29 +120,20 @@ def section_of(results: Results, step: float, field: ShownField) -> Section:
         raise UsageError(f"{results.path} has no field {missing.args[0]}", f"it is of {field.only}") from None
     parts = [_part(fields, values, fields["region"] == region) for region in np.unique(fields["region"])]
     center = np.array([*results.report.get("center", [0.0]), 0.0][:2])
+    faces = _faces(fields["cells"], fields["region"])
+    lines = (fields["points"] + fields["displacement"])[faces]
     if fields["cells"].shape[1] == 4:
         y = fields["points"][:, 1]
         inside = np.clip(center[1], y.min() + 1e-6 * np.ptp(y), y.max() - 1e-6 * np.ptp(y))
         parts = [_cut(*part, inside) for part in parts]
+        lines = _cut_faces(lines, fields["points"][faces, 1] - inside)
     starts = np.cumsum([0, *(len(moved) for _, moved, *_ in parts[:-1])])
     triangles = np.concatenate([cells + start for (_, _, cells, _), start in zip(parts, starts, strict=True)])
     points, shown = np.concatenate([part[1] for part in parts]), np.concatenate([part[3] for part in parts])
-    regions = np.repeat(np.arange(len(parts)), [len(cells) for _, _, cells, _ in parts])
-    section = Section(points[:, [0, 2]], triangles, shown, _faces(points, triangles, regions))
+    section = Section(points[:, [0, 2]], triangles, shown, lines[:, :, [0, 2]])
     left = fields["points"][:, 0].min()
     is_half = choice(results.report, "symmetry") != "full" and left >= center[0] - 1e-9 * np.ptp(fields["points"][:, 0])
     return section.mirrored(center[0]) if is_half else section
-
-
-def _faces(points: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
-    """The edges (k, 2) that triangles of two regions, each with points of its own, have at one place."""
-    _, first, places = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    edges = np.sort(places.ravel()[triangles][:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    found, which = np.unique(edges, axis=0, return_inverse=True)
-    low, high = np.full(len(found), regions.max()), np.zeros(len(found), dtype=regions.dtype)
-    np.minimum.at(low, which.ravel(), np.repeat(regions, 3))
-    np.maximum.at(high, which.ravel(), np.repeat(regions, 3))
-    return np.asarray(first[found[low < high]])
 
 
 def _part(fields: dict[str, np.ndarray], values: np.ndarray, own: np.ndarray) -> Part:
@@ -181,6 +169,29 @@ def _cut(points: np.ndarray, moved: np.ndarray, cells: np.ndarray, values: np.nd
     columns = np.column_stack([points, moved, values])
     found = (1 - share) * columns[ends[:, 0]] + share * columns[ends[:, 1]]
     return found[:, :3], found[:, 3:6], np.arange(len(found)).reshape(-1, 3), found[:, 6]
+
+
+def _faces(cells: np.ndarray, regions: np.ndarray) -> np.ndarray:
+    """The facets (k, corners - 1) of the cells between two regions."""
+    n = cells.shape[1]
+    facets = np.sort(np.concatenate([np.delete(cells, k, axis=1) for k in range(n)]), axis=1)
+    own = np.tile(regions, n)
+    order = np.lexsort(facets.T)
+    facets, own = facets[order], own[order]
+    is_pair = (facets[1:] == facets[:-1]).all(axis=1) & (own[1:] != own[:-1])
+    return facets[1:][is_pair]
+
+
+def _cut_faces(triangles: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """The lines (k, 2, 3) in which a plane cuts triangles (m, 3, 3), whose corners are at distances (m, 3) from it."""
+    is_front = side > 0
+    is_cut = is_front.any(axis=1) & ~is_front.all(axis=1)
+    triangles, side, is_front = triangles[is_cut], side[is_cut], is_front[is_cut]
+    lone = np.where(is_front.sum(axis=1) == 1, is_front.argmax(axis=1), is_front.argmin(axis=1))
+    rows, others = np.arange(len(lone))[:, None], (lone[:, None] + [1, 2]) % 3
+    begin = side[rows, lone[:, None]]
+    share = (begin / (begin - side[rows, others]))[:, :, None]
+    return (1 - share) * triangles[rows, lone[:, None]] + share * triangles[rows, others]
 
 
 @dataclass(frozen=True)
@@ -231,6 +242,7 @@ class FieldRow:
         for axes, (run, step, words), section in zip(panels, self.shown[some], self.sections[some], strict=True):
             look = {"vmin": low, "vmax": high, "cmap": colours, "rasterized": True}
             drawn = _draw_section(axes, section, length, axis, SLIVER * np.ptp(frame[:2]), look)
+            _draw_faces(axes, section, length, "white" if self.field.middle is None else INK)
             if (scene := scene_of(run.path)) is not None:
                 draw_tip(axes, scene, _at(run, step, "delta"), middle_of([run])[0], float(np.ptp(frame[:2])), length)
             axes.set(aspect="equal", xlim=length(frame[:2]), ylim=length(frame[2:]))
@@ -253,10 +265,13 @@ def _draw_section(axes: Axes, section: Section, length: Axis, axis: Axis, least:
     if is_sliver.any():
         small = section.triangles[is_sliver]
         axes.tripcolor(x, z, small, facecolors=values[small].mean(axis=1), edgecolors="face", lw=0.3, **look)
-    if len(section.faces):
-        lines = np.pad(length(section.points[section.faces]), ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
-        axes.plot(*lines.reshape(-1, 2).T, color=GREY, lw=FACE_WIDTH)
     return axes.tripcolor(x, z, section.triangles[~is_sliver], values, shading="gouraud", **look)
+
+
+def _draw_faces(axes: Axes, section: Section, length: Axis, colour: str) -> None:
+    """Thin lines where skins, layers and inclusions end."""
+    broken = np.pad(section.faces, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan).reshape(-1, 2)
+    axes.plot(*length(broken).T, color=colour, lw=0.5, scalex=False, scaley=False)
 
 
 def _at(results: Results, step: float, column: str) -> float:

@@ -18,9 +18,9 @@ from indent_sim.results.pictures.experiment import draw_branches
 from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
 
-SIZE, ALONE = (4.6, 3.5), 6.4  # inches of a panel, and the width of one that is alone
-DECADES = 1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
-SEEN = 1e-3  # of the largest force, or depth, from which on something is seen
+PANEL_SIZE, LONE_WIDTH = (4.6, 3.5), 6.4  # inches of a panel, and the width of one that is alone
+LOG_RATIO = 1e3  # last time over the first one that is seen, from which on the axis of times is logarithmic
+LEAST_SEEN = 1e-3  # of the largest force, or depth, from which on something is seen
 STATES = 5  # of a film
 LIMIT_STYLES = ("--", ":")  # before anything has flowed or relaxed, and when all has
 
@@ -36,7 +36,7 @@ def draw(results: Results, path: Path) -> None:
     across = 2 if len(panels) in (2, 4) else min(len(panels), 3)
     rows = [panels[k : k + across] for k in range(0, len(panels), across)]
     rows[-1] += ["."] * (across - len(rows[-1]))
-    with canvas((SIZE[0] * across if across > 1 else ALONE, SIZE[1] * len(rows))) as figure:
+    with canvas((PANEL_SIZE[0] * across if across > 1 else LONE_WIDTH, PANEL_SIZE[1] * len(rows))) as figure:
         drawn: dict[str, Axes] = figure.subplot_mosaic([*rows, ["legend"] * across])
         time = results.report.get("time") or {}
         said = [f"in time by {time.get('method', 'steps')}", subtitle(results)]
@@ -130,14 +130,14 @@ def first_seen(results: Results) -> float:
     """The first time after 0 at which a force, or where forces are prescribed a depth, is there to be seen."""
     size = np.abs(np.nan_to_num(results["delta" if results.report.get("control") == "force" else "force"]))
     later = results["t"] > 0
-    seen = later & (size >= SEEN * size.max(initial=0.0))
+    seen = later & (size >= LEAST_SEEN * size.max(initial=0.0))
     return float(results["t"][np.argmax(seen if seen.any() else later)])
 
 
 def _spans_decades(results: Results) -> bool:
     """Whether most of what happens would stand at the left end of the axis."""
     t = results["t"]
-    return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > DECADES * first_seen(results))
+    return bool(t[0] >= 0 and t[-1] > 0 and t[-1] > LOG_RATIO * first_seen(results))
 
 
 def spread(results: Results, steps: Sequence[int]) -> list[int]:

@@ -17,8 +17,8 @@ PULL_OFF = "pull_off"
 COLUMNS = (*STATE_COLUMNS, *READINGS, *FRICTION_COLUMNS, *TIME_COLUMNS)
 QUANTITIES = tuple(name for name in (*COLUMNS, PULL_OFF) if name not in ("step", "branch", "wall_s", *ERROR_COLUMNS))
 PLACES = ("delta", "t", "step")  # what a row is named by
-PUBLISHED = ("quantity", "at", "value", "claims", "within", "source")
-NEEDED = ("quantity", "value", "claims", "source")
+PUBLISHED_KEYS = ("quantity", "at", "value", "claims", "within", "source")
+REQUIRED_KEYS = ("quantity", "value", "claims", "source")
 EXACT = ("value", "case", "by")
 
 
@@ -50,7 +50,7 @@ class Exact:
 
 def read_published(given: Any, keys: KeyPath) -> Published:
     """The section `published` of a case; ConfigError, without its place, for anything wrong in it."""
-    section = _section(given, keys, PUBLISHED, NEEDED)
+    section = _section(given, keys, PUBLISHED_KEYS, REQUIRED_KEYS)
     quantity, claims = section["quantity"], section["claims"]
     if quantity not in QUANTITIES:
         near = closest(str(quantity), QUANTITIES)

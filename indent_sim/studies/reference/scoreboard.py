@@ -29,7 +29,7 @@ SCOREBOARD_COLUMNS = (
     *OWN_COLUMNS,
 )
 NOBODY, PUBLISHED, OURS, BOTH, UNKNOWN = "nobody", "published", "ours", "both", "unknown"
-WORDS = ("case", "quantity", "exact_by", "claims", "source", "wrong")  # columns of text
+TEXT_COLUMNS = ("case", "quantity", "exact_by", "claims", "source", "wrong")  # columns of text
 ROUNDING = 1e-9  # relative, of a number that is exact
 Row = dict[str, Any]
 
@@ -71,7 +71,7 @@ def rows(members: Sequence[Member], cases: Sequence[Case], done: Mapping[str, Re
 def read_row(row: Mapping[str, str]) -> Row:
     """A row as `rows` gave it, from the cells of verification.csv; KeyError or ValueError where it is none."""
     cells = {name: row[name] for name in SCOREBOARD_COLUMNS}
-    return {name: (text if name in WORDS else float(text)) if text else None for name, text in cells.items()}
+    return {name: (text if name in TEXT_COLUMNS else float(text)) if text else None for name, text in cells.items()}
 
 
 def read(text: str) -> list[Row]:

@@ -21,8 +21,8 @@ from indent_sim.studies.study_file import StudyFile
 
 SAME_DEPTH = 1e-9  # relative
 MOST_DEPTHS = 200  # at which theory is asked
-AROUND = 1.3  # times an expected depth the one found may be
-RADII = 200  # at which theory's pressure is looked at for its peak
+DEPTH_FACTOR = 1.3  # times an expected depth the one found may be
+PEAK_RADII = 200  # at which theory's pressure is looked at for its peak
 ALONE = "every run asks a question of its own and is compared with no other; curves.csv and curves.png have the curves"
 NAN = math.nan
 
@@ -142,7 +142,9 @@ def of_theory(case: Case) -> Answer | None:
     depths = [delta for delta in scene.physics.deltas if delta > 0]
     depths = depths[:: -max(1, len(depths) // MOST_DEPTHS)][::-1]  # the last among them
     if scene.physics.path.control == "force" and depths:
-        around = np.geomspace(min(depths) / AROUND, min(max(depths) * AROUND, scene.physics.body.height), MOST_DEPTHS)
+        around = np.geomspace(
+            min(depths) / DEPTH_FACTOR, min(max(depths) * DEPTH_FACTOR, scene.physics.body.height), MOST_DEPTHS
+        )
         depths = [float(depth) for depth in around]
     curve = (scene.plan.theory.curve(depths) if scene.plan.theory else None) if depths else []
     if curve is None:
@@ -178,7 +180,7 @@ def of_results(found: Results) -> Answer:
 
 def _peak(solution: Any) -> float:
     """The largest pressure; NaN where it is infinite (a sharp edge or apex)."""
-    inside = solution.a * np.linspace(0, 1, RADII + 1)
+    inside = solution.a * np.linspace(0, 1, PEAK_RADII + 1)
     with np.errstate(all="ignore"):
         p = np.asarray(solution.pressure(inside), dtype=float)
     steep = p[:-1].max() > 1.5 * p[2:-2].max()

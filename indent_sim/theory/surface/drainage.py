@@ -32,9 +32,9 @@ from indent_sim.theory.theory import Theory
 
 Surface = Literal["drained", "sealed"]
 CONTOUR = 24  # points of Talbot's contour, of which half are conjugates of the others: 12 digits
-POINTS = 64  # of the integral equation
+CONTACT_POINTS = 64  # of the integral equation
 LARGEST_WAVE, GRADED = 120.0, 1e-6  # largest k [1/a], and the first panel in it: what is subtracted leaves k^-6
-PER_PANEL, PER_PHASE = 24, 0.7  # Gauss points of a panel, and more of them for each unit of the phase k x
+WAVE_POINTS, WAVE_PHASE_POINTS = 24, 0.7  # Gauss points of a panel, and more of them for each unit of the phase k x
 SHORT = 1e-3  # a^2/D: before it 1 - g = sqrt(tau)(A - B ln tau), of boundary layers too thin for these points
 SHORT_ENDS = SHORT, 4.0 * SHORT  # times that give A and B
 # (F - F(inf))/(F(0+) - F(inf)) of a paraboloid at D t/a^2 = AT after it was pressed in at once, and at the end of a
@@ -193,14 +193,16 @@ def _contour(count: int) -> Nodes:
 def _waves() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Wavenumbers k, their weights, and cos(k x) at the points of the equation."""
     edges = [0.0, *np.geomspace(GRADED, LARGEST_WAVE, math.ceil(math.log(LARGEST_WAVE / GRADED, 3.0)))]
-    parts = [gauss(low, high, PER_PANEL + math.ceil(PER_PHASE * (high - low))) for low, high in pairwise(edges)]
+    parts = [
+        gauss(low, high, WAVE_POINTS + math.ceil(WAVE_PHASE_POINTS * (high - low))) for low, high in pairwise(edges)
+    ]
     k, weights = joined(parts)
-    return k, weights, np.cos(np.outer(gauss(0.0, 1.0, POINTS)[0], k))
+    return k, weights, np.cos(np.outer(gauss(0.0, 1.0, CONTACT_POINTS)[0], k))
 
 
 def _transform(s: complex, r: float, surface: Surface) -> complex:
     """Laplace transform of F/F(0+) at s [D/a^2]."""
-    x, w = gauss(0.0, 1.0, POINTS)
+    x, w = gauss(0.0, 1.0, CONTACT_POINTS)
     k, weights, cosines = _waves()
     contrast, root = r / (1.0 - r), np.sqrt(s)
     first, second = _large_waves(contrast, surface)
@@ -218,7 +220,7 @@ def _transform(s: complex, r: float, surface: Surface) -> complex:
     near = kernel(np.abs(x[:, None] - x)) * w
     smooth = (2.0 / math.pi * (cosines * (rest * weights)) @ cosines.T + kernel(x[:, None] + x)) * w
     kink = integral(x) + integral(1.0 - x) - near.sum(axis=1)  # what the points miss of a constant, all on the diagonal
-    phi = np.linalg.solve(np.eye(POINTS) - smooth - near - np.diag(kink), np.ones(POINTS))
+    phi = np.linalg.solve(np.eye(CONTACT_POINTS) - smooth - near - np.diag(kink), np.ones(CONTACT_POINTS))
     return complex((1.0 - r) / s * (w @ phi))
 
 

@@ -33,7 +33,7 @@ MOST_HISTORY_STEPS = 2000  # steps of a history, about, but for one in each of i
 RESOLVED = 20.0  # first steps in the shortest relaxation time
 TOUCHES = 60  # corrections of a contact that is no disc
 CONTACT_SLACK = 1e-12  # of the largest pressure, or gap, by which a contact may pull, or overlap
-SAME_FORCE, MOST_SEARCH_STEPS = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
+FORCE_FOUND, MOST_SEARCH_STEPS = 1e-12, 60  # of a prescribed force, relative, and the steps that find it
 
 
 class Outgrown(ValueError):
@@ -253,7 +253,7 @@ class StepByStep:
                 delta = 0.5 * (low + delta)
                 continue
             missing = force - float(areas @ p)
-            if abs(missing) <= SAME_FORCE * force:
+            if abs(missing) <= FORCE_FOUND * force:
                 return delta, p
             low = delta if missing > 0.0 else low
             delta += missing / contact.stiffness

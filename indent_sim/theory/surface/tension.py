@@ -50,9 +50,9 @@ FEWEST, PER_ROOT, MOST = (
 # Of the force, against three times as many functions: 1.4e-4 at most was found under a tip with kinks (a profile of
 # straight pieces), 3e-6 under a sharp punch, 3e-9 under smooth tips
 KINKED_ERROR, EDGED_ERROR, SMOOTH_ERROR = 5e-4, 1e-5, 1e-8
-PER_PANEL = 10  # Gauss points on a panel of the angle
+PANEL_POINTS = 10  # Gauss points on a panel of the angle
 INNERMOST = 20  # and where the logarithm is, towards which they crowd as v^3
-BESIDE = 24  # Chebyshev's points beside the contact, where the surface is looked at
+POINTS_BESIDE = 24  # Chebyshev's points beside the contact, where the surface is looked at
 
 
 class Terms(NamedTuple):
@@ -197,7 +197,7 @@ def _functions(theta: np.ndarray, count: int) -> np.ndarray:
 @lru_cache(maxsize=4096)
 def _angles(angle: float, levels: int, count: int) -> Nodes:
     """Nodes and weights on [0, pi] for a logarithm at an angle, and functions of count oscillations."""
-    longest = 2.0 * PER_PANEL / (3.0 * count)
+    longest = 2.0 * PANEL_POINTS / (3.0 * count)
     parts = []
     for length, way in ((angle, -1.0), (math.pi - angle, 1.0)):
         if length <= 0.0:
@@ -207,7 +207,7 @@ def _angles(angle: float, levels: int, count: int) -> Nodes:
         edges = [*steps, *(steps[-1] + (length - steps[-1]) * np.arange(1, panels + 1) / panels)]
         v, w = gauss(0.0, 1.0, INNERMOST)
         parts.append((angle + way * edges[0] * v**3, 3.0 * edges[0] * v**2 * w))
-        parts += [(angle + way * x, w) for x, w in (gauss(*ends, PER_PANEL) for ends in pairwise(edges))]
+        parts += [(angle + way * x, w) for x, w in (gauss(*ends, PANEL_POINTS) for ends in pairwise(edges))]
     return joined(parts)
 
 
@@ -227,7 +227,7 @@ def _u_z(layer: TensedLayer, a: float, phi: np.ndarray, depth: float, r: np.ndar
     beside, end = None, float(np.arccosh(max(1.0, r.max() / a)))
     if end > 0.0:
         beside = Chebyshev.interpolate(
-            lambda y: layer.sinking(a, phi, a * np.cosh(np.maximum(y, 1e-9))), BESIDE, [0.0, end]
+            lambda y: layer.sinking(a, phi, a * np.cosh(np.maximum(y, 1e-9))), POINTS_BESIDE, [0.0, end]
         )
     value = np.empty_like(r)
     for k, radius in enumerate(r):
