@@ -73,9 +73,11 @@ def _without_help_texts() -> Iterator[None]:
     """While matplotlib loads, a quarter of its time goes into help texts of its classes, which only a prompt shows."""
     from matplotlib import artist
 
-    written = artist.kwdoc
-    if not hasattr(sys, "ps1"):
-        artist.kwdoc = lambda kind: ""
+    written = getattr(artist, "kwdoc", None)
+    if written is None or hasattr(sys, "ps1"):
+        yield
+        return
+    artist.kwdoc = lambda kind: ""
     try:
         yield
     finally:
