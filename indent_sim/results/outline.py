@@ -15,7 +15,7 @@ from indent_sim.config.schema import Config
 from indent_sim.model.body import AnyBody, Ball
 from indent_sim.model.tips import Indenter, RegularPyramid, Sphere, reach
 from indent_sim.process.errors import IndentSimError
-from indent_sim.results.folder import CONFIG
+from indent_sim.results.folder import CONFIG, content
 
 Curve = tuple[np.ndarray, np.ndarray]  # (s, z)
 SECTIONS_PER_TURN, SURFACE_RINGS = 96, 40  # of a surface: sections of a whole turn, and points of each
@@ -43,6 +43,15 @@ def scene_of(folder: Path) -> Config | None:
         written = os.stat(folder / CONFIG)
         return _scene_of(folder / CONFIG, written.st_mtime_ns, written.st_ino)
     return None
+
+
+def adheres(folder: Path) -> bool | None:
+    """Whether the contact of a result adheres; None where its scene cannot be read."""
+    with suppress(OSError):
+        if b"adhesion" not in content(folder / CONFIG):  # as of most, which need not be checked key by key
+            return False
+    scene = scene_of(folder)
+    return getattr(scene.contact, "adhesion", None) is not None if scene else None
 
 
 @lru_cache(16)  # every panel of a picture asks

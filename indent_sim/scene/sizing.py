@@ -61,7 +61,8 @@ INCOMPRESSIBLE = 0.45  # Poisson ratio from which it then gives way to the sides
 
 def surface_points(given: Given) -> Sizes:
     """The distances between the points at which theory's surface is written: as many in every contact radius."""
-    inside = [given.radius(delta) for delta in given.physics.deltas if delta > 0] or [given.a]
+    depths = [delta for delta in given.physics.deltas if delta > 0]
+    inside = [given.radius(delta) for delta in (min(depths), max(depths))] if depths else [given.a]  # grows with depth
     a, h = rounded(max(inside)), rounded(max(inside) / SURFACE_POINTS)
     on_axis = rounded(max(min(inside), LEAST_LAST_RADIUS * a) / SURFACE_POINTS)
     return Sizes(h, inf, a, GRADING, h_axis=on_axis if on_axis < h else None, a=a, axis=given.physics.center)

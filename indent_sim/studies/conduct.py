@@ -136,7 +136,8 @@ def carry_out(
         try:
             _do(mine, place, workers, tell)
         finally:
-            done = {case.id: reader.read_run(place.run(case.name)) for case in mine if place.has_ended(case.name)}
+            ended = ((case.id, place.ended(case.name)) for case in mine)
+            done = {name: results for name, results in ended if results is not None}
             folders = {case.id: place.run(case.name).name for case in mine}
             rows = study_table.rows(study, asked, done, against, folders)
             board = scoreboard.rows(study.members, cases, done)

@@ -20,7 +20,7 @@ from indent_sim.process.limits import unwritable
 from indent_sim.process.version import VERSION
 from indent_sim.results import folder as results
 from indent_sim.results.folder import PROGRAM, REPORT, RUNS, read_report, write_atomically
-from indent_sim.results.reader import read_run
+from indent_sim.results.reader import Results, read_run
 from indent_sim.results.writer import to_json
 
 RECORD, STUDY_TABLE, STUDY_PICTURE = results.STUDY, "study.csv", "study.png"
@@ -82,19 +82,19 @@ class StudyFolder:
 
     def is_finished(self, name: str) -> bool:
         """Whether a run has ended and would end so again: the machine did not kill it, and gave it memory and disk."""
-        report = read_report(self.run(name))
-        was_killed = report.get("exit_code") in OF_THE_MACHINE or str(report.get("reason")).startswith(LACKING)
-        return self.has_ended(name) and not was_killed
-
-    def has_ended(self, name: str) -> bool:
-        """Whether a run has ended, well or not, under this version of the program, and its result can be read."""
-        report = read_report(self.run(name))
-        if report.get("status") not in ("done", "failed") or report.get("version") != VERSION:
+        if (found := self.ended(name)) is None:
             return False
-        with suppress(UsageError):  # damaged since
-            read_run(self.run(name))
-            return True
-        return False
+        code, reason = found.report.get("exit_code"), str(found.report.get("reason"))
+        return code not in OF_THE_MACHINE and not reason.startswith(LACKING)
+
+    def ended(self, name: str) -> Results | None:
+        """The result of a run that has ended, well or not, under this version of the program; None of any other, and
+        where it cannot be read."""
+        report = read_report(self.run(name))
+        if report.get("status") in ("done", "failed") and report.get("version") == VERSION:
+            with suppress(UsageError):  # damaged since
+                return read_run(self.run(name))
+        return None
 
     def fail(self, name: str, exit_code: int, reason: str) -> None:
         """Write down a failure that left no report of its own."""

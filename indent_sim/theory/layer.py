@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -54,6 +55,26 @@ class _LinearKernel:
     def touch(self) -> float:
         """Depth at which phi vanishes at the edge: the depth of a smooth tip with this contact radius."""
         return self.shape_edge / self.one_edge
+
+
+@dataclass(frozen=True)
+class _LayerPart:
+    """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2 regularises it."""
+
+    kernel: Kernel
+    a: float
+    modes: np.ndarray  # of psi
+
+    def __call__(self, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
+        s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * self.a))
+        t = np.hypot(r[:, None], chord[:, None] * s)
+        return -chord * (self._curvature(t) @ w)
+
+    @cached_property
+    def _curvature(self) -> Chebyshev:
+        """psi'(t)/t."""
+        degree = 24 + math.ceil(8.0 * self.a)
+        return Chebyshev.interpolate(lambda t: self.modes @ self.kernel.slope_over_x(t), degree, domain=[0.0, self.a])
 
 
 class Layer(LayerContact):
@@ -108,7 +129,7 @@ class Layer(LayerContact):
         force = 2.0 * self.E_star * self.h**2 * float(lin.w @ phi)
         energy = self.E_star * self.h**3 * float(lin.w @ (phi * (depth - lin.g)))
         stiffness = 2.0 * self.E_star * self.h * float(lin.w @ lin.one)
-        pressure = pointwise(_pressure, self, lin, a, edge, depth * lin.one_modes - lin.shape_modes)
+        pressure = pointwise(_pressure, self, a, edge, _LayerPart(lin.kernel, a, depth * lin.one_modes - lin.shape_modes))
         u_z, area = pointwise(_u_z, self, lin, a, depth), math.pi * (a * self.h) ** 2
         return Solution(float(delta), force, float(a * self.h), area, energy, stiffness, pressure, u_z)
 
@@ -126,26 +147,17 @@ def sneddon_force(delta: float, tip: Tip, half_space: Stack) -> float:
     return layer.solution(delta, a).force
 
 
-def _pressure(layer: Layer, lin: _LinearKernel, a: float, edge: float, modes: np.ndarray, r: np.ndarray) -> np.ndarray:
+def _pressure(layer: Layer, a: float, edge: float, layer_part: _LayerPart, r: np.ndarray) -> np.ndarray:
     """p(r) [F/L^2] from phi = delta - g + psi: the edge, the tip and the layer each add one Abel integral."""
     inside = r < a
     radius = r[inside]
     chord = np.sqrt((a - radius) * (a + radius))
-    value = edge / chord + _layer_part(lin, a, modes, radius, chord)
+    value = edge / chord + layer_part(radius, chord)
     if layer.tip.edge is None:
         value += tip_pressure(layer.profile, radius, a, layer._breaks(a), layer.tip.corner)
     p = np.where((r == a) & (edge > 0.0), np.inf, 0.0)
     p[inside] = layer.E_star / math.pi * value
     return p
-
-
-def _layer_part(lin: _LinearKernel, a: float, modes: np.ndarray, r: np.ndarray, chord: np.ndarray) -> np.ndarray:
-    """-∫_r^a psi'(t)/sqrt(t^2-r^2) dt; psi is even and analytic: t^2 = r^2 + chord^2 s^2 regularises it."""
-    degree = 24 + math.ceil(8.0 * a)
-    curvature = Chebyshev.interpolate(lambda t: modes @ lin.kernel.slope_over_x(t), degree, domain=[0.0, a])
-    s, w = gauss(0.0, 1.0, 24 + math.ceil(4.0 * a))
-    t = np.hypot(r[:, None], chord[:, None] * s)
-    return -chord * (curvature(t) @ w)
 
 
 def _u_z(layer: Layer, lin: _LinearKernel, a: float, depth: float, r: np.ndarray) -> np.ndarray:

@@ -11,12 +11,13 @@ import numpy as np
 from indent_sim.theory.solution import UNSOLVED
 
 Curve = Callable[[float], float]  # the force [F] at a depth [L]
+GUESSED = np.geomspace(1e-18, 1.0, 400)  # of the limit, the sizes among which the first guess is sought
 LEAST_END_DISTANCE = 1e-4  # relative distance from a wall or from the end of the tip at which the search gives up
 
 
 def first_guess(profile: Callable[[np.ndarray], np.ndarray], depth: float, limit: float) -> float:
     """Contact size in (0, limit) at which an increasing profile(x) is about `depth`: where to start."""
-    grid = limit * (1.0 - 1e-9) * np.geomspace(1e-18, 1.0, 400)
+    grid = limit * (1.0 - 1e-9) * GUESSED
     values = profile(grid)
     if values[-1] <= depth:
         return 0.5 * limit

@@ -303,7 +303,7 @@ class TestDamaged:
     def test_a_run_that_the_machine_killed_is_tried_again(self, tmp_path, code, reason, again):
         with StudyFolder(tmp_path / "study", resume=False) as study:
             study.fail("x", code, reason)
-            assert study.has_ended("x") and study.is_finished("x") != again
+            assert study.ended("x") is not None and study.is_finished("x") != again
             report = json.loads((study.run("x") / "run.json").read_text())
             assert report["version"] == __version__
 

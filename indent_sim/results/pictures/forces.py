@@ -9,7 +9,7 @@ import numpy as np
 
 from indent_sim.process.errors import UsageError
 from indent_sim.results.folder import Report
-from indent_sim.results.outline import scene_of
+from indent_sim.results.outline import adheres
 from indent_sim.results.pictures import canvas, curves
 from indent_sim.results.pictures.axes import Axis, axis, choice, in_picture, is_plane_strain, unit_of
 from indent_sim.results.pictures.canvas import GREY, LABEL_LETTERS, THEORY_STYLE, Axes, Look, save
@@ -101,16 +101,10 @@ def draw_force(axes: Axes, run: Results, depth: Axis, force: Axis, look: Look, n
     if run.report.get(MEASURED):
         axes.plot(depth(run["delta"]), force(run["force"]), color=look["color"], label=name, **POINTS)
         return
-    jumps = _may_jump(run)
+    jumps = adheres(run.path)  # between two rows the tip may snap in or let go
     begin = [0.0] if jumps is False and len(run) and run["delta"][0] > 0 else []
     rows = run["delta"], depth(run["delta"]), force(run["force"])
     curves.draw(axes, rows, look, name, begin, curves.chords if jumps else curves.smooth)
-
-
-def _may_jump(run: Results) -> bool | None:
-    """Whether between two rows the tip may snap in or let go; None where the scene is not known."""
-    scene = scene_of(run.path)
-    return getattr(scene.contact, "adhesion", None) is not None if scene else None
 
 
 def _draw_bars(axes: Axes, runs: Sequence[Results], depth: Axis, force: Axis) -> None:
@@ -173,7 +167,7 @@ def _draw_radius(axes: Axes, runs: Sequence[Results], theory: Report | None) -> 
     depth, radius = axis("delta", runs), axis("a", runs)
     for i in _with_radius(runs):
         run = runs[i]
-        joined = curves.chords if _may_jump(run) else curves.smooth
+        joined = curves.chords if adheres(run.path) else curves.smooth
         rows = run["delta"], depth(run["delta"]), radius(run["a"])
         curves.draw(axes, rows, curves.look(i, len(runs)), joined=joined)
     curve = (theory or {}).get("curve", {})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from math import inf, nan
 
 import numpy as np
@@ -32,7 +33,6 @@ class TheoryWalk:
         assert scene.plan.theory is not None
         self.scene, self.theory, self._comm = scene, scene.plan.theory, comm
         self._started = time.perf_counter() if started is None else started
-        self._radii = radii(scene)
 
     def states(self, path: LoadPath, wants_surface: Callable[[int], bool], done: int = 0) -> Iterator[State]:
         """One State per requested value after the first `done`; after one that theory does not reach no other."""
@@ -54,6 +54,10 @@ class TheoryWalk:
         numbers = solution.delta, solution.force, solution.a, largest_pressure(solution)
         state = State(step, *numbers, 0.0, nan, 0, seconds, stiffness=solution.stiffness)
         return replace(state, surface=self._surface(solution)) if wants_surface(step) else state
+
+    @cached_property
+    def _radii(self) -> np.ndarray:
+        return radii(self.scene)
 
     def _surface(self, solution: Solution) -> Surface:
         """Pressure (not a number where it is infinite), u_z and gap; theory does not say u_x."""
