@@ -129,7 +129,8 @@ class Layer(LayerContact):
         force = 2.0 * self.E_star * self.h**2 * float(lin.w @ phi)
         energy = self.E_star * self.h**3 * float(lin.w @ (phi * (depth - lin.g)))
         stiffness = 2.0 * self.E_star * self.h * float(lin.w @ lin.one)
-        pressure = pointwise(_pressure, self, a, edge, _LayerPart(lin.kernel, a, depth * lin.one_modes - lin.shape_modes))
+        layer_part = _LayerPart(lin.kernel, a, depth * lin.one_modes - lin.shape_modes)
+        pressure = pointwise(_pressure, self, a, edge, layer_part)
         u_z, area = pointwise(_u_z, self, lin, a, depth), math.pi * (a * self.h) ** 2
         return Solution(float(delta), force, float(a * self.h), area, energy, stiffness, pressure, u_z)
 
