@@ -141,21 +141,19 @@ class SceneForces:
         return force * np.maximum(delta / self.pivot, NEAR_ZERO) ** at.power if at.power else force
 
     def _remembered(self, history: HistoryTable, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The force of a body with a memory; depths behind a spring by Newton's rounds, at every time by itself."""
+        """The force of a body with a memory."""
         if not (x > 0).any():
             return np.zeros(len(x))
-        power = history.power + at.power
+        power, way = history.power + at.power, np.maximum(x, 0.0)
         gain = at.scale * history.gain(at.shape, t - touched(t, x)) * self.pivot**-at.power
-        way = np.maximum(x, 0.0)
-        delta = way
-        for _ in range(MOST_ROUNDS if at.compliance else 0):
-            force = gain * delta**power
-            stiffness = power * force / np.maximum(delta, NEAR_ZERO * self.deepest)
-            change = (way - delta - at.compliance * force) / (1.0 + at.compliance * stiffness)
-            delta = np.maximum(delta + change, 0.0)
-            if np.abs(change).max(initial=0.0) < SETTLED_DEPTH * self.deepest:
-                break
-        return gain * delta**power  # type: ignore[no-any-return]
+        if not at.compliance:
+            return gain * way**power  # type: ignore[no-any-return]
+
+        def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            force = gain * np.maximum(delta, 0.0) ** power
+            return force, power * force / np.maximum(delta, NEAR_ZERO * self.deepest)
+
+        return self._behind_spring(way, at.compliance, pushed)
 
     def missed(self, theta: np.ndarray, x: np.ndarray, t: np.ndarray | None) -> np.ndarray:
         """What the force of a body with a memory lacks of one solved by itself, in shorter steps (n,); else nothing."""
@@ -204,17 +202,28 @@ class SceneForces:
         return np.where(touches & (x >= way[first]), np.interp(x, way[first:], force[first:]), 0.0)
 
     def _relaxed(self, table: ElasticTable, at: Settings, x: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """The force of a relaxing body: depths behind a spring are found by rounds of Newton's kind."""
-        law = prony_of(at.modulus, t)
-        force = relaxed(self._pressed(table, at, x), t, law)
+        """The force of a relaxing body."""
+        law, h = prony_of(at.modulus, t), 1e-6 * self.deepest
         if not at.compliance:
-            return force
-        delta, h = x.copy(), 1e-6 * self.deepest
-        for _ in range(MOST_ROUNDS):
+            return relaxed(self._pressed(table, at, x), t, law)
+
+        def pushed(delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             elastic = self._pressed(table, at, delta)
-            stiffness = (self._pressed(table, at, delta + h) - elastic) / h
-            force = relaxed(elastic, t, law)
-            change = (x - delta - at.compliance * force) / (1.0 + at.compliance * stiffness)
+            return relaxed(elastic, t, law), (self._pressed(table, at, delta + h) - elastic) / h
+
+        return self._behind_spring(x, at.compliance, pushed)
+
+    def _behind_spring(
+        self, x: np.ndarray, compliance: float, pushed: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    ) -> np.ndarray:
+        """Forces at ways of a base (n,) behind a spring, by rounds of Newton's kind.
+
+        pushed: force and stiffness at depths, every time by itself.
+        """
+        delta = x.copy()
+        for _ in range(MOST_ROUNDS):
+            force, stiffness = pushed(delta)
+            change = (x - delta - compliance * force) / (1.0 + compliance * stiffness)
             delta = delta + change
             if np.abs(change).max(initial=0.0) < SETTLED_DEPTH * self.deepest:
                 break
