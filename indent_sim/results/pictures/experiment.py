@@ -3,7 +3,7 @@ says."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -64,6 +64,12 @@ def draw(folder: Path, path: Path | None = None) -> None:
         save(figure, path or folder / EXPERIMENT_PICTURE)
 
 
+def pieces(branches: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Where each piece of one branch begins, and where it ends."""
+    changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
+    return pairwise([0, *changes.tolist(), len(branches)])
+
+
 def draw_branches(
     axes: Axes,
     rows: Mapping[str, np.ndarray],
@@ -79,8 +85,7 @@ def draw_branches(
     """
     seen: set[str] = set()
     branches = rows["branch"]
-    changes = np.flatnonzero(branches[1:] != branches[:-1]) + 1
-    for begin, end in pairwise([0, *changes, len(branches)]):
+    for begin, end in pieces(branches):
         branch, piece = str(branches[begin]), slice(max(begin - 1, 0), end)
         colour, style = LOOKS.get(branch, (COLOURS[0], "-"))
         across, up = x(rows[name][piece]), y(rows[of][piece])

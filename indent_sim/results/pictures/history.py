@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from indent_sim.results.pictures import curves
 from indent_sim.results.pictures.axes import axis, choice, time_axis
 from indent_sim.results.pictures.canvas import GREY, Axes, canvas, head, legend_below, save
 from indent_sim.results.pictures.curves import Points, smooth
-from indent_sim.results.pictures.experiment import draw_branches
+from indent_sim.results.pictures.experiment import draw_branches, pieces
 from indent_sim.results.pictures.forces import subtitle
 from indent_sim.results.reader import Results
 
@@ -86,7 +85,7 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
     is_wide = all(_spans_decades(run) for run in runs)
     for i, (run, name) in enumerate(zip(runs, names, strict=True)):
         colour, label = curves.look(i, len(runs))["color"], name
-        for begin, end in pairwise([0, *_turns(run), len(run)]):
+        for begin, end in pieces(run.table.get("branch", np.zeros(len(run)))):
             piece = slice(max(begin - 1, 0), end)
             points = (_smooth_in_log if is_wide else smooth)(t(run["t"][piece]), column(run[asked][piece]))
             axes.plot(*points, color=colour, lw=1.5, label=label)
@@ -96,12 +95,6 @@ def draw_over_time(axes: Axes, runs: Sequence[Results], names: Sequence[str]) ->
         axes.set_xlim(min(t(first_seen(run)) for run in runs), 1.2 * max(t(run["t"][-1]) for run in runs))
     axes.axhline(0, color=GREY, lw=0.6, zorder=0)
     axes.set(xlabel=t.label, ylabel=column.label)
-
-
-def _turns(run: Results) -> np.ndarray:
-    """The rows at which another branch begins."""
-    branches = run.table.get("branch", np.zeros(len(run)))
-    return np.flatnonzero(branches[1:] != branches[:-1]) + 1
 
 
 def _smooth_in_log(t: np.ndarray, y: np.ndarray) -> Points:

@@ -17,7 +17,6 @@ from indent_sim.results.pictures.axes import BASE_UNITS, SHOWN_UNITS
 from indent_sim.results.pictures.canvas import Axes, Figure, SubFigure
 from indent_sim.results.pictures.fields import FieldRow, field_of
 from indent_sim.results.pictures.forces import draw_forces, named_apart, overlay
-from indent_sim.results.pictures.history import is_of_body, spread
 from indent_sim.results.pictures.pressure import contact_of, draw_map, draw_pressures, strongest_step, titled
 from indent_sim.results.pictures.profile import draw_profiles
 from indent_sim.results.reader import Results
@@ -107,7 +106,7 @@ def draw(runs: Sequence[Results], wish: Wish, path: Path | str) -> None:
 def draw_results(runs: Sequence[Results], path: Path | str) -> None:
     """The picture of results of which nothing was wished for: of a body in time its history, of several forces over
     time and depth, else forces over depth."""
-    if not all(is_of_body(run.report) for run in runs):
+    if not all(history.is_of_body(run.report) for run in runs):
         overlay(runs, path)
     elif len(runs) == 1:
         history.draw(runs[0], Path(path))
@@ -311,7 +310,7 @@ def _steps(run: Results, wish: Wish, what: str) -> list[float]:
         if len(there) < len(run):
             problem = f"{run.path} has fields of {len(there)} of {len(run)} steps, and a film is of all"
             raise UsageError(problem, "run it with --set output.fields=all, or name --steps")
-        return [float(step) for step in spread(run, there)]
+        return [float(step) for step in history.spread(run, there)]
     asked = [there[-1] if word == "last" else word for word in wish.steps]
     drawn = replace(run, surface={"step": np.array(there, dtype=float)})
     steps = there if "all" in asked else [int(word) for word in asked] or [int(strongest_step(drawn) or there[-1])]
