@@ -61,7 +61,8 @@ class State:
     an iterative linear solver. Errors are half-widths of error bars, None where there are none. With a history t
     [time], the way z [length] of a base, branch (approach, hold, retract), and what the instrument's calibration leaves
     unknown of the force; what the curve does not know is NaN. With fluid in the pores: outflow [length^3] since rest,
-    the largest pore pressure above the bath's [pressure], and the fluid that has neither left nor is there [length^3].
+    the largest pore pressure above the bath's [pressure], the fluid that has moved, out of the body or from place to
+    place in it, and the fluid that has neither left nor is there [length^3].
     """
 
     step: int
@@ -100,6 +101,7 @@ class State:
     calibration_error: float | None = None
     outflow: float | None = None
     pore_pressure_max: float | None = None
+    moved: float = 0.0
     unbalanced: float = 0.0
     surface: Surface | None = field(default=None, repr=False, compare=False)
 
@@ -108,7 +110,8 @@ class State:
         L, P, F, depth, energy = scales.length, scales.pressure, scales.force, scales.depth, scales.energy
         units = dict.fromkeys(("force", "reaction", "stray_reaction", "side_force_x", "side_force_y"), F)
         units |= dict.fromkeys(("a", "penetration", "overlap", "intrusion", "stick_radius"), L)
-        units |= dict.fromkeys(("energy", "dissipation"), energy) | dict.fromkeys(("outflow", "unbalanced"), energy / P)
+        units |= dict.fromkeys(("energy", "dissipation"), energy)
+        units |= dict.fromkeys(("outflow", "moved", "unbalanced"), energy / P)
         units |= dict.fromkeys(("p_max", "E_hertz", "pore_pressure_max"), P)
         units |= {
             "delta": depth,

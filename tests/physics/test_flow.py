@@ -110,7 +110,7 @@ class Draining:
 
     @property
     def content(self) -> float:
-        return float(self.body.matter.flow.content())
+        return float(self.body.matter.flow.content().sum())
 
     @property
     def outflow(self) -> float:

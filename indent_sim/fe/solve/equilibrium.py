@@ -255,13 +255,15 @@ class BodyEquilibrium:
         return numbers | measure.contact(self.observed)
 
     def _of_fluid(self) -> dict[str, float]:
-        """What has left the whole body, how much of it is neither there nor gone, and the largest pressure."""
+        """What has left the whole body or moved in it, what is neither there nor gone, and the largest pressure."""
         flow, valve, comm = self.matter.flow, self.matter.valve, self.problem.comm
         if flow is None or valve is None:
             return {}
-        left, kept = (self.problem.whole(mine) for mine in (valve.outflow(), flow.content()))
+        content = flow.content()
+        shares = (valve.outflow(), content.sum(), np.abs(content).sum())
+        left, kept, moved = (self.problem.whole(float(mine)) for mine in shares)
         largest = comm.allreduce(float(flow.at_corners().max(initial=-np.inf)), op=MPI.MAX)
-        return {"outflow": left, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
+        return {"outflow": left, "moved": moved, "unbalanced": abs(left + kept), "pore_pressure_max": largest}
 
 
 class SolvedBody(WholeBody):

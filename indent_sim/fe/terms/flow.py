@@ -146,9 +146,9 @@ class Flow(Term):
             return ufl.as_ufl(0.0)
         return self._laws[region].flow.alpha * (self.body.now.fields[NAME] + self._bath[region])
 
-    def content(self) -> float:
-        """Fluid in the pores beyond that at rest in a bath without pressure [length^3], this rank's share."""
-        return float(self._assembled(self._content).sum())
+    def content(self) -> np.ndarray:
+        """Fluid at this rank's vertices beyond that at rest in a bath without pressure [length^3]."""
+        return self._assembled(self._content)
 
 
 class Valve(Term):
