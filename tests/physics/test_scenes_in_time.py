@@ -146,3 +146,27 @@ def test_every_scene_drawn_at_random_ends(tmp_path: Path) -> None:
             largest = max(row.force for row in rows)
             assert np.diff(held).max(initial=-1) < 3e-6 * largest, mapping
     assert len(lost) <= 6, lost
+
+
+@pytest.mark.verify
+def test_scenes_drawn_at_random_go_on_from_any_row(tmp_path: Path) -> None:
+    """40 scenes stopped at a row drawn at random: the rest is that of one run, to what its iterations leave."""
+    rng, worst = np.random.default_rng(41), 0.0
+    for k, mapping in enumerate(time_scenes(40, 41)):
+        config = from_mapping(mapping | {"output": mapping["output"] | {"plot": False}})
+        whole = simulate(config, directory=tmp_path / f"{k} whole").states
+        last = int(rng.integers(1, len(whole))) if len(whole) > 1 else 1
+
+        def stop(state: State, done: int, all_of_them: int, last: int = last) -> None:
+            if done == last:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            simulate(config, directory=tmp_path / f"{k} again", progress=stop)
+        again = simulate(config, directory=tmp_path / f"{k} again", resume=True).states
+        for name in ("force", "delta", "a"):  # one of the first two is given, and may be 0 throughout
+            pairs = [(getattr(row, name), getattr(one, name)) for row, one in zip(whole, again, strict=True)]
+            largest = max(abs(row) for row, _ in pairs) or 1.0
+            worst = max(worst, *(abs(row - one) / largest for row, one in pairs))
+    print(f"largest difference: {worst:.2g} of the largest value of its column")
+    assert worst < 1e-8
