@@ -16,7 +16,7 @@ export PRTE_MCA_hwloc_default_binding_policy := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMPI_MCA_btl := ^tcp
 
-.PHONY: help setup demo check test system lint verify bench stress debian13 clean
+.PHONY: help setup demo check test system lint verify bench foreign stress debian13 clean
 .DEFAULT_GOAL := help
 
 help: ## this list
@@ -48,6 +48,10 @@ verify: setup ## accuracy against closed forms and converged references, and the
 bench: setup ## speed against accuracy, into docs/accuracy.md; intervals of fits against the truth, into docs/fit.md
 	$(VENV)/python scripts/bench
 	$(VENV)/python scripts/make_fit_page
+
+foreign: ## fits of other programs' curves, fetched from the internet, into docs/foreign_curves.md
+	@AFM=1 scripts/setup
+	$(VENV)/python scripts/make_foreign_curves_page
 
 stress: setup ## extremes of geometry, material and size, into docs/stability.md
 	$(VENV)/python -m pytest -q -m stress --durations=15

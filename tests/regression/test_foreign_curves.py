@@ -1,0 +1,52 @@
+"""scripts/make_foreign_curves_page: what it asks of fits, on entries that keep a promise and that break it."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def script():
+    return runpy.run_path(str(ROOT / "scripts" / "make_foreign_curves_page"))
+
+
+def entry(explained: bool, low: float = 1.0, high: float = 2.0, window: float = 1.5) -> dict[str, Any]:
+    part = {"material.E": window, "material.E_low": 0.9 * window, "material.E_high": 1.1 * window}
+    stated = {"value": 1.5, "low": low, "high": high}
+    found = {"curve": "a", "status": "done", "reason": "", "explained": explained, "window": [part]}
+    return found | {"parameters": {"material.E": stated}}
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (entry(True), None),
+        (entry(True, window=2.1), None),  # its interval reaches the stated one
+        (entry(True, window=2.5), "explained, but a window's interval misses"),
+        (entry(False), None),
+        (entry(False, window=2.1), "lacks a window's value"),
+        ({"curve": "a", "status": "refused", "reason": "2 points"}, None),
+        ({"curve": "a", "status": "refused", "reason": ""}, "no reason"),
+    ],
+)
+def test_a_promise_that_is_broken_is_named(script, made, said):
+    wrong = script["broken_promises"]({"of": [made]})
+    assert len(wrong) == (said is not None) and all(said in words for words in wrong)
+
+
+def test_nine_of_ten_made_curves_must_hold_the_truth(script):
+    """36 of 40; a refused curve holds nothing. nN/um^2 is kPa."""
+    right, wrong = entry(True, 6.2, 6.3), {"status": "refused"}
+    assert script["softmech_wrong"]([right] * 36 + [wrong] * 4) == []
+    assert len(script["softmech_wrong"]([right] * 35 + [wrong] * 5)) == 1
+
+
+def test_a_reason_fits_into_a_cell(script):
+    assert script["one_line"]("no\nfile | of  ours") == "no file \\| of ours"
+    assert script["outcome"]({"status": "refused", "reason": "not a curve: x"}) == "unreadable"
