@@ -14,9 +14,10 @@ to None where it has nothing against the state. They are wide enough for coarse 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from itertools import pairwise
-from math import isfinite, isnan
+from collections.abc import Callable, Iterable, Sequence
+from math import inf, isfinite, isnan
+
+import numpy as np
 
 from indent_sim.model.contact import Nitsche, Penalty
 from indent_sim.model.state import State
@@ -43,15 +44,66 @@ PILLAR_HEIGHT = 10.0  # ways to the rim: a thicker body is a pillar, whose own s
 SHALLOW = 0.1  # of the contact radius: up to this depth no law stiffens by a factor
 THEORY_FORCE_ERROR = 1e-4  # of theory's force: its own error
 
-Rule = Callable[[Scene, State, Sequence[State]], "str | None"]
+
+Compared = tuple[float, float, float]  # of a row: depth, force, half its bar's width
+
+
+class Rows:
+    """Rows in the order of their path, with what a new one is compared with: it costs the same after few and many."""
+
+    def __init__(self, states: Iterable[State] = ()):
+        self.last: State | None = None
+        self.has_turned = False  # back to a smaller depth
+        self.deepest, self.largest_force = -inf, 0.0
+        self._columns = np.empty((3, 64))  # depth, force and half its bar's width
+        self._count = 0
+        for state in states:
+            self.append(state)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def append(self, state: State) -> None:
+        """Add the next row."""
+        if self._count == self._columns.shape[1]:
+            self._columns = np.concatenate([self._columns, np.empty_like(self._columns)], axis=1)
+        self._columns[:, self._count] = _compared(state)
+        self._count += 1
+        self.has_turned |= self.last is not None and state.delta < self.last.delta
+        self.deepest, self.largest_force = max(self.deepest, state.delta), max(self.largest_force, abs(state.force))
+        self.last = state
+
+    def strongest_above(self, delta: float) -> Compared | None:
+        """That which surely pushes most of the rows that are less deep; None where there is none."""
+        depth, force, bar = self._columns[:, : self._count]
+        return self._of_most(force - bar, depth < delta)
+
+    def weakest_below(self, delta: float) -> Compared | None:
+        """That which surely pushes least of the rows that are deeper; None where there is none."""
+        depth, force, bar = self._columns[:, : self._count]
+        return self._of_most(-force - bar, depth > delta)
+
+    def _of_most(self, value: np.ndarray, where: np.ndarray) -> Compared | None:
+        if not where.any():
+            return None
+        depth, force, bar = self._columns[:, int(np.argmax(np.where(where, value, -inf)))]
+        return float(depth), float(force), float(bar)
+
+
+def _compared(state: State) -> Compared:
+    return state.delta, state.force, _bar(state)
+
+
+Rule = Callable[[Scene, State, Rows], "str | None"]
 Rules = tuple[Rule, ...]
 
 
-def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def contradiction(scene: Scene, state: State, earlier: Rows | Sequence[State]) -> str | None:
     """What cannot be true of a converged state after others on its path, None where nothing is known against it.
 
     The states are in the user's units.
     """
+    earlier = earlier if isinstance(earlier, Rows) else Rows(earlier)
     rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + WHEN_PRESSED
     evolves, snaps = scene.physics.evolves, scene.physics.contact.may_snap
     unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}
@@ -59,28 +111,28 @@ def contradiction(scene: Scene, state: State, earlier: Sequence[State]) -> str |
     return next((said for rule in hold if (said := rule(scene, state, earlier))), None)
 
 
-def _is_no_number(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _is_no_number(scene: Scene, state: State, earlier: Rows) -> str | None:
     """Depth, force, contact radius and energy are finite; p_max is infinite in truth under a sharp tip."""
     names = ("delta", "force", "a", *(("energy",) if scene.is_meshed and not scene.physics.relaxing else ()))
     wrong = [name for name in names if not isfinite(getattr(state, name))]
     return f"{', '.join(wrong)} is not a number" if wrong else None
 
 
-def _pulls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _pulls(scene: Scene, state: State, earlier: Rows) -> str | None:
     """force >= 0."""
     if state.force >= 0 or state.force >= -_noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, and nothing holds on to the tip"
 
 
-def _pushes_from_afar(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _pushes_from_afar(scene: Scene, state: State, earlier: Rows) -> str | None:
     """No force above the body."""
     if state.delta >= 0 or state.force <= _noise(scene, state, earlier):
         return None
     return f"the force is {state.force:.6g}, and the tip is above the body"
 
 
-def _touches_nothing(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _touches_nothing(scene: Scene, state: State, earlier: Rows) -> str | None:
     """force > 0 and a > 0 where delta > 0: the body was flat, and the tip stands over it."""
     if (state.force > 0 or scene.physics.contact.may_snap) and state.a > 0:
         return None
@@ -90,7 +142,7 @@ def _touches_nothing(scene: Scene, state: State, earlier: Sequence[State]) -> st
     return f"the tip is {state.delta:.6g} deep in the body and finds {missed}: {words} {mesh}"
 
 
-def _is_wider_than_tip(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _is_wider_than_tip(scene: Scene, state: State, earlier: Rows) -> str | None:
     """a up to the radius at which the tip ends, and an element to either side."""
     end, L = scene.physics.indenter.radius_at(scene.physics.body.height), scene.physics.scales.length
     if state.a <= (end + 2 * scene.sizes.h_contact) * L:
@@ -98,7 +150,7 @@ def _is_wider_than_tip(scene: Scene, state: State, earlier: Sequence[State]) -> 
     return f"the contact radius {state.a:.6g} is beyond the tip, which ends at {end * L:.6g}"
 
 
-def _stands_on_a_side(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _stands_on_a_side(scene: Scene, state: State, earlier: Rows) -> str | None:
     """delta <= f at the top of a fixed side, which no force moves."""
     end = end_of_sides(scene.physics.body, scene.physics.indenter, scene.physics.center) * scene.physics.scales.depth
     if state.delta <= end * (1 + SAME):
@@ -106,9 +158,9 @@ def _stands_on_a_side(scene: Scene, state: State, earlier: Sequence[State]) -> s
     return f"the tip is on the top of a fixed side from {end:.6g} on, and the force there has no bound"
 
 
-def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _stands_still(scene: Scene, state: State, earlier: Rows) -> str | None:
     """A new depth is another solution: of no iteration, only where the one foretold was right and the force another."""
-    before = earlier[-1] if earlier else None
+    before = earlier.last
     is_new = before is None or abs(state.delta - before.delta) > SAME * abs(state.delta)
     moved = abs(state.force - before.force) if before and (before.force > 0 or scene.physics.contact.may_snap) else 0.0
     is_other = moved > FORCE_NOISE * SAME * abs(state.force)
@@ -117,7 +169,7 @@ def _stands_still(scene: Scene, state: State, earlier: Sequence[State]) -> str |
     return "nothing was solved for this depth, and the force is that of another"
 
 
-def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _overlaps(scene: Scene, state: State, earlier: Rows) -> str | None:
     """No facet of the deformed surface lies inside the tip, but for what a coarse mesh or a penalty lets it sink in."""
     allowed = max(SUNK[0] * state.delta, SUNK[1] * scene.sizes.h_contact * scene.physics.scales.length)
     if state.overlap <= allowed + _sunk(scene, state):
@@ -125,7 +177,7 @@ def _overlaps(scene: Scene, state: State, earlier: Sequence[State]) -> str | Non
     return f"a facet of the surface lies {state.overlap:.3g} inside the tip, which went through it"
 
 
-def _is_inside_the_skin(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _is_inside_the_skin(scene: Scene, state: State, earlier: Rows) -> str | None:
     """No part of the surface that contact is not looked for on lies inside the tip."""
     if state.intrusion <= INTRUDED * state.delta + _sunk(scene, state):
         return None
@@ -134,34 +186,35 @@ def _is_inside_the_skin(scene: Scene, state: State, earlier: Sequence[State]) ->
     return f"the tip is {state.intrusion:.3g} {where}: {why}"
 
 
-def _energy_is_not_its_work(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _energy_is_not_its_work(scene: Scene, state: State, earlier: Rows) -> str | None:
     """0 <= Pi <= force delta, as of any force that grows with the depth."""
     work = state.force * state.delta
     is_its_work = -WORK_SLACK * work <= state.energy <= (1 + WORK_SLACK) * work
     if is_its_work or _may_soften(scene):
         return None
-    if scene.physics.has_friction and any(one.delta > state.delta for one in earlier):
+    if scene.physics.has_friction and earlier.deepest > state.delta:
         return None
     return f"the energy is {state.energy:.6g}, and a force that grew to {state.force:.6g} did {work:.6g} at most"
 
 
-def _falls(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _falls(scene: Scene, state: State, earlier: Rows) -> str | None:
     """force <= force at a greater depth, within the error bars of both where there are any."""
-    if scene.physics.has_friction and any(later.delta < one.delta for one, later in pairwise((*earlier, state))):
+    last = earlier.last
+    if scene.physics.has_friction and last and (earlier.has_turned or state.delta < last.delta):
         return None  # friction gives less back
     fall = LINEAR_FALL if scene.physics.small_strain and scene.physics.gap == "reference" else FALL
-    shallower = max((o for o in earlier if o.delta < state.delta), key=lambda o: o.force - _bar(o), default=state)
-    deeper = min((o for o in earlier if o.delta > state.delta), key=lambda o: o.force + _bar(o), default=state)
-    for shallow, deep in ((shallower, state), (state, deeper)):
-        lost = shallow.force - deep.force - _bar(shallow) - _bar(deep)
-        lost -= fall * abs(shallow.force)
-        if lost > 0 and lost > _noise(scene, state, earlier) and not _may_soften(scene):  # many rows: cheapest first
-            forces = f"{shallow.force:.6g} at delta = {shallow.delta:.6g} and {deep.force:.6g} at {deep.delta:.6g}"
+    own = _compared(state)
+    for shallow, deep in ((earlier.strongest_above(state.delta), own), (own, earlier.weakest_below(state.delta))):
+        if shallow is None or deep is None:
+            continue
+        lost = shallow[1] - deep[1] - shallow[2] - deep[2] - fall * abs(shallow[1])
+        if lost > 0 and lost > _noise(scene, state, earlier) and not _may_soften(scene):
+            forces = f"{shallow[1]:.6g} at delta = {shallow[0]:.6g} and {deep[1]:.6g} at {deep[0]:.6g}"
             return f"the force is {forces}, where it must be larger"
     return None
 
 
-def _is_not_theorys(scene: Scene, state: State, earlier: Sequence[State]) -> str | None:
+def _is_not_theorys(scene: Scene, state: State, earlier: Rows) -> str | None:
     """The force is theory's within the error bar where theory is exact, and within a factor where it is nearly so."""
     theory, scales = scene.plan.theory, scene.physics.scales
     solution = theory.at(state.delta / scales.depth) if theory else None
@@ -195,11 +248,11 @@ def _is_first_touch(scene: Scene, state: State) -> bool:
     return depth * radius_at(depth) <= FIRST_TOUCH * deepest * radius_at(deepest)
 
 
-def _noise(scene: Scene, state: State, earlier: Sequence[State]) -> float:
+def _noise(scene: Scene, state: State, earlier: Rows) -> float:
     """A force that is none [force]: beside those so far, or beside one that presses an element in as deep."""
     scales, h = scene.physics.scales, scene.sizes.h_contact
     pressed = scene.physics.material.E_star * h ** (scales.dim - 2) * abs(state.delta) / scales.depth * scales.force
-    return FORCE_NOISE * max(pressed, *(abs(other.force) for other in earlier), 0.0)
+    return FORCE_NOISE * max(pressed, earlier.largest_force)
 
 
 def _sunk(scene: Scene, state: State) -> float:

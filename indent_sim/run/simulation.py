@@ -21,7 +21,7 @@ from indent_sim.results.checkpoint import Checkpoint
 from indent_sim.results.outline import drawn_width, outline
 from indent_sim.results.tables import EXPERIMENT
 from indent_sim.run.error_bars import Bars
-from indent_sim.run.plausibility import contradiction
+from indent_sim.run.plausibility import Rows, contradiction
 from indent_sim.run.readings import Readings
 from indent_sim.run.record import Record
 from indent_sim.run.resolved import fields_of
@@ -52,6 +52,7 @@ class Simulation:
         self.states = list(earlier.states) if earlier else []
         if bars is not None and scene.history is None:
             self.states = [bars.judged(state) for state in self.states]
+        self._rows = Rows(self.states)
         self._keep_fields = fields_of(config, scene)
         self._kept_steps = frozenset() if scene.history else scene.physics.path.kept
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
@@ -227,6 +228,7 @@ class Simulation:
                 self._write_fields(state)
             self.record.append(state)
             self.states.append(state)
+            self._rows.append(state)
             is_time = self.record.comm.bcast(time.monotonic() >= self._next_checkpoint)  # all ranks give their share
             if is_time and state.step < self._total:
                 self._save_checkpoint()
@@ -236,7 +238,7 @@ class Simulation:
         if self.scene.is_meshed:
             self._audit(state)
         state = state if self.bars is None else self.bars.judged(state)
-        if said := self.record.alone("check of its rows", lambda: contradiction(self.scene, state, self.states), None):
+        if said := self.record.alone("check of its rows", lambda: contradiction(self.scene, state, self._rows), None):
             remedy = "shorter steps to this depth, a smaller mesh.h_contact or another contact.method may help"
             place = f"step {state.step}, at delta = {state.delta:.6g}"
             raise VerificationError(f"{place}, is a row that cannot be true: {said}; {remedy}")

@@ -9,7 +9,7 @@ import pytest
 
 from indent_sim.config.scene_file import from_mapping
 from indent_sim.model.state import State
-from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, contradiction
+from indent_sim.run.plausibility import ALWAYS, WHEN_PRESSED, Rows, contradiction
 from indent_sim.scene.scene import Scene, resolve
 
 BODIES: dict[str, Any] = {
@@ -115,7 +115,7 @@ def test_every_rule_is_tried() -> None:
     """Those of a single state above, those of a path below."""
     base = scene()
     states = [replace(theorys(base, 0.1), **change) for change, _ in WRONG.values()]
-    tried = {rule for rule in ALWAYS + WHEN_PRESSED if any(rule(base, state, []) for state in states)}
+    tried = {rule for rule in ALWAYS + WHEN_PRESSED if any(rule(base, state, Rows()) for state in states)}
     assert {rule.__name__ for rule in {*ALWAYS, *WHEN_PRESSED} - tried} == {
         "_stands_still",
         "_falls",
