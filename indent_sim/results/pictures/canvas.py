@@ -244,12 +244,19 @@ def _write(figure: Figure, path: Path, kind: str, dpi: float) -> None:
 
 
 def _write_png(figure: Figure, file: BinaryIO, dpi: float, metadata: Look) -> None:
-    """What `savefig` writes, drawn once: that draws a figure whose layout is known a first time for its layout."""
+    """What `savefig` writes, drawn once (it draws a figure whose layout is known a first time for its layout), without
+    the alpha of an opaque picture, and packed quickly."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image, PngImagePlugin
 
-    before = figure.dpi
+    before, written = figure.dpi, PngImagePlugin.PngInfo()
+    for key, value in metadata.items():
+        written.add_text(key, value)
     try:
         figure.dpi = dpi
-        FigureCanvasAgg(figure).print_png(file, metadata=metadata)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3])
+        picture.save(file, format="png", pnginfo=written, dpi=(dpi, dpi), compress_level=1)
     finally:
         figure.dpi = before
