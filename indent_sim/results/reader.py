@@ -253,7 +253,11 @@ def _shape() -> TypeAdapter[Report]:
     report = _mapping(
         **entries,
         status=Literal["running", "done", "failed", "interrupted"],
-        plan=_mapping(auto=list[str], choices=choices, prediction=_mapping(force_error=Known)),
+        plan=_mapping(
+            auto=list[str],
+            choices=choices,
+            prediction=_mapping(force_error=Known, a=Known, elastocapillary_length=Known),
+        ),
         theory=theory | None,
         hertz=_mapping(needed=("E", "percent"), E=Number, percent=Number) | None,
         audit=_mapping(force_against_reaction=Known, substeps=Count) | None,

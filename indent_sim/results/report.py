@@ -101,7 +101,14 @@ def of_run(folder: Path) -> str:
     tables = [_rows(results), *_experiment(results), choices, *_bars(report), audit, _provenance(report)]
     words = _part(report, "stick").get("words")
     held = [f"{words[:1].upper()}{words[1:]}."] if words else []
-    said = [*_theory(results), *_hertz(results), *held, *_largest_pull(results), *_pull_off(results)]
+    said = [
+        *_theory(results),
+        *_hertz(results),
+        *_tension(results),
+        *held,
+        *_largest_pull(results),
+        *_pull_off(results),
+    ]
     chosen = ", ".join(report.get("plan", {}).get("auto", [])) or "nothing"
     scene = ""
     with suppress(OSError, ValueError):
@@ -174,6 +181,16 @@ def _hertz(results: Results) -> list[str]:
         return []
     modulus = scaled("pressure", [results], fit["E"], "E").said(fit["E"])
     return [f"A Hertz fit of this curve reads E = {modulus} ({fit['percent']:+.3g} %{fit.get('against', '')})."]
+
+
+def _tension(results: Results) -> list[str]:
+    """The length below which surface tension holds more of the force than the body does, beside the contact."""
+    expected = _part(results.report, "plan", "prediction")
+    length, a = expected.get("elastocapillary_length"), expected.get("a")
+    if not length:
+        return []
+    beside = f", {length / a:.2g} of the contact radius to expect" if a else ""
+    return [f"Elastocapillary length gamma/E*: {length:.4g} {_unit(results, 'length')}".rstrip() + f"{beside}."]
 
 
 def _largest_pull(results: Results) -> list[str]:

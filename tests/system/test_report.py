@@ -30,10 +30,10 @@ loading: {{delta: 0.5 um, steps: {steps}}}
 """
 
 
-def written(folder: Path, title: str = "A layer", steps: int = 5) -> Path:
-    """The report of a scene that theory solves."""
+def written(folder: Path, title: str = "A layer", steps: int = 5, given: tuple[str, ...] = ()) -> Path:
+    """The report of a scene that theory solves; `given` in its place."""
     (folder / "scene.yaml").write_text(BY_THEORY.format(title=title, steps=steps))
-    simulate(load(folder / "scene.yaml"), directory=folder / "out")
+    simulate(load(folder / "scene.yaml", given), directory=folder / "out")
     done = CliRunner().invoke(commands.program, ["report", str(folder / "out")])
     assert done.exit_code == 0 and done.stdout.strip() == str(folder / "out" / "report.html"), done.stderr
     return folder / "out" / "report.html"
@@ -62,6 +62,13 @@ def test_the_report_of_a_run(tmp_path):
     )
     assert [word for word in words if word not in text] == []
     assert text.count("<svg") == 3
+
+
+def test_the_report_of_a_surface_under_tension(tmp_path):
+    """gamma/E* of the tension 2 mN/m on E* = 1 kPa/(1 - 0.25): 1.5 um."""
+    given = ("body={shape: half_space, surface_tension: 2 mN/m}", "material.nu=0.5")
+    text = check(written(tmp_path, given=given))
+    assert "Elastocapillary length gamma/E*: 1.5 µm, " in text and "of the contact radius to expect." in text
 
 
 def test_the_report_of_an_experiment(tmp_path):
