@@ -89,6 +89,16 @@ def test_the_contact_radius_under_a_cone(gamma: float) -> None:
     assert state.a == pytest.approx(exact.a * base.physics.scales.length, rel=0.025)
 
 
+@pytest.mark.parametrize("nu", [0.0, 0.5])
+@pytest.mark.parametrize("gamma", [1e-3, 0.05, 2.0])
+def test_a_punch_touches_with_all_of_its_face(gamma: float, nu: float) -> None:
+    """Its edge bends the surface, whose tension pushes along a line, and the body pushes back without end beside it:
+    the contact radius is the punch's, to round-off."""
+    punch = {"indenter": {"shape": "flat_punch", "radius": 0.3}, "material": ELASTIC | {"nu": nu}}
+    (state,) = solve(tensed({"shape": "cylinder", "radius": 3.0, "height": 2.0}, gamma, **punch))
+    assert state.a == pytest.approx(0.3, rel=1e-9)
+
+
 STATED: dict[str, dict[str, Any]] = {
     "paraboloid": PARABOLOID,
     "flat_punch": {"shape": "flat_punch", "radius": 0.1},
