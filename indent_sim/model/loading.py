@@ -68,6 +68,11 @@ class LoadPath:
         )
 
     @property
+    def grows(self) -> bool:
+        """Whether every value is larger than those before it."""
+        return not any(self.turns) and all(b > a for a, b in pairwise(self.values))
+
+    @property
     def sudden(self) -> tuple[int, ...]:
         """The steps [from 1] to which no time passes, though the value changes."""
         places = [(0.0, self.begin or 0.0), *zip(self.values, self.times, strict=False)]

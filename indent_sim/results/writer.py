@@ -24,7 +24,7 @@ from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
+from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, NOTHING, FieldWriter
 
 OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
@@ -120,27 +120,30 @@ class ResultFolder:
             if self._sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, *mesh: Any, keep: Keep, more: Sequence[str] = ()) -> None:
+    def open_fields(self, *mesh: Any, keep: Keep, more: Sequence[str] = (), told: Mapping[str, str] = NOTHING) -> None:
         """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`).
 
-        more: names of fields beyond those of every body.
+        more: names of fields beyond those of every body. told: what the files say beside the units.
         """
         if keep == "none":
             return
         with uninterrupted(), self._writing():
             done = self.rows if self.earlier else None
             arrays = ARRAYS | {name: MORE_ARRAYS[name] for name in more}
-            self._fields = FieldWriter(self.path, *mesh, keep=keep, done=done, arrays=arrays)
+            named = self.report.get("units")
+            units = {f"unit of {kind}": unit for kind in ("length", "force") if (unit := getattr(named, kind, ""))}
+            self._fields = FieldWriter(self.path, *mesh, keep=keep, done=done, arrays=arrays, told={**units, **told})
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]
 
-    def write_fields(self, state: State, fields: Mapping[str, np.ndarray]) -> None:
-        """Write the fields of a state; call before its `append`. Nothing happens without `open_fields`."""
+    def write_fields(self, state: State, fields: Mapping[str, np.ndarray], time: float | None = None) -> None:
+        """Write the fields of a state at a time [its step]; call before its `append`. Nothing happens without
+        `open_fields`."""
         if self._fields is None:
             return
         with uninterrupted(), self._writing():
-            self._fields.write(state.step, state.delta, fields, state.t)
+            self._fields.write(state.step, state.delta, fields, time)
 
     def write_experiment(self, rows: Sequence[Any], dynamic: Sequence[Any]) -> None:
         """Write experiment.csv, and dynamic.csv where there is one; of a run before what is not written now goes."""

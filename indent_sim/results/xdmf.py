@@ -14,7 +14,9 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -32,6 +34,7 @@ ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
 MORE_ARRAYS: Kinds = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
 MORE_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
+NOTHING: Mapping[str, str] = MappingProxyType({})
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
 GRID = re.compile(
     r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
@@ -58,16 +61,24 @@ class FieldWriter:
 
     body: points (n, 2) or (n, 3) [length], two columns being (x, z), cells (m, 3) or (m, 4) of their numbers, regions
     (m,), and the tip. All states are kept, or the deepest and the last. The time of a state is its own where time
-    passes, a last digit later where two have one, else its step, for depths may go back. With `done` the states of the
-    first so many steps that are there stay (`continued`), unless the files are missing, damaged or of another mesh:
-    then they begin anew. arrays: what each state has.
+    passes, a last digit later where two have one, its depth where depths only grow, else its step. With `done` the
+    states of the first so many steps that are there stay (`continued`), unless the files are missing, damaged or of
+    another mesh: then they begin anew. arrays: what each state has; told: what the files say of all of them, units and
+    regions.
     """
 
     def __init__(
-        self, directory: Path, *body: Any, keep: Keep = "last", done: int | None = None, arrays: Kinds = ARRAYS
+        self,
+        directory: Path,
+        *body: Any,
+        keep: Keep = "last",
+        done: int | None = None,
+        arrays: Kinds = ARRAYS,
+        told: Mapping[str, str] = NOTHING,
     ):
         self.directory = Path(directory)
         self._keep, self._arrays = keep, arrays
+        self._head = XDMF_HEAD + "".join(_information(name, value) for name, value in told.items())
         points, cells, regions, self._tip = body
         self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions)}
         self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}
@@ -143,7 +154,7 @@ class FieldWriter:
     def _save(self) -> None:
         """Name the states that are kept, and no others; then theirs may go."""
         for name in (XDMF, TIP):
-            text = XDMF_HEAD + "".join(state.texts[name] for state in self._kept) + TAIL
+            text = self._head + "".join(state.texts[name] for state in self._kept) + TAIL
             write_atomically(self.directory / name, text, sync=False)
         named = {MESH, *(_file(state.step) for state in self._kept)}
         for path in field_files(self._fields):
@@ -198,6 +209,10 @@ def in_space(vectors: np.ndarray) -> np.ndarray:
     if vectors.shape[1] == 3:
         return vectors
     return np.column_stack([vectors[:, 0], np.zeros(len(vectors)), vectors[:, 1]])
+
+
+def _information(name: str, value: str) -> str:
+    return f"<Information Name={quoteattr(name)} Value={quoteattr(value)}/>\n"
 
 
 def _file(step: int) -> str:

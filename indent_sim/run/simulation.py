@@ -95,7 +95,8 @@ class Simulation:
         self._fields = None
         if self._keep_fields != "none" and len(self.states) < len(scene.physics.deltas):
             self._fields = fe.Fields(self._walk.equilibrium.observed)
-            record.open_fields(*self._shown(grid), keep=self._keep_fields, more=self._fields.more)
+            told = {f"region {k}": region.name for k, region in enumerate(scene.physics.part.regions)}
+            record.open_fields(*self._shown(grid), keep=self._keep_fields, more=self._fields.more, told=told)
 
     def _follow_in_time(self, spent: float) -> None:
         """Take the rows of a history in place of those of its elastic curve, whose error bars they have."""
@@ -292,7 +293,9 @@ class Simulation:
         if (found := self.record.beside("fields", lambda: observed.gather() or {}, None)) is None:
             return
         fields = found.items()  # rank 0 has them
-        self.record.write_fields(state, {name: field * units.get(name, scales.pressure) for name, field in fields})
+        values = {name: field * units.get(name, scales.pressure) for name, field in fields}
+        grows = self.scene.physics.path.grows
+        self.record.write_fields(state, values, state.delta if state.t is None and grows else state.t)
 
 
 def kernel_folder() -> Path:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scenes import ELASTIC
 
-from indent_sim.config.scene_file import loads
+from indent_sim.config.scene_file import from_mapping, loads
 from indent_sim.results.reader import read
 from indent_sim.results.xdmf import read_fields
 from indent_sim.run.chain import simulate
@@ -144,3 +147,33 @@ def test_a_column_holds_the_fluid_that_has_not_left_and_bears_one_stress(tmp_pat
         assert fields["stress"][:, 8] @ areas / areas.sum() == pytest.approx(borne, abs=1e-9)
         assert fields["stress"][:, 8] == pytest.approx(borne, abs=2e-2 * np.abs(rows["force"]).max() / 2)
         assert not fields["fluid_content"][fields["region"] == 1].any()
+
+
+def test_files_for_paraview_name_units_and_regions_and_have_depths_as_times(tmp_path: Path) -> None:
+    """Of a path that turns back the steps are times, as depths come twice."""
+    layers = [{"thickness": 0.2, "material": ELASTIC | {"E": "2 kPa"}}, {"thickness": 0.8}]
+    given: dict[str, Any] = {
+        "units": {"length": "um", "force": "nN"},
+        "body": {"shape": "cylinder", "radius": 2.0, "height": 1.0, "layers": layers},
+        "material": ELASTIC | {"E": "1 kPa"},
+        "indenter": {"shape": "sphere", "R": 1.0},
+        "mesh": {"h_contact": 0.1, "h_far": 0.5},
+        "output": {"fields": "all", "plot": False},
+    }
+    found = {}
+    for name, deltas in {"in": [0.01, 0.03], "back": [0.03, 0.01]}.items():
+        simulate(from_mapping(given | {"loading": {"deltas": deltas}}), directory=tmp_path / name)
+        found[name] = ElementTree.parse(tmp_path / name / "fields.xdmf").getroot()
+        tip = ElementTree.parse(tmp_path / name / "tip.xdmf").getroot()
+        assert [one.get("Value") for one in tip.iter("Time")] == [one.get("Value") for one in found[name].iter("Time")]
+    assert [float(one.get("Value", "")) for one in found["in"].iter("Time")] == [0.01, 0.03]
+    assert [float(one.get("Value", "")) for one in found["back"].iter("Time")] == [1.0, 2.0]
+    said = {one.get("Name"): one.get("Value") for one in found["in"].findall("./Domain/Grid/Information")}
+    assert said == {
+        "unit of length": "um",
+        "unit of force": "nN",
+        "region 0": "layers[0]",
+        "region 1": "layers[1]",
+    }
+    regions = read_fields(tmp_path / "in", 1)["region"]
+    assert set(regions) == {0, 1}
