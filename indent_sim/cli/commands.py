@@ -6,6 +6,7 @@ with the same exit code. Heavy imports wait inside the commands.
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -42,6 +43,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # more
 LISTED = {"materials": "material", "indenters": "indenter", "contact": "contact", "bodies": "body"}
 TEMPLATES = ("cell", "gel", "film", "nanoindentation", "rubber", "study")
 SCHEMA = "scene.schema.json"  # beside a scene of `init`, whose first line names it
+FEW = 50  # rows of a run, before there is garbage to speak of
 FORM = "indent_sim.form"  # in click's context: json where --json was given, also where the command refuses it
 
 
@@ -311,19 +313,20 @@ def program() -> None:
 @json_option
 def run(config: Path, overrides: tuple[str, ...], output: Path | None, told: Told, form: Form, **how: bool) -> None:
     """Simulate one scene; also under mpirun. Prints the result folder."""
-    with stoppable():
-        require_room()
-        from indent_sim.config.scene_file import load
-        from indent_sim.process.ranks import on_root
+    with _without_garbage():
+        with stoppable():
+            require_room()
+            from indent_sim.config.scene_file import load
+            from indent_sim.process.ranks import on_root
 
-        read = cache(partial(load, config, overrides))
-        comm = _world() if _starts_mesher(read) else Alone()
-    with together(comm), stoppable(comm.rank):
-        settings = comm.bcast(on_root(comm, read))
-        directory = output or Path(settings.output.directory or Path("results") / config.stem)
-        outcome = _simulate(settings, comm, directory, told, **how)
-    if comm.rank == 0:
-        _conclude(outcome, form, told)
+            read = cache(partial(load, config, overrides))
+            comm = _world() if _starts_mesher(read) else Alone()
+        with together(comm), stoppable(comm.rank):
+            settings = comm.bcast(on_root(comm, read))
+            directory = output or Path(settings.output.directory or Path("results") / config.stem)
+            outcome = _simulate(settings, comm, directory, told, **how)
+        if comm.rank == 0:
+            _conclude(outcome, form, told)
 
 
 @program.command()
@@ -735,6 +738,17 @@ def _starts_mesher(read: Callable[[], Config]) -> bool:
     return True
 
 
+@contextmanager
+def _without_garbage() -> Iterator[None]:
+    """No search for garbage: loading libraries makes a hundred thousand objects, of which none is; a twentieth of a
+    small run. Who makes many ends it."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
 def _world() -> Any:
     from indent_sim.run.chain import mpi
 
@@ -778,6 +792,8 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: b
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
+                if step == FEW:
+                    gc.enable()
                 if show is not None:
                     show(state, step, total)
 
