@@ -251,14 +251,15 @@ class _Evaluation:
 
     def _deepest_at(self, largest: float, softest: float = 1.0) -> float:
         """The depth that the largest value of a history may lead to, in a body that keeps a share of its modulus."""
-        if not self.of_force:
-            return min(largest, self.deepest) if self.compliance else largest
-        top, force = self.deepest, largest / softest
+        if not self.of_force and not self.compliance:
+            return largest
+        top = self.deepest  # to expect: a narrow or round body lets the tip in farther than a half-space
         for _ in range(60):
-            if float(self.curve_to(top).force(np.array(top))) >= force:
+            force = softest * float(self.curve_to(top).force(np.array(top)))
+            if (force if self.of_force else top + self.compliance * force) >= largest:
                 return top
-            top *= 1.3
-        raise ValueError(f"the force {force * self.scene.physics.scales.force:g} was not reached")
+            top = 1.3 * top if self.of_force else min(1.3 * top, largest)
+        raise ValueError(f"the force {largest / softest * self.scene.physics.scales.force:g} was not reached")
 
     def _cycle(self, history: History) -> list[Row]:
         """Lee-Radok and Ting; stepping where the contact turns out to grow again."""

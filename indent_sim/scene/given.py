@@ -344,7 +344,8 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     relaxation = next((law for law in laws if law.of == "all"), None)  # of the curve
     compliance = config.experiment.compliance if config.experiment else 0.0
     softest = min((remaining(law, history) for law in laws), default=1.0)
-    path = deepest_path(history, softest, compliance, config.indenter, layers) if history else config.loading.path()
+    tip = relative_tip(config.indenter, whole)
+    path = deepest_path(history, softest, compliance, tip, layers) if history else config.loading.path()
     _check_scene(whole, layers, config.indenter, center, path, pieces, "loading")
     scales = Scales(_unit_of_length(whole, layers, config.indenter, path), material.constants.E, whole.dim, pieces)
     body, tip, material = scales.scaled(whole), scales.scaled(config.indenter), scales.scaled(material)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -390,3 +391,29 @@ def test_a_mesh_too_coarse_for_a_curve_is_said_so() -> None:
     base = scene_of(BOX, given, "mesh.h_contact=0.2", indenter={"shape": "cone", "half_angle": 70.0})
     with pytest.raises(NotConverged, match="give a smaller mesh"):
         conduct(base, chain.condense(base).equilibrium)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"shape": "cap", "base_radius": 0.5, "height": 0.4},
+        {"shape": "ball", "radius": 1.0},
+        {"shape": "cylinder", "radius": 0.4, "height": 1.5},
+    ],
+    ids=["cap", "ball", "pillar"],
+)
+@pytest.mark.parametrize("stiffness", [0.05, 1.0])
+def test_a_spring_on_a_body_softer_than_a_half_space(body: dict[str, Any], stiffness: float, tmp_path: Path) -> None:
+    """Round or narrow, it lets the tip in farther: the depth is that of way and force, and the force that of a run to
+    this depth, 5e-4 for the curve between its samples."""
+    quiet = {"plot": False, "fields": "none"}
+    given = {"body": body, "material": ELASTIC, "indenter": {"shape": "paraboloid", "R": 0.7}, "output": quiet}
+    spring = {"cantilever": {"stiffness": stiffness}}
+    history = {"history": [[0, 0], [1, 0.05]], "times": [0.5, 1]}
+    rows = chain.simulate(
+        from_mapping(given | {"loading": history, "experiment": spring}), directory=tmp_path / "a"
+    ).states
+    depth, force = rows[-1].delta, rows[-1].force
+    assert depth + force / stiffness == pytest.approx(0.05, rel=1e-9)
+    pressed = chain.simulate(from_mapping(given | {"loading": {"delta": depth, "steps": 1}}), directory=tmp_path / "b")
+    assert force == pytest.approx(pressed.states[-1].force, rel=5e-4)

@@ -238,7 +238,7 @@ def test_every_effect_has_a_row(seed: int) -> None:
     found = require(from_mapping(placed(drawn.document())), WITHIN)
     effects = {effect.name: effect for effect in found.effects}
     unsolved = {name for name, effect in effects.items() if effect.source.startswith("not solved")}
-    assert unsolved <= (set() if drawn.is_isotropic else {"side_walls"})
+    assert unsolved <= (set() if drawn.is_isotropic else {"side_walls", "surface_tension"})
     rows = [
         Row(name, effects[name].percent, effects[name].low, effects[name].high, known)
         for name, known in drawn.known().items()
