@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+SAYS = "echo a warning >&2; echo ' ERROR: no such release' >&2; echo a note >&2; exit 1"  # like pip
 
 
 @pytest.fixture(scope="module")
@@ -80,10 +81,12 @@ def test_a_file_that_a_repository_lacks_is_named_with_the_reason(script, tmp_pat
 
 def test_a_program_that_cannot_be_had_is_a_reason_on_the_page(script):
     missing: dict[str, str] = {}
-    assert script["had"]("nanite", missing, lambda: script["called"]("ls", "/no such place")) is None
-    assert missing["nanite"].startswith("ls: ") and "no such place" in missing["nanite"]
+    assert script["had"]("nanite", missing, lambda: script["called"]("sh", "-c", SAYS)) is None
+    assert missing["nanite"] == "sh: ERROR: no such release"
+    assert script["had"]("git", missing, lambda: script["called"]("/no such program")) is None
+    assert missing["git"] == "/no such program: No such file or directory"
     assert "| nanite | all |" in script["outcomes"]({}, missing)
-    assert "Not measured: nanite could not be had (ls: " in script["lacking"]("nanite", missing)
+    assert "Not measured: nanite could not be had (sh: " in script["lacking"]("nanite", missing)
     assert "| nanite |  |" in script["summary"]({}, missing)
 
 
