@@ -17,7 +17,7 @@ from indent_sim.model.state import State
 from indent_sim.run.chain import simulate
 
 KNOWN = 3e-5  # of the force, what the reference knows: 1e-5 from the series of a layered ball
-AUTOMATIC = 0.003  # of the force, asked of automatic sizes
+AUTOMATIC = 0.001  # of the force at automatic sizes; 0.06 % was found
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def test_degrees_of_the_elements_agree(k: int) -> None:
 
 @pytest.mark.parametrize("body", BODIES)
 def test_force_and_contact_radius_of_automatic_sizes(body: Round, tmp_path: Path) -> None:
-    """0.3 % of the force, which lies inside its bar, as the contact radius does in its own."""
+    """0.1 % of the force, which lies inside its bar, as the contact radius does in its own."""
     exact = body.reference()
     row = body.row(exact.delta, tmp_path)
     assert row.force_error and row.a_error
