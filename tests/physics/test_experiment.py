@@ -417,3 +417,26 @@ def test_a_spring_on_a_body_softer_than_a_half_space(body: dict[str, Any], stiff
     assert depth + force / stiffness == pytest.approx(0.05, rel=1e-9)
     pressed = chain.simulate(from_mapping(given | {"loading": {"delta": depth, "steps": 1}}), directory=tmp_path / "b")
     assert force == pytest.approx(pressed.states[-1].force, rel=5e-4)
+
+
+@pytest.mark.parametrize(
+    "body", [{"shape": "half_space"}, {"shape": "layer", "height": 0.3}], ids=["half-space", "layer"]
+)
+def test_a_punch_creeps_as_its_modulus(body: dict[str, Any], tmp_path: Path) -> None:
+    """Its contact stays, so the depth is the creep function's integral: of the moduli 1 and 0.7 with the time 1 it is
+    1/0.7 - (1/0.7 - 1) exp(-0.7 t), over the stiffness of an elastic row; 2e-5, steps of second order."""
+    g, quiet = 0.3, {"plot": False, "fields": "none"}
+    punch = {"body": body, "material": ELASTIC, "indenter": {"shape": "flat_punch", "radius": 0.1}, "output": quiet}
+    relaxing = punch | {"material": ELASTIC | {"relaxation": {"prony": [[g, 1.0]]}}}
+    ramp = {"force_history": [[0, 0], [1, 0.003], [1.5, 0.003]], "times": [1, 1.5]}
+    rows = chain.simulate(from_mapping(relaxing | {"loading": ramp}), directory=tmp_path / "a").states
+    (pressed,) = chain.simulate(
+        from_mapping(punch | {"loading": {"force": 0.003, "steps": 1}}), directory=tmp_path / "b"
+    ).states
+
+    def crept(t: float) -> float:  # of a force that grows by 1 in the time 1
+        return t / (1 - g) - g / (1 - g) ** 2 * (1 - math.exp(-(1 - g) * t)) if t > 0 else 0.0
+
+    for row, t in zip(rows, (1.0, 1.5), strict=True):
+        assert row.delta == pytest.approx(pressed.delta * (crept(t) - crept(t - 1)), rel=2e-5)
+        assert row.a == pytest.approx(0.1, rel=1e-12)

@@ -54,6 +54,7 @@ class RelaxingSurface:
     `places` (n,): the radii [L] of places in their order on an axisymmetric body; its contact ends by `shift` of their
     distance beyond where their edge pressure vanishes. Empty otherwise, where the contact's area is the sum of areas,
     or its width in plane strain (`is_plane`). `only_discs`: what stands for pressure and gap does so for discs alone.
+    `end`: radius [L] at which the tip ends, as all places do: then all of them may touch.
     """
 
     A: np.ndarray
@@ -63,6 +64,7 @@ class RelaxingSurface:
     shift: float = 0.0
     is_plane: bool = False
     only_discs: bool = False
+    end: float | None = None
 
     @property
     def is_ordered(self) -> bool:
@@ -78,6 +80,8 @@ class RelaxingSurface:
         """Radius [L] of a disc from the edge pressures y (n,) of punches that end at each place: it is where they
         change their sign."""
         n = int(np.argmax(y <= 0.0))
+        if self.end and n == 0 and y[0] > 0.0:
+            return self.end
         if n == 0:
             return 0.0 if y[0] <= 0.0 else float(self.places[-1])
         distance = self.places[n] - self.places[n - 1]
@@ -90,8 +94,8 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     phi(x) >= 0 and delta - g(x) take the places of pressure and gap: (pi/E*)(phi - (2/pi) int K phi) = delta - g, and
     F = 2 pi int phi. A contact that is a disc ends at the same radius in both, whatever has happened outside.
     """
-    h, n = contact.h, round(PLACES_PER_RADIUS * BEYOND)
-    end = min(BEYOND * a, contact.largest() * h * (1 - 1e-6))
+    h, n, edge = contact.h, round(PLACES_PER_RADIUS * BEYOND), contact.tip.edge
+    end = edge or min(BEYOND * a, contact.largest() * h * (1 - 1e-6))
     edges = np.linspace(0.0, end, n + 1)
     x, width = 0.5 * (edges[1:] + edges[:-1]) / h, end / n
     kernel = axisymmetric_kernel(end / h, contact.scaled, contact.wall)
@@ -99,7 +103,7 @@ def layer_surface(contact: Layer, a: float) -> RelaxingSurface:
     K = B.T @ (kernel.weight[:, None] * B) / h  # [1/L]
     areas = np.full(n, 2.0 * np.pi * width)
     A = areas[:, None] * np.pi / contact.E_star * (np.eye(n) - 2.0 / np.pi * K * width)
-    return RelaxingSurface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h, only_discs=True)
+    return RelaxingSurface(0.5 * (A + A.T), areas * contact.tip.g(x * h), areas, x * h, only_discs=True, end=edge)
 
 
 class SurfaceContact:
@@ -127,9 +131,9 @@ class SurfaceContact:
         """Those of a contact on the first places: the last of n pressures has the sign of y_n, L y = -o."""
         y = solve_triangular(self.L, -o, lower=True)
         outside = np.flatnonzero(y <= 0.0)
-        if not len(outside):
+        if not len(outside) and not self.surface.end:
             raise Outgrown
-        n, p = int(outside[0]), np.zeros(len(o))
+        n, p = int(outside[0]) if len(outside) else len(o), np.zeros(len(o))
         p[:n] = solve_triangular(self.L[:n, :n], y[:n], lower=True, trans="T") if n else 0.0
         gap = o[n:] + self.M[n:, :n] @ p[:n]
         self.radius, self.stiffness = self.surface.edge(y), float(self.one[:n] @ self.one[:n])
