@@ -24,6 +24,7 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import splu
 
 Layer = tuple[float, tuple[float, float]]  # thickness (any of the core), (E, nu)
+Nucleus = tuple[tuple[float, float], tuple[float, float]]  # semi-axes across and along the axis, (E, nu)
 GRADED = 0.2  # of one cell to the next towards an edge
 FINEST = 4  # such cells towards the contact's edge
 DEGREE = 7
@@ -46,11 +47,13 @@ def contact(
     tip: Callable[[np.ndarray], np.ndarray],
     base: str = "fixed",
     degree: int = DEGREE,
+    nucleus: Nucleus | None = None,
 ) -> Contact:
     """The contact of radius a on a cap of a ball of radius R, or on the ball. layers: thickness and (E, nu) from the
-    surface inwards, the core last; tip: its height over the distance from the axis."""
-    cells = _Cells(a, R, height, [thickness for thickness, _ in layers[:-1]], degree)
-    K = cells.stiffness([matter for _, matter in layers])
+    surface inwards, the core last; tip: its height over the distance from the axis; nucleus: in the middle of a ball,
+    or of half a ball's base."""
+    cells = _Cells(a, R, height, [thickness for thickness, _ in layers[:-1]], degree, nucleus)
+    K = cells.stiffness([matter for _, matter in layers] + ([nucleus[1]] if nucleus else []))
     x, z = cells.nodes.T
     on_base, on_axis = cells.base, np.isclose(x, 0, atol=1e-9 * R)
     touched = cells.surface[cells.surface_s <= cells.s_edge * (1 + 1e-12)]
@@ -75,7 +78,9 @@ def contact(
 class _Cells:
     """Nodes and cells between the surface and the middle of the base."""
 
-    def __init__(self, a: float, R: float, height: float, thicknesses: Sequence[float], degree: int):
+    def __init__(
+        self, a: float, R: float, height: float, thicknesses: Sequence[float], degree: int, nucleus: Nucleus | None
+    ):
         self.degree, e, is_ball = degree, R - height, height == 2 * R
         widest = np.pi if is_ball else np.arccos(e / R)
         self.s_edge = float(np.arcsin(a / R) / widest)
@@ -105,9 +110,16 @@ class _Cells:
         upper = np.stack([rho * np.sin(theta), rho * np.cos(theta) - R], axis=-1)
         eta = _points(below[::-1], xi)[1:]
         middle = np.array([0.0, -R if is_ball else -height])
-        lower = middle + eta[:, None, None] * (upper[-1] - middle)
-        grid = np.concatenate([upper, lower])
-        self.row_layer += [len(thicknesses)] * (len(below) - 1)
+        around, ring, matter = [], upper[-1], len(thicknesses)
+        if nucleus:
+            (across, along), way = nucleus[0], (ring - middle) / np.linalg.norm(ring - middle, axis=1)[:, None]
+            face = middle + way / np.hypot(way[:, :1] / across, way[:, 1:] / along)
+            shares = _points([0.0, 0.5, 1.0], xi)[1:, None, None]
+            around, ring, matter = [(1 - shares) * ring + shares * face], face, matter + 1
+            self.row_layer += [len(thicknesses)] * 2
+        lower = middle + eta[:, None, None] * (ring - middle)
+        grid = np.concatenate([upper, *around, lower])
+        self.row_layer += [matter] * (len(below) - 1)
         self.shape = grid.shape[:2]
         self.nodes = grid.reshape(-1, 2)
         self.nodes[np.abs(self.nodes[:, 0]) < 1e-12 * R, 0] = 0.0

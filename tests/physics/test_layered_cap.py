@@ -106,6 +106,38 @@ def test_force_and_contact_radius_of_automatic_sizes(body: Round, tmp_path: Path
     assert abs(row.a - exact.a) <= row.a_error + 1e-3 * exact.a  # what the reference's edge knows
 
 
+NUCLEI = [
+    ((0.6, 0.3), 20.0, "fixed"),
+    ((0.3, 0.6), 20.0, "roller"),
+    ((0.6, 0.35), 0.1, "roller"),
+    ((0.35, 0.6), 5.0, "fixed"),
+]
+
+
+@pytest.mark.parametrize(("semi_axes", "E", "base"), NUCLEI)
+def test_a_ball_with_an_ellipsoid_in_its_middle(
+    semi_axes: tuple[float, float], E: float, base: str, tmp_path: Path
+) -> None:
+    """Flat and tall, stiff and soft, glued and between tips; 0.1 % of the force, inside its bar."""
+    core, (across, along) = (1.0, 0.4), semi_axes
+    nucleus = (semi_axes, (E, 0.3))
+
+    def tip(r: np.ndarray) -> np.ndarray:
+        return r**2 / (2 * 1.5)
+
+    height, ways = (2.0, 1) if base == "fixed" else (1.0, 2)  # between two tips half of the ball, on rollers
+    exact = layered_cap.contact(0.2, 1.0, height, [(0.0, core)], tip, base, nucleus=nucleus)
+    ball = {"shape": "ball", "radius": 1.0, "base": base}
+    inside = {"shape": "ellipsoid", "center": [0, 0, -1.0], "semi_axes": [across, across, along]}
+    given = {"body": ball | {"inclusions": [inside | {"material": elastic(*nucleus[1])}]}, "material": elastic(*core)}
+    given |= {"indenter": {"shape": "paraboloid", "R": 1.5}, "contact": {"gap": "reference"}}
+    given |= {"loading": {"delta": ways * exact.delta, "steps": 1}, "output": {"plot": False, "fields": "none"}}
+    row = simulate(from_mapping(given), directory=tmp_path, error_bars=True).states[-1]
+    assert row.force_error
+    off = abs(row.force - exact.force)
+    assert off <= AUTOMATIC * exact.force and off <= row.force_error + KNOWN * exact.force
+
+
 @pytest.mark.verify
 @pytest.mark.parametrize("body", drawn(9, 6))
 def test_accuracy_of_a_thousandth_is_met(body: Round, tmp_path: Path) -> None:
