@@ -1,8 +1,8 @@
-"""Random scenes with friction: one row does not depend on the steps of its path by more than its error bars say."""
+"""Random scenes with friction or adhesion: a row depends on the steps of its path by no more than error bars say."""
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, count, islice
 from math import isfinite, nan, pi, radians, tan
 from random import Random
 from typing import Any
@@ -12,10 +12,11 @@ import pytest
 from scenes import scene, solve
 
 from indent_sim.model.state import State
+from indent_sim.process.errors import ConfigError
 from indent_sim.run.error_bars import Companion, ErrorBars, beside, ways
 from indent_sim.scene.scene import Scene
 
-SCENES = 80
+SCENES, STICKY = 120, 80
 READ = ("force", "a", "p_max", "stick_radius")  # off the row itself; heat is that since rest
 
 
@@ -66,6 +67,22 @@ class Drawn:
         method = self.draw.choice(["augmented_lagrangian", "augmented_lagrangian", "penalty"])
         return {"method": method, "friction": friction}
 
+    def adhesive(self) -> Drawn | None:
+        """The same tip and body with an attraction in place of friction, over 0.3 to 1 of JKR's way to the pull-off;
+        None where that is not known or elements do not resolve it."""
+        tip, material = self.sections["indenter"], self.sections["material"] | {"model": "linear_elastic"}
+        if self.sections["body"]["shape"] == "strip" or tip["shape"] not in ("paraboloid", "sphere"):
+            return None
+        work = 10 ** self.draw.uniform(-4.3, -3.3)
+        way = (pi**2 * (work * (1 - material["nu"] ** 2)) ** 2) ** (1 / 3)
+        contact = {"adhesion": {"work": work, "range": way * self.draw.uniform(0.3, 1.0)}}
+        self.sections |= {"contact": contact, "material": material}
+        try:
+            self.scene(1)
+        except ConfigError:
+            return None
+        return self
+
     def scene(self, steps: int) -> Scene:
         """The scene with so many steps to each of its turning points."""
         part = np.linspace(0, 1, steps + 1)[1:]
@@ -78,6 +95,12 @@ def judged(base: Scene) -> list[State]:
     companions = [Companion(ratio, solve(other), other) for ratio, other in beside(base, [])]
     bars = ErrorBars(base, companions, None, ways(companions[0], solve))
     return [bars.judged(state) for state in solve(base)]
+
+
+def sticky(number: int) -> Drawn:
+    """The scene of this number among those that adhere."""
+    there = (one for k in count(SCENES) if (one := Drawn(k).adhesive()))
+    return next(islice(there, number, None))
 
 
 def found(base: Scene) -> dict[str, tuple[float, float]]:
@@ -95,8 +118,18 @@ def found(base: Scene) -> dict[str, tuple[float, float]]:
 @pytest.mark.parametrize("number", range(SCENES))
 def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
     """In, or in and out again, in 1, 4 and 16 steps each way: within the sum of the two error bars."""
-    drawn = Drawn(number)
-    rows = [found(drawn.scene(steps)) for steps in (1, 4, 16)]
+    agree([found(Drawn(number).scene(steps)) for steps in (1, 4, 16)])
+
+
+@pytest.mark.verify
+@pytest.mark.parametrize("number", range(STICKY))
+def test_a_row_of_a_tip_that_adheres_does_not_either(number: int) -> None:
+    """Whether it snaps in on the way, and holds on further out: force and contact radius."""
+    lasts = [judged(sticky(number).scene(steps))[-1] for steps in (1, 4, 16)]
+    agree([{"force": (row.force, row.force_error), "a": (row.a, row.a_error)} for row in lasts])
+
+
+def agree(rows: list[dict[str, tuple[Any, Any]]]) -> None:
     for one, other in combinations(rows, 2):
         for name in one.keys() & other.keys():
             (value, error), (beside_it, its_error) = one[name], other[name]

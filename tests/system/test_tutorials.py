@@ -106,7 +106,7 @@ ELSEWHERE = {  # blocks of commands that are not run here, by their first words
     **{f"indent-sim init {kind}\n": "tests/system/test_journeys.py" for kind in ("cell", "film", "gel", "study")},
     'eval "$(_INDENT_SIM_COMPLETE=zsh': "test_tab_completion, as far as it needs no zsh",
     "_INDENT_SIM_COMPLETE=fish": "test_tab_completion, as far as it needs no fish",
-    "import nanite": "needs nanite, in an environment of its own: its figure stands above it",
+    "import sys\nimport nanite": "scripts/make_foreign_curves_page, in an environment of its own",
     "import pyvista": "test_fields_by_pyvista, where there is one",
 }
 INSTEAD = {  # the same with fewer runs
