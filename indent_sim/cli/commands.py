@@ -792,7 +792,7 @@ def _simulate(settings: Config, comm: Any, directory: Path, told: Told, **how: b
 
             def follow(state: State, step: int, total: int) -> None:
                 check()
-                if step == FEW:
+                if step >= FEW:  # at once where a run goes on from a later row
                     gc.enable()
                 if show is not None:
                     show(state, step, total)
