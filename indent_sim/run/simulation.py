@@ -56,7 +56,6 @@ class Simulation:
         self._keep_fields = fields_of(config, scene)
         self._kept_steps = frozenset() if scene.history else scene.physics.path.kept
         audit = (earlier.report.get("audit") or {}) if earlier else {}  # of the rows that are there
-        self._largest_force = max((abs(state.force) for state in self.states), default=0.0)  # of the rows so far
         self._worst_audit = float(audit.get("force_against_reaction") or 0.0)
         self._next_checkpoint = 0.0  # on the monotonic clock [s]
         self._walked_to = len(self.states)  # the row at which the walk stands
@@ -259,8 +258,7 @@ class Simulation:
             swollen = (
                 SWELLING_SCALE * physics.scales.force * (1.0 if physics.swells else (a / physics.scales.length) ** 2)
             )
-        self._largest_force = max(self._largest_force, abs(state.force))
-        largest = max(swollen, self._largest_force)
+        largest = max(swollen, self._rows.largest_force, abs(state.force))
         size = max(abs(state.force), abs(state.reaction), AUDIT_FLOOR * largest, pull)
         difference = abs(state.force - state.reaction) / size if size > 0 else 0.0
         stray = state.stray_reaction / size if size > 0 else 0.0
