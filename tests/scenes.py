@@ -12,7 +12,7 @@ from indent_sim.mesh.grid import Grid
 from indent_sim.model.contact import Penalty
 from indent_sim.model.state import State
 from indent_sim.run import chain
-from indent_sim.run.plausibility import contradiction
+from indent_sim.run.plausibility import Rows, contradiction
 from indent_sim.scene.scene import Scene, resolve
 
 CYLINDER = {"shape": "cylinder", "radius": 1.0, "height": 1.0, "base": "fixed", "sides": "free"}
@@ -79,7 +79,7 @@ def solve(base: Scene) -> list[State]:
     for k, state in enumerate(states):
         assert state.converged, state.reason
         assert_audited(state, largest, attraction.work * state.a if attraction else 0.0)
-        assert contradiction(base, state, states[:k]) is None
+        assert contradiction(base, state, Rows(states[:k])) is None
     return states
 
 

@@ -14,7 +14,7 @@ to None where it has nothing against the state. They are wide enough for coarse 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from math import inf, isfinite, isnan
 
 import numpy as np
@@ -98,12 +98,11 @@ Rule = Callable[[Scene, State, Rows], "str | None"]
 Rules = tuple[Rule, ...]
 
 
-def contradiction(scene: Scene, state: State, earlier: Rows | Sequence[State]) -> str | None:
+def contradiction(scene: Scene, state: State, earlier: Rows) -> str | None:
     """What cannot be true of a converged state after others on its path, None where nothing is known against it.
 
     The states are in the user's units.
     """
-    earlier = earlier if isinstance(earlier, Rows) else Rows(earlier)
     rules = ALWAYS if _is_first_touch(scene, state) or not scene.is_meshed else ALWAYS + WHEN_PRESSED
     evolves, snaps = scene.physics.evolves, scene.physics.contact.may_snap
     unknown = {*(OF_TIPS_THAT_PUSH if snaps else ()), *(OF_ELASTIC_BODIES if evolves else ())}

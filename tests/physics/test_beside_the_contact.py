@@ -12,7 +12,7 @@ from mesh_files import block, section, write
 from indent_sim.config.scene_file import load
 from indent_sim.config.strict_yaml import dump
 from indent_sim.run import chain
-from indent_sim.run.plausibility import contradiction
+from indent_sim.run.plausibility import Rows, contradiction
 from indent_sim.scene.scene import resolve
 
 SAID = "inside the surface beside the contact surface"
@@ -42,7 +42,7 @@ def judged(folder: Path, kinematics: str, body: dict[str, Any], *overrides: str)
     resolved = resolve(load(folder / "scene.yaml", overrides))
     (state,) = chain.states(resolved, with_surface=False)
     assert state.converged
-    return state.force, contradiction(resolved, state, []) or ""
+    return state.force, contradiction(resolved, state, Rows()) or ""
 
 
 def narrowed(body: dict[str, Any], to: float) -> dict[str, Any]:

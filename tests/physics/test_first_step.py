@@ -24,7 +24,7 @@ from indent_sim.model.loading import LoadPath
 from indent_sim.model.state import State
 from indent_sim.process.errors import ConfigError
 from indent_sim.run import chain
-from indent_sim.run.plausibility import contradiction
+from indent_sim.run.plausibility import Rows, contradiction
 from indent_sim.scene.doubts import NEGLIGIBLE_ERROR
 from indent_sim.scene.scene import Scene, resolve
 
@@ -157,7 +157,7 @@ def contradicted(scene: Scene, states: Sequence[State]) -> str | None:
     """What the net has against one of the states of a path."""
     depths = tuple(state.delta / scene.physics.scales.length for state in states)
     there = scene.with_physics(deltas=depths, path=LoadPath("depth", depths))
-    said = (contradiction(there, state, states[:k]) for k, state in enumerate(states) if state.converged)
+    said = (contradiction(there, state, Rows(states[:k])) for k, state in enumerate(states) if state.converged)
     return next(filter(None, said), None)
 
 
@@ -219,7 +219,7 @@ def test_a_ball_beyond_its_diameter(gel: Scene, delta: float) -> None:
     (once,), fine = along(gel, [delta]), along(gel, [delta / 11 * k for k in range(1, 12)])
     assert once.force == pytest.approx(fine[-1].force, rel=AGREE)
     assert once.force > 21
-    assert contradiction(gel, once, []) is None
+    assert contradiction(gel, once, Rows()) is None
 
 
 def test_the_depth_of_a_deep_ball_is_found() -> None:

@@ -57,7 +57,7 @@ def test_theory_itself(body: str, tip: str) -> None:
     base, earlier = scene(body, tip, loading={"deltas": path}), list[State]()
     for step, delta in enumerate(path, start=1):
         state = theorys(base, delta, step)
-        assert contradiction(base, state, earlier) is None
+        assert contradiction(base, state, Rows(earlier)) is None
         earlier.append(state)
 
 
@@ -74,7 +74,7 @@ def test_what_coarse_or_soft_models_do(sections: dict[str, Any], change: dict[st
     base = scene(**sections)
     before, state = theorys(base, 0.05), theorys(base, 0.1, step=2)
     changed = replace(state, **{name: factor * getattr(state, name) for name, factor in change.items()})
-    assert contradiction(base, changed, [before]) is None
+    assert contradiction(base, changed, Rows([before])) is None
 
 
 @pytest.mark.parametrize("tip", ["sphere", "cone", "flat_punch"])
@@ -82,8 +82,8 @@ def test_first_touch_on_a_mesh_for_the_deepest_contact(tip: str) -> None:
     """A contact of 1e-6 to 1e-5 of the path's force may be missed by its quadrature points; a larger one may not."""
     base = scene(tip=tip, loading={"deltas": [1e-8, 0.01, 0.1]})
     missed = [replace(theorys(base, delta), force=0.0, a=0.0, energy=0.0) for delta in (1e-8, 0.01)]
-    assert contradiction(base, missed[0], []) is None
-    assert "finds no force" in (contradiction(base, missed[1], []) or "")
+    assert contradiction(base, missed[0], Rows()) is None
+    assert "finds no force" in (contradiction(base, missed[1], Rows()) or "")
 
 
 # ---- each kind of wrong state --------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_a_wrong_state(name: str) -> None:
     change, said = WRONG[name]
     base = scene()
-    assert said in (contradiction(base, replace(theorys(base, 0.1), **change), []) or "")
+    assert said in (contradiction(base, replace(theorys(base, 0.1), **change), Rows()) or "")
 
 
 def test_every_rule_is_tried() -> None:
@@ -128,16 +128,16 @@ def test_a_tip_on_the_top_of_a_fixed_side() -> None:
     body = {"shape": "cylinder", "radius": 0.5, "height": 2.0, "sides": "fixed"}
     base = scene(tip="paraboloid", body=body, loading={"force": 0.01, "steps": 1})
     state = State(1, 0.124, 0.01, 0.4, 0.1, 0.0, 0.0005, 5, 0.1, reaction=0.01)
-    assert contradiction(base, state, []) is None
-    assert "top of a fixed side from 0.125 on" in (contradiction(base, replace(state, delta=0.126), []) or "")
+    assert contradiction(base, state, Rows()) is None
+    assert "top of a fixed side from 0.125 on" in (contradiction(base, replace(state, delta=0.126), Rows()) or "")
 
 
 def test_nothing_solved() -> None:
     base = scene()
     first, second = theorys(base, 0.05), theorys(base, 0.1, step=2)
     still = replace(second, newton_iterations=0, force=first.force, energy=first.energy)
-    assert "nothing was solved" in (contradiction(base, still, [first]) or "")
-    assert "nothing was solved" in (contradiction(base, replace(first, newton_iterations=0), []) or "")
+    assert "nothing was solved" in (contradiction(base, still, Rows([first])) or "")
+    assert "nothing was solved" in (contradiction(base, replace(first, newton_iterations=0), Rows()) or "")
 
 
 @pytest.mark.parametrize("material", [None, RUBBER])
@@ -148,9 +148,9 @@ def test_a_force_that_falls_with_depth(material: dict[str, Any] | None, depths: 
     force = theorys(base, 0.1).force
     forces = {0.09: force, 0.1: 0.9 * force}
     states = [replace(theorys(base, delta, step=k), force=forces[delta]) for k, delta in enumerate(depths, start=1)]
-    assert "where it must be larger" in (contradiction(base, states[1], states[:1]) or "")
+    assert "where it must be larger" in (contradiction(base, states[1], Rows(states[:1])) or "")
     excused = [replace(state, force_error=0.3 * force) for state in states]
-    assert contradiction(base, excused[1], excused[:1]) is None
+    assert contradiction(base, excused[1], Rows(excused[:1])) is None
 
 
 def test_a_law_that_softens_may_give_way() -> None:
@@ -159,11 +159,11 @@ def test_a_law_that_softens_may_give_way() -> None:
     base = scene(material=soft, loading={"delta": 0.4, "steps": 2})
     assert any("loses its stability" in warning for warning in base.plan.warnings)
     first, second = (theorys(base, delta) for delta in (0.3, 0.4))
-    assert contradiction(base, replace(second, force=0.8 * first.force), [first]) is None
+    assert contradiction(base, replace(second, force=0.8 * first.force), Rows([first])) is None
 
 
 def test_theory_says_little_where_the_body_is_another() -> None:
     """A pillar under a punch nearly as wide: the infinite layer of theory would bear many times its force."""
     base = scene(tip="flat_punch", body={"shape": "cylinder", "radius": 0.35, "height": 4.0})
     state = theorys(base, 0.1)
-    assert contradiction(base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), []) is None
+    assert contradiction(base, replace(state, force=0.05 * state.force, energy=0.05 * state.energy), Rows()) is None
