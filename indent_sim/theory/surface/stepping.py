@@ -80,10 +80,8 @@ class RelaxingSurface:
         """Radius [L] of a disc from the edge pressures y (n,) of punches that end at each place: it is where they
         change their sign."""
         n = int(np.argmax(y <= 0.0))
-        if self.end and n == 0 and y[0] > 0.0:
-            return self.end
         if n == 0:
-            return 0.0 if y[0] <= 0.0 else float(self.places[-1])
+            return 0.0 if y[0] <= 0.0 else self.end or float(self.places[-1])
         distance = self.places[n] - self.places[n - 1]
         return float(self.places[n - 1] + distance * (y[n - 1] / (y[n - 1] - y[n]) + self.shift))
 
