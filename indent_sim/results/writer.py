@@ -24,7 +24,7 @@ from indent_sim.results.checkpoint import CHECKPOINT, Checkpoint
 from indent_sim.results.folder import CONFIG, PROGRAM, REPORT, TABLE, Keep, Report, append_whole, write_atomically
 from indent_sim.results.reader import Earlier, earlier_run
 from indent_sim.results.tables import DYNAMIC, EXPERIMENT, SURFACE
-from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, NOTHING, FieldWriter
+from indent_sim.results.xdmf import ARRAYS, MORE_ARRAYS, FieldWriter
 
 OWN_ENTRIES = {"program", "version", "status", "exit_code", "reason", "rows", "started", "finished"}
 
@@ -120,7 +120,9 @@ class ResultFolder:
             if self._sync:
                 self._synced = time.monotonic()
 
-    def open_fields(self, *mesh: Any, keep: Keep, more: Sequence[str] = (), told: Mapping[str, str] = NOTHING) -> None:
+    def open_fields(
+        self, *mesh: Any, keep: Keep, more: Sequence[str] = (), told: Mapping[str, str] | None = None
+    ) -> None:
         """Prepare fields.xdmf, tip.xdmf and fields/ for states of a mesh and a tip (see `xdmf.FieldWriter`).
 
         more: names of fields beyond those of every body. told: what the files say beside the units.
@@ -132,7 +134,9 @@ class ResultFolder:
             arrays = ARRAYS | {name: MORE_ARRAYS[name] for name in more}
             named = self.report.get("units")
             units = {f"unit of {kind}": unit for kind in ("length", "force") if (unit := getattr(named, kind, ""))}
-            self._fields = FieldWriter(self.path, *mesh, keep=keep, done=done, arrays=arrays, told={**units, **told})
+            self._fields = FieldWriter(
+                self.path, *mesh, keep=keep, done=done, arrays=arrays, told=units | dict(told or {})
+            )
             if self.earlier and keep == "all" and not self._fields.continued:
                 lost = f"the fields of steps 1 to {self.rows} were lost: those of the steps after them alone are kept"
                 self.report["warnings"] = [*self.report.get("warnings", []), lost]

@@ -14,7 +14,6 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -34,7 +33,6 @@ ARRAYS |= dict.fromkeys(("J", "energy_density"), ("Cell", "Scalar", ()))
 MORE_ARRAYS: Kinds = dict.fromkeys(("shear", "pore_pressure"), ("Node", "Scalar", ()))
 MORE_ARRAYS |= dict.fromkeys(("fluid_content", "swelling"), ("Cell", "Scalar", ()))
 LASTING_ARRAYS: Kinds = {"region": ("Cell", "Scalar", ())}  # beside the mesh
-NOTHING: Mapping[str, str] = MappingProxyType({})
 XDMF, TIP, MESH, OLD = "fields.xdmf", "tip.xdmf", "mesh.h5", "fields.h5"
 GRID = re.compile(
     r'<Grid Name="step (?P<step>\d{1,9})".*?<Time Value="(?P<time>[^"]*)".*?'
@@ -74,11 +72,11 @@ class FieldWriter:
         keep: Keep = "last",
         done: int | None = None,
         arrays: Kinds = ARRAYS,
-        told: Mapping[str, str] = NOTHING,
+        told: Mapping[str, str] | None = None,
     ):
         self.directory = Path(directory)
         self._keep, self._arrays = keep, arrays
-        self._head = XDMF_HEAD + "".join(_information(name, value) for name, value in told.items())
+        self._head = XDMF_HEAD + "".join(_information(name, value) for name, value in (told or {}).items())
         points, cells, regions, self._tip = body
         self._mesh = {"points": in_space(points), "cells": np.asarray(cells), "region": np.asarray(regions)}
         self._mesh |= {"tip_points": self._tip.points, "tip_cells": self._tip.cells}
