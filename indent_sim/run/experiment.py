@@ -121,6 +121,7 @@ class _Evaluation:
         self.deepest = max(scene.physics.deltas)
         self.is_stepped = is_stepped(scene.history, scene.relaxation, self.compliance)  # or found to have to be
         self.warnings: list[str] = []
+        self._curves: dict[float, ElasticCurve] = {}
 
     @cached_property
     def punches(self) -> Punches:
@@ -141,7 +142,13 @@ class _Evaluation:
         return relaxation.Prony(tuple(fraction for fraction, _ in terms), tuple(time for _, time in terms))
 
     def curve_to(self, top: float) -> ElasticCurve:
-        """The elastic curve up to a depth, by theory, by flat punches, or by equilibria of the condensed body."""
+        """The elastic curve up to a depth, worked out once."""
+        if top not in self._curves:
+            self._curves[top] = self._sampled(top)
+        return self._curves[top]
+
+    def _sampled(self, top: float) -> ElasticCurve:
+        """That curve by theory, by flat punches, or by equilibria of the condensed body."""
         if not self.scene.is_meshed:
             theory = self.scene.plan.theory
             assert theory is not None
