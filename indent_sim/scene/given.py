@@ -353,23 +353,12 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
     center = tuple(rounded(c / scales.length) for c in center)
     history = history and history.without_units(scales.of(history.control))
     path = path.without_units(scales.of(path.control))
-    if isinstance(body, Meshed):
-        assert piece is not None
-        part, part_why = _piece_as_it_is(config, piece, scales)
-    else:
-        regions = (*_regions(config, layers), *_inclusions(config, body, scales))
-        part, part_why = reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
+    part, part_why = _part(config, body, piece, center, tip, layers, scales)
     whole = scales.scaled(config.body) if isinstance(config.body, Endless) else body
     tension = scales.scaled(config.body).surface_tension
     theory, relative = theory_of(whole, layers, tip, center, tension), relative_tip(tip, body)
     deltas = depths_of(path, theory, relative, material, body.height, scales)
-    drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
-    has_gel = any(isinstance(material, Gel) for _, material in config.materials())  # its bath has no units
-    scaled = scales.scaled(drainage)
-    drainage = replace(scaled, bath=drainage.bath if has_gel else scaled.bath)
-    if has_gel and any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
-        problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
-        raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
+    drainage = _drainage(config, history, scales)
     physics = Physics(scales, body, part, tip, center, path, deltas, surface_tension=tension, drainage=drainage)
     attraction = scales.scaled(config.contact).adhesion
     radius = cache(partial(_expected_radius, theory, (relative, tip), body, center))
@@ -380,13 +369,47 @@ def _given(config: Config, whole: Body, layers: Layers, truncation: Truncation |
         return theory_of(whole, changed, tip, center, tension)
 
     experiment = config.experiment and config.experiment.without_units(scales)
-    stepped = is_stepped(history, relaxation, compliance)
-    known_to = FOLLOWED_TO if config.contact.is_conservative else RUBS_TO
-    finer = ceil(sqrt(known_to / (target_of(config.accuracy) or known_to)))
-    steps = config.loading.per_doubling or PER_DOUBLING * max(1, finer)
+    stepped, steps = is_stepped(history, relaxation, compliance), _steps_per_doubling(config)
     plain = theory_of(whole, layers, tip, center) if tension else theory
     found = (relative, part_why, theory, experiment, history, relaxation, stepped, steps, attraction, plain)
     return Given(physics, truncation, layers, *found, _swelling(drainage, layers), radius, theory_with)
+
+
+def _part(
+    config: Config,
+    body: Body,
+    piece: Piece | None,
+    center: tuple[float, ...],
+    tip: Indenter,
+    layers: Layers,
+    scales: Scales,
+) -> tuple[Part, str]:
+    """The modelled piece of a body, and why it is that one."""
+    if isinstance(body, Meshed):
+        assert piece is not None
+        return _piece_as_it_is(config, piece, scales)
+    regions = (*_regions(config, layers), *_inclusions(config, body, scales))
+    return reduce(_to_digits(body), center, config.mesh.symmetry, tip, regions)
+
+
+def _drainage(config: Config, history: History | None, scales: Scales) -> Drainage:
+    """Where fluid leaves, without units, its times from the begin of the history; ConfigError for a gel's bath with a
+    unit."""
+    drainage = (config.drainage or Drainage()).since(history.points[0][0] if history else 0.0)
+    scaled = scales.scaled(drainage)
+    if not any(isinstance(material, Gel) for _, material in config.materials()):
+        return scaled
+    if any(key[:2] == ("drainage", "bath") for key in config.source.quantities):
+        problem = "has a unit, and of a gel it is the solvent's chemical potential over kT"
+        raise ConfigError("drainage.bath", problem, "a plain number, 0 for the pure solvent")
+    return replace(scaled, bath=drainage.bath)
+
+
+def _steps_per_doubling(config: Config) -> int:
+    """Steps in time of one length, as given or as the accuracy asks: errors fall with their square."""
+    known_to = FOLLOWED_TO if config.contact.is_conservative else RUBS_TO
+    finer = ceil(sqrt(known_to / (target_of(config.accuracy) or known_to)))
+    return config.loading.per_doubling or PER_DOUBLING * max(1, finer)
 
 
 def _swelling(drainage: Drainage, layers: Layers) -> float:
