@@ -270,7 +270,9 @@ class Simulation:
         self._audit_fluid(state)
 
     def _audit_fluid(self, state: State) -> None:
-        """What has left the body and what is missing in it must be one, beside the most that ever left or moved."""
+        """What has left the body and what is missing in it must be one, beside the most that ever left or moved.
+
+        Rows that an earlier call wrote tell what left, not what moved inside: their table has no column of it."""
         if state.unbalanced == 0:
             return
         a, depth = self.scene.plan.prediction["a"], max(abs(one.delta) for one in (*self.states, state))

@@ -125,7 +125,8 @@ def test_a_row_does_not_depend_on_its_steps(number: int) -> None:
 @pytest.mark.parametrize("number", range(STICKY))
 def test_a_row_of_a_tip_that_adheres_does_not_either(number: int) -> None:
     """Whether it snaps in on the way, and holds on further out: force and contact radius."""
-    lasts = [judged(sticky(number).scene(steps))[-1] for steps in (1, 4, 16)]
+    drawn = sticky(number)
+    lasts = [judged(drawn.scene(steps))[-1] for steps in (1, 4, 16)]
     agree([{"force": (row.force, row.force_error), "a": (row.a, row.a_error)} for row in lasts])
 
 
